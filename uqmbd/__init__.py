@@ -1,8 +1,8 @@
-"""uqmbd: how uncertainty in lengths, masses, stiffnesses and loads spreads through a multi-body mechanism.
+"""uqmbd: propagation of uncertain lengths, masses, stiffnesses and loads through multibody mechanisms.
 
-A study script describes a mechanism and its random variables once; every propagator runs on that one description and
-the results come back as xarray data that can be laid side by side.  Everything below is loaded when it is first used,
-so that ``import uqmbd`` costs next to nothing.  Plugins need more names: see `uqmbd.extend`.
+A study script describes a mechanism and its random variables once, and all propagators use this description.  They
+return xarray data that can be compared.  The package loads each public name at its first use, so that ``import uqmbd``
+takes little time.  The names for plugins are in `uqmbd.extend`.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name; one that has moved to `uqmbd.extend` or `uqmbd.laws` is found with a warning, until 0.2."""
+    """Load a public name; until 0.2, also load names moved to `uqmbd.extend` or `uqmbd.laws`, with a warning."""
     if name not in __all__ and not name.startswith("_"):
         home = _public("laws" if name in ("law_at", "law_values") else "extend")
         now = getattr(home, "_RENAMED", {}).get(name, name)

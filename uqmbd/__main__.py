@@ -1,4 +1,4 @@
-"""``python -m uqmbd``: the command line."""
+"""Command line as ``python -m uqmbd``."""
 
 from uqmbd.cli import main
 

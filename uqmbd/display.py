@@ -1,7 +1,7 @@
-"""Display of objects in notebooks: an entry point of any package names the function that draws a type.
+"""Display of objects in notebooks by functions that packages register as entry points.
 
-The group is ``uqmbd.display``.  The name is that of the type after that of its package, such as ``uqmbd.Mechanism``.
-The value is a function from the object to a text of HTML; it is imported when the first object is shown.
+The group is ``uqmbd.display``.  The entry point's name consists of the package and the type, as ``uqmbd.Mechanism``.
+The entry point refers to a function that converts the object to HTML.  Its first use imports the function.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ GROUP = "uqmbd.display"
 
 
 def html_of(shown: object) -> str | None:
-    """Return the HTML of an object, as its type or the nearest base of it is drawn; None: as plain text.
+    """Return the HTML of an object, by the function for its type or its nearest base class; None if there is none.
 
     >>> import uqmbd
     >>> "fall" in html_of(uqmbd.Mechanism("fall", uqmbd.Planar())), html_of(1.0)

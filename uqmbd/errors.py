@@ -1,4 +1,4 @@
-"""Failures, warnings and findings: each says where, what was given, what was expected, and what to try."""
+"""Errors, warnings and findings; each states the place, the given and the expected values, and a remedy."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ __all__ = [
 
 
 class UqmbdError(Exception):
-    """Base of every error that uqmbd raises on purpose.
+    """Base class of all errors that uqmbd raises on purpose.
 
     Attributes
     ----------
     failed : mapping of str to str
-        Where a run of a study ends because all its methods failed, the reason of each by its label; else empty.
+        Reason of each failed method of a study, by its label, if all methods failed; otherwise empty.
 
     Examples
     --------
-    It catches all that uqmbd raises on purpose, and nothing else:
+    An ``except`` clause with this class catches all errors that uqmbd raises on purpose, and no others:
 
     >>> import uqmbd
     >>> try:
@@ -48,7 +48,7 @@ class UqmbdError(Exception):
 
 
 class StudyError(UqmbdError, ValueError):
-    """Something in a study script cannot be used: the message says what, and what was expected.
+    """A part of a study script is invalid; the message states this part and the expected values.
 
     Examples
     --------
@@ -57,16 +57,16 @@ class StudyError(UqmbdError, ValueError):
     >>> cart = mechanism.body("cart", mass=-1)
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: body 'cart': its mass is -1 kg; a mass cannot be negative.
+    uqmbd.errors.StudyError: body 'cart': the mass is -1 kg; expected 0 or more.
     """
 
 
 class AssemblyError(UqmbdError):
-    """The mechanism cannot be assembled: the message names the joint and its residual.
+    """The mechanism cannot be assembled; the message states the joint and its residual.
 
     Examples
     --------
-    Two rods of 1 m do not hold a point between pins that are 3 m apart:
+    Two rods of 1 m each cannot connect two pins at a distance of 3 m:
 
     >>> import uqmbd
     >>> from uqmbd_joints import Distance
@@ -84,11 +84,11 @@ class AssemblyError(UqmbdError):
 
 
 class IntegrationError(UqmbdError):
-    """The integration of the equations of motion stopped: the message says when and probably why.
+    """The integration of the equations of motion stopped; the message states the time and the probable reason.
 
     Examples
     --------
-    A force that grows with the cube of the length drives a mass to infinity at a finite time:
+    A force proportional to the cube of the length moves a mass to infinity in finite time:
 
     >>> import uqmbd
     >>> from uqmbd.laws import length
@@ -106,11 +106,11 @@ class IntegrationError(UqmbdError):
 
 
 class RedundantConstraintWarning(UserWarning):
-    """Some constraint equations depend on others; they are named, and dropped.
+    """Some constraint equations depend on others; the warning names the dependent equations, and uqmbd drops them.
 
     Examples
     --------
-    Two wires hold a bead where one would:
+    One of two equal wires between the ground and a bead is redundant:
 
     >>> import warnings
     >>> import uqmbd
@@ -131,11 +131,11 @@ class RedundantConstraintWarning(UserWarning):
 
 
 class StudyWarning(UserWarning):
-    """Something that may be meant, and often is not; it is stored in the results as well (attribute ``warnings``).
+    """A part of a study is often a mistake, but may be intended; the results store the text (attribute ``warnings``).
 
     Examples
     --------
-    What may be meant ends a script that makes errors of these warnings, as that of units:
+    A script converts these warnings to errors, here a warning about units:
 
     >>> import warnings
     >>> import uqmbd
@@ -152,14 +152,14 @@ class StudyWarning(UserWarning):
 
 
 class Severity(enum.Enum):
-    """How serious a `Finding` is.
+    """Severity of a `Finding`.
 
     Attributes
     ----------
     NOTE
-        It is often meant: lists show it, and a run gives no Python warning.
+        The finding is often intended. Lists show it, but a run gives no Python warning.
     WARNING
-        It is seldom meant: a run gives a Python warning as well.
+        The finding is rarely intended. Lists show it, and a run gives a Python warning.
 
     Examples
     --------
@@ -174,26 +174,25 @@ class Severity(enum.Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is probably wrong with a study, which runs all the same; `uqmbd.findings` returns them.
+    """A probable mistake in a study that can still run; `uqmbd.findings` returns all findings of a study.
 
     Attributes
     ----------
     severity : Severity
-        How serious it is.
+        Severity of the finding.
     place : str
-        The part of the study, as ``body 'rod'``.
+        Part of the study, such as ``body 'rod'``.
     message : str
-        What was found there: a sentence that names the part, without the stop at its end.
+        Sentence about the finding that names the part, without the final full stop.
     remedy : str
-        What to try: a sentence without the stop at its end, or nothing.
+        Sentence with advice, without the final full stop; may be empty.
     category : type of Warning or None
-        Class of the Python warning that a run of the study gives; None: the check gives its own warning. A
-        note has none.
+        Class of the Python warning that a run gives. None: the check itself gives the warning. A note gives no warning.
 
     Raises
     ------
     StudyError
-        If one of these is of another type.
+        If an attribute has another type.
 
     Examples
     --------
@@ -220,7 +219,7 @@ class Finding:
 
     @property
     def text(self) -> str:
-        """Message and remedy, without the stop at their end.
+        """Message and remedy, without the final full stop.
 
         Examples
         --------
@@ -232,7 +231,7 @@ class Finding:
 
     @property
     def warned(self) -> bool:
-        """Whether a run gives a Python warning of it.
+        """Whether a run gives a Python warning about the finding.
 
         Examples
         --------
@@ -247,7 +246,7 @@ class Finding:
 
 
 class UnitsWarning(StudyWarning):
-    """Units are spelt in another way than here, or do not fit what they are of (``docs/how-to/units.md``).
+    """Units differ from the spelling of uqmbd, or do not fit their quantity (``docs/how-to/units.md``).
 
     Examples
     --------
@@ -260,7 +259,7 @@ class UnitsWarning(StudyWarning):
     ...     mechanism.output("height", stone.position[0], units="kg")
     ...     wrong = uqmbd.check(mechanism).units
     >>> [warning.category.__name__ for warning in seen], wrong[0][:63]
-    (['UnitsWarning'], "output 'height': stone.x is in m, and its units are to be kg; l")
+    (['UnitsWarning'], "output 'height': stone.x is in m, but its declared units are kg")
     """
 
 
@@ -269,7 +268,7 @@ class UnusedInputWarning(UserWarning):
 
     Examples
     --------
-    The mass of what falls freely changes nothing:
+    The mass of a freely falling stone does not affect its height:
 
     >>> import warnings
     >>> import chaospy
@@ -287,14 +286,14 @@ class UnusedInputWarning(UserWarning):
 
 
 class SurrogateWarning(UserWarning):
-    """A surrogate must not be relied on: it states a large error, or its mean is outside the range of its realisations.
+    """A surrogate is unreliable: its stated error is large, or its mean is outside the range of its realisations.
 
-    The message names the outputs, when and by how much, and what to try.  A stated error is reported where it exceeds
-    10 % of the standard deviation, by more than the integration errs.
+    The message states the outputs, the times, the deviations and a remedy.  It reports a stated error
+    above 10 % of the standard deviation and above three times the integration error.
 
     Examples
     --------
-    A polynomial of order 1 does not follow an oscillation whose frequency is random:
+    A polynomial of order 1 cannot approximate an oscillation with a random frequency:
 
     >>> import warnings
     >>> import chaospy
@@ -315,11 +314,11 @@ class SurrogateWarning(UserWarning):
 
 
 class MethodFailedWarning(UserWarning):
-    """A method of a study gave no results; those of the others are there.
+    """A method of a study gave no results; the results of the other methods are available.
 
     Examples
     --------
-    Two methods run, of which one cannot do what it is asked for:
+    One of two methods cannot run with the given options:
 
     >>> import warnings
     >>> import chaospy
@@ -340,11 +339,11 @@ class MethodFailedWarning(UserWarning):
 
 
 class PluginWarning(UserWarning):
-    """A plugin could not be used; the program goes on without it.
+    """A plugin could not be used; the program continues without it.
 
     Examples
     --------
-    A program that must not go on without a plugin makes an error of it:
+    A program that must not continue without a plugin converts the warning to an error:
 
     >>> import warnings
     >>> import uqmbd

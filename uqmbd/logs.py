@@ -2,14 +2,14 @@
 
 Loggers are ``uqmbd.methods`` (beginnings, ends and failures), ``uqmbd.realisations`` (chunks and their failures),
 ``uqmbd.refinement`` (orders, sparse grids, elements) and ``uqmbd.kernels`` (compiled, or taken from the cache). Further
-ones are ``uqmbd.derivation`` (derivation of equations, by parts of a mechanism) and ``uqmbd.results`` (files that were
-read without a digest). INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations,
-kernel and part.
+loggers are ``uqmbd.derivation`` (derivation of equations, by parts of a mechanism) and ``uqmbd.results`` (files that
+were read without a digest). A run logs a few messages of the level INFO, and a message of the level DEBUG for each
+chunk of realisations, kernel and part.
 
 Workers return their log records with the results (uqmbd/propagation/execution/transport/log_records.py).
 
-The logger ``uqmbd`` has a level of its own: on import, chaospy sets the root logger to the level DEBUG and adds a
-handler that discards everything. Without its own level, uqmbd would format all messages in vain.
+The logger ``uqmbd`` has a separate level. The import of chaospy sets the root logger to the level DEBUG and adds a
+handler that discards all messages. Without a separate level, uqmbd would format messages that nobody reads.
 """
 
 from __future__ import annotations
@@ -25,32 +25,32 @@ T = TypeVar("T")
 
 ROOT = logging.getLogger("uqmbd")
 ROOT.addHandler(logging.NullHandler())
-if ROOT.level == logging.NOTSET:  # a program may have said before what it listens to
+if ROOT.level == logging.NOTSET:  # keep a level that a program has set
     ROOT.setLevel(logging.WARNING)
 
 methods = logging.getLogger("uqmbd.methods")
-"""Methods that begin, end and fail."""
+"""Beginnings, ends and failures of methods."""
 
 realisations = logging.getLogger("uqmbd.realisations")
-"""Realisations that are computed, and those that fail."""
+"""Computed realisations and failed realisations."""
 
 refinement = logging.getLogger("uqmbd.refinement")
 """Steps of a refinement."""
 
 kernels = logging.getLogger("uqmbd.kernels")
-"""Kernels that are compiled, or taken from the cache."""
+"""Kernels that are compiled or read from the cache."""
 
 results = logging.getLogger("uqmbd.results")
-"""Files of results that are read and cannot be verified."""
+"""Files of results that are read without verification."""
 
 derivation = logging.getLogger("uqmbd.derivation")
-"""Steps of derivations, and how many parts of a mechanism a step has done: ``"%s: %d of %d"``."""
+"""Steps of derivations, and number of finished parts of a mechanism in a step: ``"%s: %d of %d"``."""
 
 
 def logged(label: str, parts: Sequence[T]) -> Iterator[T]:
-    """Yield parts, and log after each how many are done.
+    """Yield parts of a mechanism, and log the number of finished parts after each part.
 
-    `label`: what is done with them; `parts`: of a mechanism.
+    `label` describes the operation.
 
     >>> list(logged("terms of components", ["crank", "rod"]))
     ['crank', 'rod']
@@ -61,9 +61,9 @@ def logged(label: str, parts: Sequence[T]) -> Iterator[T]:
 
 
 def tell(text: str) -> None:
-    """Say what cannot wait for results: to who listens to the loggers, and on the standard error.
+    """Report a text before the results are available, to the logger of realisations and to the standard error.
 
-    In a process of workers the loggers reach the one that started the run with the results only.
+    Log messages of a worker process reach the process that started the run only with the results.
     """
     realisations.warning(text)
     print(f"Note: {text}", file=sys.stderr, flush=True)

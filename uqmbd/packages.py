@@ -1,4 +1,4 @@
-"""Packages that some tasks need and that the base installation does not bring."""
+"""Import of optional packages that are not part of the base installation."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ __all__ = ["require_package"]
 
 
 def require_package(module: str, purpose: str, install: str) -> ModuleType:
-    """Import a module that an extra brings.
+    """Import a module of an optional package.
 
     Parameters
     ----------
     module : str
         Dotted name of the module.
     purpose : str
-        What needs it, as the subject of the message.
+        Feature that needs the module, as the subject of the message.
     install : str
-        What pip installs, such as ``"uqmbd[learning]"``.
+        Requirement for pip, such as ``"uqmbd[learning]"``.
 
     Returns
     -------
     module
-        The imported module.
+        Imported module.
 
     Raises
     ------
     uqmbd.StudyError
-        If the package is not installed, or the name is not that of a module.
+        If the package is not installed, or `module` is not the dotted name of a module.
 
     Examples
     --------
@@ -54,4 +54,4 @@ def require_package(module: str, purpose: str, install: str) -> ModuleType:
 
 
 PACKAGES = {"dask": "Dask", "dask_jobqueue": "dask-jobqueue", "distributed": "Dask", "sklearn": "scikit-learn"}
-"""Names of packages by their modules, where they differ."""
+"""Names of packages that differ from the names of their modules, by module."""

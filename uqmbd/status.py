@@ -1,4 +1,4 @@
-"""What has become of a realisation: the one list of kinds of failure, in the program and in results."""
+"""Outcome of a realisation: the only list of failures, for the program and for results."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ __all__ = ["Status"]
 
 
 class Status(IntEnum):
-    """What has become of a realisation.
+    """Outcome of a realisation.
 
-    Its numbers stand in results (``status``), its names in lower case are their meanings
+    Results contain the numbers (``status``), and the names in lower case as their meanings
     (`uqmbd.results.STATUS_MEANINGS`).
 
     Examples
@@ -20,24 +20,24 @@ class Status(IntEnum):
     """
 
     OK = 0
-    """It has all values."""
+    """The realisation has all values."""
     ASSEMBLY_FAILED = 1
-    """No pose or velocity satisfies its constraints."""
+    """No pose or velocity satisfies the constraints."""
     INTEGRATION_FAILED = 2
-    """Its motion ends before the last time."""
+    """The motion ends before the last time."""
     NOT_FINITE = 3
-    """An output is no finite number."""
+    """An output is not a finite number."""
     OTHER = 4
-    """It has no such value, as a static equilibrium or a further natural frequency, or a propagator's own reason."""
+    """A value, as a static equilibrium or a further natural frequency, is missing, or a propagator's own reason."""
 
     CENSORED = 5
-    """What is asked for does not happen in it until the last time: it has not failed."""
+    """The event of an output does not occur until the last time; the realisation has not failed."""
     WORKER_DIED = 6
-    """The process that computed it has ended, and so has that of a second attempt."""
+    """The worker process died in the first and in a second attempt."""
     OUTSIDE_LIMITS = 7
-    """A number of it lies outside of its range, as a negative mass, or its inertia is that of no body."""
+    """A number is outside its range, such as a negative mass, or no body can have the inertia."""
 
     @property
     def meaning(self) -> str:
-        """Its word in results."""
+        """Meaning of the number in results."""
         return self.name.lower()

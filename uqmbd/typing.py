@@ -1,6 +1,6 @@
-"""Types of arrays, by what they hold, and of what users give; docstrings of what takes them tell their shapes.
+"""Types of arrays by their entries, and types of user input; docstrings of functions state the shapes.
 
-This module is public, for plugins as well.
+This module is public, and plugins can use it.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 __all__ = ["Array", "Distribution", "Index", "Mask", "Quantity", "Vector"]
 
 Array = NDArray[np.float64]
-"""Numbers."""
+"""Array of numbers."""
 
 Index = NDArray[np.int64]
-"""Whole numbers: which members, rows or columns."""
+"""Array of whole numbers, such as indices of realisations, rows or columns."""
 
 Mask = NDArray[np.bool_]
-"""Truth values."""
+"""Array of truth values."""
 
 Distribution: TypeAlias = Any
 """A distribution of chaospy, of ``scipy.stats`` with its parameters, or of OpenTURNS; these packages have no types."""
@@ -29,7 +29,7 @@ Distribution: TypeAlias = Any
 class Quantity(Protocol):
     """A number, or an expression in random variables, time and motion.
 
-    Numbers of Python and of NumPy, SymPy's expressions and random variables are; texts and bodies are none.
+    Numbers of Python and NumPy, expressions of SymPy and random variables are quantities.  Texts and bodies are not.
 
     Examples
     --------
@@ -40,11 +40,11 @@ class Quantity(Protocol):
     """
 
     def __float__(self) -> float:
-        """Return the number; expressions that are no number refuse."""
+        """Return the number; an expression that is not a number raises an error."""
 
 
 class _Shaped(Protocol):
-    """An array, or a column of SymPy's."""
+    """An array, or a column vector of SymPy."""
 
     @property
     def shape(self) -> Any: ...
@@ -55,4 +55,4 @@ class _Shaped(Protocol):
 
 
 Vector: TypeAlias = Quantity | Sequence[Quantity] | _Shaped
-"""As many quantities as the space has dimensions: a sequence, an array or a column; on a line also one by itself."""
+"""One quantity for each dimension of the space: a sequence, an array or a column; on a line also a single quantity."""

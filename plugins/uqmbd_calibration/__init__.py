@@ -1,7 +1,6 @@
 """Calibration: the posterior distribution of the inputs of a mechanism, from measured records.
 
-The names of this package are loaded when they are first used: its command is listed by `uqmbd --help`, which does not
-wait for them.
+The names of this package are loaded at their first use, because `uqmbd --help` lists its command and must start fast.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ import lazy_loader
 
 import uqmbd
 
-# not `__dir__`, by which the hooks below are found
+# do not take `__dir__` from the stub: pluggy finds the hooks below with `dir`
 __getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

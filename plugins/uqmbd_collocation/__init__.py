@@ -1,4 +1,4 @@
-"""Non-intrusive polynomial chaos: realisations at chosen points, and a surrogate through them."""
+"""Non-intrusive polynomial chaos: realisations at chosen points, and a surrogate fitted to them."""
 
 from __future__ import annotations
 

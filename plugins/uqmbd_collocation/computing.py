@@ -1,4 +1,4 @@
-"""Computation of a fit from realisations: at a fixed order, or refined."""
+"""Computation of a fit from realisations, at a fixed order or with refinement."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = ["computed"]
 def computed(
     runs: CollocationRuns, plans: Plans, points: uqmbd.extend.VerificationPoints, limits: Limits
 ) -> tuple[Fit, Refinement | None]:
-    """Compute the realisations that the plans require, with the verification points, add them to `runs`, and fit."""
+    """Compute the planned realisations and the verification points, add them to `runs`, and return the fit."""
     label, space = runs.problem.label, runs.space
     if plans.adaptive == "no":
         planned = plans.plan(space, plans.order)
         planned.check(space)
-        # nodes and verification points share their stacks
+        # compute nodes and verification points in the same stacks
         runs.at(np.concatenate([planned.nodes, points.germs]))
         return planned.fit(runs), None
     if plans.adaptive == "dimension":

@@ -1,4 +1,4 @@
-"""Elements that are fitted to something else than outputs at equal times: to landmarks, or to harmonics."""
+"""Elements with fits of markers or of harmonics, instead of outputs at equal times."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["ElementFits", "FittedElement"]
 
 @dataclass(frozen=True, eq=False)
 class FittedElement:
-    """An element with its realisations."""
+    """Element with its realisations."""
 
     chaos: Any
     fit: Fit
@@ -33,35 +33,35 @@ class FittedElement:
     refinement: Refinement | None
     sequence: tuple[str, ...] = ()
     lost: float = 0.0
-    """Share of its nodes, and verification realisations, that belong to another sequence."""
+    """Share of the element's nodes and verification realisations that have another sequence of markers."""
 
     @property
     def met(self) -> bool:
-        """Whether it meets the tolerance of its refinement, if there is one."""
+        """Whether the refinement of the element met the tolerance; true without a refinement."""
         return self.refinement is None or self.refinement.met
 
 
 @dataclass
 class ElementFits(ABC):
-    """All elements that were computed, replaced ones too, in that order."""
+    """All computed elements in order of computation, including replaced ones."""
 
     problem: uqmbd.extend.Problem
     plans: Plans
-    source: Any  # follows realisations, and counts them: `spent`, `failures`, `counters`
+    source: Any  # integrates realisations; has the counts `spent`, `failures` and `counters`
     tolerance: Limits
-    given: uqmbd.extend.Verification | None = None  # known verification realisations; else each element has its own
+    given: uqmbd.extend.Verification | None = None  # verification realisations; None: separate for each element
     done: list[FittedElement] = field(default_factory=list)
 
     @abstractmethod
     def fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
-        """Fit an element, and verify it at points."""
+        """Return the fit of an element, with its verification at points."""
 
     def points(self, boxes: list[uqmbd.extend.GermBox]) -> list[uqmbd.extend.VerificationPoints]:
         """Return the verification points of the next elements."""
         return self.plans.points_of_elements(boxes, len(self.done))
 
     def compute(self, boxes: Iterable[uqmbd.extend.GermBox]) -> list[Any]:
-        """Fit and verify the elements of some boxes."""
+        """Return fitted and verified elements for some boxes."""
         boxes = list(boxes)
         found = [self.fitted(box, own) for box, own in zip(boxes, self.points(boxes), strict=True)]
         self.done += found
@@ -69,7 +69,7 @@ class ElementFits(ABC):
 
     @property
     def verified_counters(self) -> Counter[str]:
-        """Counters of the solver, of all verification realisations."""
+        """Counters of the solver, summed over all verification realisations."""
         found = Counter[str]()
         for one in self.done:
             found.update(one.verified.counters)
@@ -84,7 +84,7 @@ class ElementFits(ABC):
         children: Mapping[str, Any],
         attrs: Mapping[str, Any],
     ) -> Expanded:
-        """Return the surrogate of the retained elements with all data of its node; `fitted`: the fitted quantity."""
+        """Return the surrogate of the retained elements, with all data of its node; `fitted`: the fitted quantity."""
         if len(kept) == 1 and kept[0].refinement is not None:
             children = {**children, "refinement": history(kept[0].refinement.steps)}
         self.problem.progress.finish(self.problem.label)

@@ -1,4 +1,4 @@
-"""Result of an expansion of outputs, and its node."""
+"""Surrogate of all outputs, and the node of its results."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class Expanded:
     """Surrogate of all outputs, and its cost."""
 
     chaos: PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | ComposedChaos
-    """With its verification realisations."""
-    realisations: int  # computed in total
+    """Surrogate, with its verification realisations."""
+    realisations: int  # total number
     counters: Counter[str]  # of the solver
     nodes: xr.Dataset  # points of the realisations
-    attrs: Mapping[str, Any]  # of the node
-    children: Mapping[str, xr.Dataset] = field(default_factory=dict)  # further datasets of the node
-    leave_one_out: Array | None = None  # (O, T), of a regression
+    attrs: Mapping[str, Any]  # attributes of the node
+    children: Mapping[str, xr.Dataset] = field(default_factory=dict)  # additional datasets of the node
+    leave_one_out: Array | None = None  # (O, T), leave-one-out errors of a regression
 
     def node(self, propagator: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, wall_time: float) -> xr.DataTree:
-        """Return the node of the method with its time in seconds; it ends at the earliest end of its samples."""
+        """Return the node of the method, with `wall_time` in s; its times end at the earliest end of its samples."""
         if (reached := self.chaos.reached()) is not self.chaos:
             last = float(np.asarray(reached.labels.times)[-1])
             return replace(self, chaos=reached, attrs={**self.attrs, "ends_at": last}).node(

@@ -1,4 +1,4 @@
-"""Realisations at germ points, each computed once however often a refinement asks for it."""
+"""Realisations at germ points, each computed only once during a refinement."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["DIGITS", "DerivedSource", "CollocationRuns", "announced_once"]
 
 
 DIGITS = 11
-"""Decimals to which germ points are compared: rules of different sizes meet in nodes that differ by rounding."""
+"""Decimals for the comparison of germ points: common nodes of rules of different sizes differ by rounding."""
 
 
 class RealisationSource(Protocol):
-    """Source of realisations: a problem, or one with other outputs."""
+    """Source of realisations: a problem, or a problem with other outputs."""
 
     @property
     def label(self) -> str: ...
@@ -37,7 +37,7 @@ class RealisationSource(Protocol):
 
 
 class DerivedSource:
-    """A source of realisations that is derived from a problem, with its name; outputs are the same unless stated."""
+    """Source of realisations derived from a problem, with the problem's outputs unless a subclass replaces them."""
 
     problem: uqmbd.extend.Problem
 
@@ -70,20 +70,20 @@ class CollocationRuns:
     _parts: list[uqmbd.extend.Realisations] = field(default_factory=list)
     _joined: Array | None = None
     scale: Array | None = None
-    """Scale of the errors of the outputs (O,); default: their largest standard deviation."""
+    """Scale of the errors of the outputs (O,); default: the largest standard deviation."""
 
     @classmethod
     def filled(
         cls, problem: RealisationSource, space: uqmbd.extend.GermSpace, germs: Array, found: uqmbd.extend.Realisations
     ) -> CollocationRuns:
-        """Return the runs of realisations at `germs` (K, d), each point once."""
+        """Return the runs that contain realisations at `germs` (K, d), without repeated points."""
         runs = cls(problem, space)
         rows = runs.missing(germs)
         runs._add(germs[rows], found[rows])
         return runs
 
     def joined(self, germs: Array, found: uqmbd.extend.Realisations) -> CollocationRuns:
-        """Return the runs with further realisations at `germs` (K, d), other points than those before."""
+        """Return the runs with additional realisations at `germs` (K, d), which must be new points."""
         more = replace(
             self,
             counters=Counter(self.counters),
@@ -99,7 +99,7 @@ class CollocationRuns:
         return len(self._where)
 
     def missing(self, germs: Array) -> Index:
-        """Return the rows of `germs` (K, d) that have not been computed yet, each point once."""
+        """Return the rows of `germs` (K, d) without a realisation, without repeated points."""
         first: dict[tuple[float, ...], int] = {}
         for k, key in enumerate(self._keys(germs)):
             if key not in self._where:
@@ -107,7 +107,7 @@ class CollocationRuns:
         return np.array(list(first.values()), dtype=np.int64)
 
     def at(self, germs: Array) -> Index:
-        """Compute missing realisations, and return the places of `germs` (K, d)."""
+        """Compute missing realisations, and return the indices of the realisations at `germs` (K, d)."""
         rows = self.missing(germs)
         if len(rows):
             self._add(germs[rows], self.problem.realise(self.space.to_inputs(germs[rows])))
@@ -123,7 +123,7 @@ class CollocationRuns:
         self.wall_time += part.wall_time
 
     def verification(self, points: uqmbd.extend.VerificationPoints) -> uqmbd.extend.Verification:
-        """Return the realisations at points that no node uses, those that failed left out."""
+        """Return the successful realisations at points that no node uses."""
         where = self.at(points.germs)
         good = np.flatnonzero(self.good(where)) if len(where) else where
         if not len(good):
@@ -137,71 +137,71 @@ class CollocationRuns:
 
     @property
     def germs(self) -> Array:
-        """All points, in the order of computation, shape (K, d)."""
+        """All points in order of computation, shape (K, d)."""
         return np.concatenate(self._germs)
 
     @property
     def values(self) -> Array:
-        """Their inputs, shape (K, d)."""
+        """Inputs at all points, shape (K, d)."""
         return np.concatenate([p.values for p in self._parts])
 
     @property
     def response(self) -> Array:
-        """Responses, shape (K, output, time); NaN where a realisation failed."""
+        """Responses, shape (K, output, time); NaN for failed realisations."""
         if self._joined is None:
             self._joined = np.concatenate([p.response for p in self._parts])
         return self._joined
 
     @property
     def status(self) -> Index:
-        """Status of each realisation; outputs that are not finite count as failed."""
+        """Status of each realisation; a realisation with outputs that are not finite counts as failed."""
         status = np.concatenate([p.status for p in self._parts])
         infinite = ~np.isfinite(self.response).all(axis=(1, 2))
         return np.where((status == Status.OK) & infinite, Status.NOT_FINITE, status)
 
     @property
     def messages(self) -> list[str]:
-        """Reason of each failure, or empty."""
+        """Reason of each failure; an empty text for success."""
         found = [m for p in self._parts for m in p.messages]
         return [m or ("an output is not finite" if s else "") for m, s in zip(found, self.status, strict=True)]
 
     def good(self, where: Index) -> Mask:
-        """Return which of some realisations, given by their places (K,), succeeded."""
+        """Return which realisations, given by their indices (K,), succeeded."""
         return np.asarray(self.status[where] == Status.OK)
 
     def reason(self, where: Index) -> str:
-        """Return the first reason of a failure among some realisations."""
+        """Return the first reason of a failure among realisations, given by their indices."""
         messages = self.messages
         return next((messages[k] for k in where if messages[k]), "unknown")
 
     @staticmethod
     def _keys(germs: Array) -> list[tuple[float, ...]]:
-        # adding zero makes -0.0 equal to 0.0
+        # add zero to make -0.0 equal to 0.0
         return [tuple(row) for row in (np.round(germs, DIGITS) + 0.0).tolist()]
 
 
 @dataclass
 class _Once:
-    """Progress of many small steps that is shown as one task of a known size."""
+    """Progress of many small steps, displayed as one task of known size."""
 
     inner: uqmbd.extend.Progress
     most: int
     begun: bool = False
 
     def start(self, label: str, total: int) -> None:
-        """Begin, the first time only."""
+        """Start the task at the first call only."""
         if not self.begun:
             self.begun = True
             self.inner.start(label, uqmbd.extend.AtMost(self.most))
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Pass on."""
+        """Report progress of the task."""
         self.inner.advance(label, count)
 
     def finish(self, label: str) -> None:
-        """Do nothing: the creator reports the end of all steps."""
+        """Do nothing, because the creator reports the end of all steps."""
 
 
 def announced_once(problem: uqmbd.extend.Problem, most: int) -> uqmbd.extend.Problem:
-    """Return a problem whose progress begins once, with the largest number of realisations."""
+    """Return a problem whose progress starts once, with the largest number of realisations."""
     return problem.using(progress=_Once(problem.progress, most))

@@ -1,4 +1,4 @@
-"""Sparse grids of tensor projections: the nodes that levels need, and the combination of their coefficients."""
+"""Sparse grids of tensor projections: nodes of levels, and combination of their coefficients."""
 
 from __future__ import annotations
 
@@ -34,30 +34,31 @@ Level = tuple[int, ...]
 
 
 def _count(values: int | None, level: int) -> int:
-    """Return the number of Gauss nodes of a germ that takes so many values (None: it is continuous).
+    """Return the number of Gauss nodes of a germ with this number of values (None: continuous).
 
-    ``2 l + 1`` nodes share the middle one of symmetric germs, and resolve all degrees up to ``2 l``: half of what they
-    integrate exactly.
+    Level l has ``2 l + 1`` nodes, which include the middle node of symmetric germs. The nodes resolve all degrees up to
+    ``2 l``, about half of the degree that they integrate exactly.
     """
     return min(2 * level + 1, values or 2 * level + 1)
 
 
 def level_of(degrees: Index) -> Index:
-    """Return the lowest levels whose nodes resolve degrees, of any shape."""
+    """Return the lowest levels whose nodes resolve degrees, for any shape."""
     return (degrees + 1) // 2
 
 
 def levels_of(space: uqmbd.extend.GermSpace, level: int) -> Index:
-    """Return all levels (L, d) of a sum of at most `level`; of a germ of few values only those that add nodes."""
+    """Return all levels (L, d) with a sum of at most `level`; for germs of few values only levels that add nodes."""
     levels = uqmbd.extend.index_set(space.dimension, level)
     deepest = [level if germ.values is None else germ.values // 2 for germ in space.germs]
     return np.asarray(levels[(levels <= deepest).all(axis=1)])
 
 
 def levels_for(space: uqmbd.extend.GermSpace, terms: Index) -> Index:
-    """Return the levels (L, d) that terms (P, d) need, and one more of each input alone.
+    """Return the levels (L, d) that terms (P, d) need, and for each single input one more level.
 
-    The latter takes few nodes.  Without it terms of one input just above an even order would be mixed with lower ones.
+    The additional level needs few nodes. With this level, terms of one input just above an even order are separated
+    from lower terms.
     """
     needed = level_of(terms)
     highest = needed.max(axis=0)
@@ -67,10 +68,10 @@ def levels_for(space: uqmbd.extend.GermSpace, terms: Index) -> Index:
 
 
 def fewest_nodes(space: uqmbd.extend.GermSpace, level: int, enough: int) -> int:
-    """Return a lower bound for the number of nodes of :func:`levels_of`, which is quick where there are very many.
+    """Return a lower bound for the number of nodes of :func:`levels_of`, without computing the nodes.
 
-    It is the number of terms that they resolve, which at least as many values determine; where that exceeds `enough`,
-    those of the first germs only.
+    The bound is the number of resolved terms, which cannot exceed the number of nodes. If the count for the first germs
+    already exceeds `enough`, the bound includes only these germs.
     """
     values = [germ.values for germ in space.germs]
     if None in values and level > enough:
@@ -85,44 +86,44 @@ def fewest_nodes(space: uqmbd.extend.GermSpace, level: int, enough: int) -> int:
 
 
 def lower_levels(level: Level) -> Iterator[tuple[int, Level]]:
-    """Yield signs and levels whose projections sum up to the surplus of a level over all smaller ones.
+    """Yield signs and levels; the signed sum of their projections is the surplus of a level over all smaller levels.
 
-    It is the product of the differences from one level of a germ to the next.
+    The surplus is the product of the differences between successive levels of each germ.
     """
     for shift in product(*((0, 1) if k else (0,) for k in level)):
         yield (-1) ** sum(shift), tuple(a - b for a, b in zip(level, shift, strict=True))
 
 
 def in_order(terms: Iterable[Level]) -> list[Level]:
-    """Sort terms by their total degree, then so that earlier germs come first, as `uqmbd.extend.index_set`."""
+    """Return terms sorted by total degree, then with earlier germs first, as in `uqmbd.extend.index_set`."""
     return sorted(terms, key=lambda term: (sum(term), [-k for k in term]))
 
 
 def _rule(space: uqmbd.extend.GermSpace, level: Level) -> tuple[uqmbd.extend.Quadrature, list[int]]:
-    """Return the tensor of Gauss rules of a level, and the number of nodes of each germ."""
+    """Return the tensor product of Gauss rules of a level, and the number of nodes of each germ."""
     counts = [_count(germ.values, k) for germ, k in zip(space.germs, level, strict=True)]
     return uqmbd.extend.gauss_tensor(space, counts), counts
 
 
 def nodes_of_levels(space: uqmbd.extend.GermSpace, levels: Iterable[Level]) -> Array:
-    """Return the Gauss nodes of levels, shape (K, d), one level behind the other."""
+    """Return the Gauss nodes of all levels, shape (K, d), in order of the levels."""
     return np.concatenate([_rule(space, level)[0].nodes for level in levels])
 
 
 @dataclass(frozen=True, eq=False)
 class TensorProjection:
-    """Full pseudo-spectral projection at the nodes of a level, on the terms that these resolve exactly."""
+    """Full pseudo-spectral projection at the nodes of a level, on the terms that the nodes resolve exactly."""
 
-    where: Index  # (K,) indices of its realisations
-    weights: Array  # (K,) of its nodes
+    where: Index  # (K,) indices of the realisations
+    weights: Array  # (K,) weights of the nodes
     terms: dict[Level, Array]  # coefficients (O, T) by the degrees of their terms
 
 
 def tensor_projection(runs: CollocationRuns, level: Level) -> TensorProjection:
-    """Project the realisations at the nodes of a level.
+    """Return the projection of the realisations at the nodes of a level.
 
-    A rule of n nodes is exact to the degree 2 n - 1, which products of two polynomials of degrees below n do not
-    exceed: no term is mixed with another one (internal aliasing).
+    A rule of n nodes is exact up to degree 2 n - 1. Products of two polynomials of degrees below n do not exceed this
+    degree, so there is no internal aliasing between terms.
     """
     rule, counts = _rule(runs.space, level)
     degrees = np.array(list(product(*(range(n) for n in counts))), dtype=np.int64)
@@ -136,15 +137,15 @@ def tensor_projection(runs: CollocationRuns, level: Level) -> TensorProjection:
 class SparseProjection:
     """Sparse pseudo-spectral projection: the Smolyak combination of tensor projections.
 
-    A single quadrature for all coefficients, that of the sparse grid, mixes terms whose products it does not integrate,
-    by factors far above 1. Here each tensor projection holds the terms that its own nodes resolve. The combination
-    reproduces every polynomial of all these terms together (Constantine, Eldred and Phipps, Computer Methods in Applied
-    Mechanics and Engineering 229-232 (2012) 1-12; Conrad and Marzouk, SIAM Journal on Scientific Computing 35 (2013)
-    A2643-A2670).
+    A single sparse-grid quadrature for all coefficients mixes terms, by factors far above 1, if it does not integrate
+    their products exactly. Here, in contrast, each tensor projection contains only the terms that its nodes resolve.
+    The combination reproduces every polynomial of all these terms (Constantine, Eldred and Phipps, Computer Methods in
+    Applied Mechanics and Engineering 229-232 (2012) 1-12; Conrad and Marzouk, SIAM Journal on Scientific Computing 35
+    (2013) A2643-A2670).
     """
 
-    factors: dict[Level, int]  # factor of each level in the combination; none is 0
-    multi_index: Index  # (P, d) all terms that the levels resolve, or some of them
+    factors: dict[Level, int]  # nonzero factor of each level in the combination
+    multi_index: Index  # (P, d) all or some of the terms that the levels resolve
     nodes: Array  # (K, d) distinct
     label: str  # of the propagator, in messages
     name: str  # of the grid, in messages
@@ -153,7 +154,7 @@ class SparseProjection:
     def of(
         cls, space: uqmbd.extend.GermSpace, levels: Index, terms: Index | None, label: str, name: str
     ) -> SparseProjection:
-        """Combine the levels (L, d) of a downward closed set; `terms` (P, d) are all that they resolve by default."""
+        """Combine the levels (L, d) of a downward closed set; `terms` (P, d) are by default all resolved terms."""
         rows: list[Level] = [tuple(row) for row in levels.tolist()]
         factors: Counter[Level] = Counter()
         for row in rows:
@@ -167,10 +168,10 @@ class SparseProjection:
         return cls(used, terms, nodes[np.sort(first)], label, name)
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Accept every space: the levels resolve the terms."""
+        """Accept every space, because the levels resolve the terms."""
 
     def fit(self, runs: CollocationRuns) -> Fit:
-        """Project; if a node failed, fit the others by regression."""
+        """Return the projection; if a node failed, return a regression on the other nodes."""
         where = runs.at(self.nodes)
         if not runs.good(where).all():
             return refitted(runs, where, self.multi_index, self.label)
@@ -188,7 +189,7 @@ class SparseProjection:
 
 
 def _added(space: uqmbd.extend.GermSpace, level: Level) -> Iterator[Level]:
-    """Yield the terms that a level resolves, and no smaller one."""
+    """Yield the terms that a level resolves, but that no smaller level resolves."""
     values = [germ.values for germ in space.germs]
     added = (range(_count(v, k - 1) if k else 0, _count(v, k)) for v, k in zip(values, level, strict=True))
     return product(*added)

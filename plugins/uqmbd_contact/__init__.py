@@ -1,4 +1,4 @@
-"""Contacts: compliant ones with a law of the normal force, and impacts of rigid bodies; Coulomb friction."""
+"""Compliant contacts with a law of the normal force, impacts of rigid bodies, and Coulomb friction."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class _Contact(uqmbd.extend.TypedComponent):
         registered="contact_laws",
         example="hunt-crossley",
     )
-    # bodies that are tried in random poses may overlap deeply: softly
+    # the example stiffness is low because tests place bodies in random poses, in which the bodies may overlap deeply
     stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "N/m^n", "stiffness of the law", default=1e6, example=20.0, minimum=0
     )
@@ -51,13 +51,13 @@ class _Contact(uqmbd.extend.TypedComponent):
     meeting: ClassVar[Callable[..., Meeting]]
 
     def prepare(self) -> dict[str, Any]:
-        """Return the symbols of the law, as values of each realisation."""
+        """Return the symbols in the contact law other than `SYMBOLS`, by name."""
         law = law_named(self.law)
         found = law_values(law.normal, *SYMBOLS, what="force")
         return {**super().prepare(), **found, **law_values(law.friction, *SYMBOLS, what="coefficient")}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.extend.Separation]:
-        """Yield the gap at the start, and the virtual work of the normal force and of friction."""
+        """Yield the gap for the check at the start, and the virtual work of the normal force and of friction."""
         law = law_named(p.law)
         meeting = self.meeting(p)
         yield uqmbd.extend.Separation(meeting.gap, meeting.reach)
@@ -65,19 +65,19 @@ class _Contact(uqmbd.extend.TypedComponent):
         state = {x: getattr(p, x.name) for x in NUMBERS} | {depth: -meeting.gap, depth_rate: -opening, speed: speed}
         force = p.let("normal force", law_at(p, law.normal, state, what="force"))
         yield uqmbd.VirtualWork(force, opening)
-        if p.space.dimension == 1:  # nothing slides across the normal
+        if p.space.dimension == 1:  # no sliding is possible across the normal
             return
         coefficient = law_at(p, law.friction, state, what="coefficient")
         if coefficient != 0:
             sliding = meeting.relative - meeting.normal.dot(meeting.relative) * meeting.normal
             sliding = p.let("sliding", sliding)
-            # Below the speed `slow` it is viscous: what sticks creeps, at slow F / sqrt((mu N)^2 - F^2) under a force F
+            # Below the speed `slow`, friction is viscous: a force F causes creep at slow F / sqrt((mu N)^2 - F^2)
             size = sympy.sqrt(sliding.dot(sliding) + p.slow**2)
             yield uqmbd.VirtualWork(-coefficient.xreplace({speed: size}) * force / size * sliding, meeting.relative)
 
 
 class PlaneContact(_Contact, OnPlane):
-    """A sphere (or point, of radius 0) of body j on a plane fixed in body i.
+    """Contact of a sphere (or a point, of radius 0) of body j with a plane fixed in body i.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class PlaneContact(_Contact, OnPlane):
 
 
 class SphereContact(_Contact, OnSphere):
-    """A sphere of body j and a sphere of body i.
+    """Contact of a sphere of body j and a sphere of body i.
 
     Examples
     --------
@@ -100,12 +100,12 @@ class SphereContact(_Contact, OnSphere):
 
 
 class RoadContact(_Contact, OnRoad):
-    """A point of body j on a road that lies in body i: forward is its first axis, up its last one.
+    """Contact of a point of body j with a road in body i: the first axis of body i points forward, the last one up.
 
-    The profile is an expression in ``uqmbd_contact.distance``, the forward coordinate of the point, which is the same
-    symbol as ``uqmbd_springs.distance``, and in `uqmbd.t`; random variables may enter it. The gap is that along the
-    normal of the road below the point. This is accurate if the depth of contact is small compared with the radius of
-    curvature.
+    The road profile is an expression in ``uqmbd_contact.distance``, the forward coordinate of the point, and in
+    `uqmbd.t`. The profile can contain random variables. ``uqmbd_contact.distance`` is the same symbol as
+    ``uqmbd_springs.distance``. The gap is measured along the normal of the road below the point. The measured gap is
+    accurate if the depth of contact is small compared with the radius of curvature of the road.
 
     Examples
     --------
@@ -115,10 +115,11 @@ class RoadContact(_Contact, OnRoad):
 
 
 class ClearanceJoint(_Contact, InBearing):
-    """A hinge with clearance: a journal, a circle of body j, moves inside a bearing, a circle of body i.
+    """A hinge with clearance: a journal (circle of body j) moves inside a bearing (circle of body i).
 
-    Between the two is free flight, impact and contact; the forces are those of the law of contact, and friction.  The
-    radius of the bearing is that of the journal plus the `clearance`.  In space it is a ball in a socket.
+    The motion consists of free flight, impact and contact. In contact, the normal force of the contact law and the
+    friction force act on both bodies. The radius of the bearing is the radius of the journal plus the `clearance`. In
+    space, the joint is a ball in a socket.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Contact of two bodies: gap, normal, tangents and relative velocity."""
+"""Geometry of the contact of two bodies: gap, normal, tangents and relative velocity."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ BUMP = sympy.sin(distance) / 4
 class Meeting:
     """Geometry of a pair of bodies that are close to each other."""
 
-    gap: sympy.Expr  # m; negative where they overlap
+    gap: sympy.Expr  # m; negative if the bodies overlap
     normal: sympy.Matrix  # unit normal from body i to body j, world axes
     relative: sympy.Matrix  # velocity of body j relative to body i at the contact, m/s
-    fixed_i: sympy.Matrix | None = None  # the normal in the frame of body i, where it is constant
-    reach: Any = 0  # reference depth: the radius of the smaller body, m; 0: a point
+    fixed_i: sympy.Matrix | None = None  # the normal in the frame of body i, if it is constant
+    reach: Any = 0  # reference depth: the radius of the smaller body, m; 0 for a point
 
 
 class OnPlane(uqmbd.extend.TypedComponent):
@@ -49,7 +49,7 @@ class OnPlane(uqmbd.extend.TypedComponent):
     )
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:
-        """Return where they meet: the point of the plane below the centre."""
+        """Return the contact geometry at the point of the plane below the centre."""
         normal = p.let("normal", p.body_i.direction(p.normal_i))
         centre = p.let("centre", p.body_j.point(p.point_j))
         gap = p.let("gap", normal.dot(centre - p.body_i.point(p.point_i)) - p.radius)
@@ -57,7 +57,7 @@ class OnPlane(uqmbd.extend.TypedComponent):
 
 
 class OnSphere(uqmbd.extend.TypedComponent):
-    """Geometry of two spheres; on a line, of two segments, which stay on the side on which they are drawn."""
+    """Geometry of two spheres; on a line, of two segments, which stay in the order in which they are drawn."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
@@ -78,11 +78,11 @@ class OnSphere(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the side of the bodies on a line, from the drawing."""
+        """Return the drawn side of point j relative to point i on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:
-        """Return where they meet: the point of sphere i towards the centre of sphere j."""
+        """Return the contact geometry at the point of sphere i towards the centre of sphere j."""
         first = p.let("centre i", p.body_i.point(p.point_i))
         offset = p.let("offset", p.body_j.point(p.point_j) - first)
         if p.space.dimension == 1:
@@ -96,7 +96,7 @@ class OnSphere(uqmbd.extend.TypedComponent):
 
 
 class OnRoad(uqmbd.extend.TypedComponent):
-    """Geometry of a point of body j on a road in body i: a curve in the plane, its cylinder in space."""
+    """Geometry of a point of body j on a road in body i: a curve in the plane, a cylindrical surface in space."""
 
     drawn_by = ()
     body_i: uqmbd.extend.NamedFrame
@@ -107,11 +107,11 @@ class OnRoad(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the symbols of the profile, as values of each realisation."""
+        """Return the symbols in the road profile other than `distance`, by name."""
         return law_values(self.road, distance, what="road", package="uqmbd_contact")
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:
-        """Return where they meet: at the point; the gap is along the normal of the road below it."""
+        """Return the contact geometry at the point; the gap is along the normal of the road below the point."""
         frame = p.body_i
         point = p.let("point", p.body_j.point(p.point_j))
         place = p.let("place", frame.rotation.T * (point - frame.position))
@@ -123,12 +123,12 @@ class OnRoad(uqmbd.extend.TypedComponent):
         return Meeting(gap, p.let("normal", frame.direction(up)), _relative(p, point))
 
     def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
-        """World position of the point."""
+        """Return the world position of the point."""
         return p.body_j.point(p.point_j)
 
 
 class InBearing(uqmbd.extend.TypedComponent):
-    """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
+    """Geometry of a circle of body j inside a slightly larger circle of body i; in space, of a ball in a socket."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
@@ -146,10 +146,10 @@ class InBearing(uqmbd.extend.TypedComponent):
     )
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:
-        """Return where they meet: the point of the bearing that is nearest to the journal."""
+        """Return the contact geometry at the point of the bearing that is nearest to the journal."""
         first = p.let("centre i", p.body_i.point(p.point_i))
         offset = p.let("offset", p.body_j.point(p.point_j) - first)
-        # where the centres coincide no direction is the nearest; there is no contact either
+        # coincident centres have no nearest direction: 1e-9 m avoids the division by zero, and the bodies do not touch
         eccentricity = p.let("eccentricity", sympy.sqrt(offset.dot(offset) + sympy.Float(1e-18)))
         inwards = p.let("normal", -offset / eccentricity)
         gap = p.let("gap", p.clearance - eccentricity)
@@ -158,7 +158,7 @@ class InBearing(uqmbd.extend.TypedComponent):
 
 def tangents(p: uqmbd.extend.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
     """Return unit vectors along the surface, world axes: one in the plane, two in space, none on a line."""
-    if meeting.fixed_i is not None:  # they turn with body i
+    if meeting.fixed_i is not None:  # the tangents rotate with body i
         return tuple(p.let("tangent", p.body_i.direction(x)) for x in _across(meeting.fixed_i))
     return tuple(p.let("tangent", x) for x in _across(meeting.normal))
 
@@ -170,7 +170,7 @@ def _relative(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
 
 
 def _velocity(frame: uqmbd.extend.Frame, point: sympy.Matrix) -> sympy.Matrix:
-    """Velocity of the material of a body at a world point."""
+    """Return the velocity of the material of a body at a world point, m/s."""
     if not frame.space.turns:
         return frame.velocity
     arm, w = point - frame.position, frame.angular_velocity
@@ -180,13 +180,13 @@ def _velocity(frame: uqmbd.extend.Frame, point: sympy.Matrix) -> sympy.Matrix:
 
 
 def _across(normal: sympy.Matrix) -> tuple[sympy.Matrix, ...]:
-    """Return unit vectors that are perpendicular to a unit vector and to each other."""
+    """Return unit vectors perpendicular to a unit vector and to each other."""
     normal = sympy.Matrix(normal)
     if len(normal) == 1:
         return ()
     if len(normal) == 2:
         return (sympy.Matrix([normal[1], -normal[0]]),)
-    # Duff et al., Journal of Computer Graphics Techniques 6 (2017) no. 1: continuous but for a half-plane's edge
+    # Duff et al., Journal of Computer Graphics Techniques 6 (2017) no. 1: the vectors jump only where z changes sign
     x, y, z = normal
     sign = sympy.Piecewise((1, z >= 0), (-1, True))
     a = -1 / (sign + z)

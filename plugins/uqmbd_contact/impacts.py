@@ -27,17 +27,17 @@ class _ImpactComponent(uqmbd.extend.TypedComponent):
     meeting: ClassVar[Callable[..., Meeting]]
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Event]:
-        """Yield the event at which two bodies meet."""
+        """Yield the event of an impact between two bodies."""
         meeting = self.meeting(p)
         sliding = [axis.dot(meeting.relative) for axis in tangents(p, meeting)] if p.friction != 0 else ()
         yield uqmbd.Event(meeting.gap, uqmbd.extend.Impact(p.rate_of(meeting.gap), p.restitution, sliding, p.friction))
 
 
 class PlaneImpact(_ImpactComponent, OnPlane):
-    """Impacts of a sphere (or point, of radius 0) of body j on a plane fixed in body i.
+    """Impacts of a sphere (or a point, of radius 0) of body j on a plane fixed in body i.
 
-    Newton's law of restitution with Coulomb friction; bounces that die down end in a contact that lasts, and sticks,
-    rolls or slides.  Events, for `event_time`: "impact", "rest", "lift-off", "stick", "slip".
+    The impact follows Newton's law of restitution with Coulomb friction. Decaying bounces end in a permanent contact
+    with sticking, rolling or sliding. `event_time` accepts the events "impact", "rest", "lift-off", "stick" and "slip".
 
     Examples
     --------
@@ -52,7 +52,7 @@ class PlaneImpact(_ImpactComponent, OnPlane):
 
 
 class SphereImpact(_ImpactComponent, OnSphere):
-    """Impacts of a sphere of body j on a sphere of body i, as of `PlaneImpact`.
+    """Impacts of a sphere of body j on a sphere of body i, like `PlaneImpact`.
 
     Examples
     --------
@@ -62,9 +62,9 @@ class SphereImpact(_ImpactComponent, OnSphere):
 
 
 class RoadImpact(_ImpactComponent, OnRoad):
-    """Impacts of a point of body j on a road that lies in body i, as of `PlaneImpact`.
+    """Impacts of a point of body j on a road in body i, like `PlaneImpact`.
 
-    The road is that of `RoadContact`.
+    The road is defined as for `RoadContact`.
 
     Examples
     --------

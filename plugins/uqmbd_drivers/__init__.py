@@ -1,4 +1,4 @@
-"""Drivers: motion prescribed as a function of time."""
+"""Drivers, which prescribe a motion as a function of time."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class PositionDriver(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset) - p.displacement, "displacement")
 
@@ -61,7 +61,7 @@ class PositionDriver(uqmbd.Component):
 class DistanceDriver(uqmbd.extend.TypedComponent):
     """The distance of two points follows a function of time that never vanishes.
 
-    On a line point j stays on the side of point i on which it is drawn.
+    On a line, point j stays on its drawn side of point i.
 
     Examples
     --------
@@ -81,11 +81,11 @@ class DistanceDriver(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the side of the points on a line, from the drawing."""
+        """Return the drawn side of point j relative to point i on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         line = p.space.dimension == 1
         yield uqmbd.Constraint(p.side * offset[0] - p.length if line else offset.dot(offset) - p.length**2, "length")

@@ -1,4 +1,4 @@
-"""The rotational driver."""
+"""Rotational driver."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["RotationDriver"]
 class RotationDriver(uqmbd.Component):
     """The rotation of body j relative to body i, about a common axis, follows a function of time.
 
-    With the relative quaternion ``r`` and the angle ``a`` it is ``r0 sin(a/2) - r3 cos(a/2) = 0``: there is no
-    ``atan2``, and any number of turns may be made.  The angle may also depend on other joints, as in
-    ``angle=2 * joint.angle``: body j then follows them.
+    With the relative quaternion ``r`` and the angle ``a``, the equation is ``r0 sin(a/2) - r3 cos(a/2) = 0``. It
+    contains no ``atan2``, so any number of turns is possible. The angle may also depend on other joints, as in
+    ``angle=2 * joint.angle``; body j then follows these joints.
 
-    Angles of bodies and joints, and springs, count the turns that are made from the start on; they start within half a
-    turn of the drawn pose.  Where the driver starts further away (at 7 rad, drawn at 0) a `uqmbd.StudyWarning` says so:
-    draw the body there, or state ``mechanism.start(joint.angle, 7)`` as well, which counts the turns before.  Of a
-    driver that follows a joint, state the angles of both.
+    Angles of bodies, of joints and in springs count turns from the start. The initial angles are within half a turn of
+    the drawn pose. If the initial angle of the driver is further away (7 rad, drawn at 0), a `uqmbd.StudyWarning` is
+    issued. To avoid the warning, draw the body at the initial angle, or also state ``mechanism.start(joint.angle, 7)``,
+    which includes the earlier turns. For a driver that follows a joint, state the initial angles of both.
 
     Examples
     --------
@@ -47,14 +47,14 @@ class RotationDriver(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Lay a frame on each axis."""
+        """Return a joint frame on each axis."""
         if not self.axis_i:
             return {}
         frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         turned = (
             [f.attitude(frame) for f, frame in ((p.body_i, p.frame_i), (p.body_j, p.frame_j))]
             if p.axis_i

@@ -1,4 +1,4 @@
-"""Drivers of speed: what is prescribed is integrated, so that any function of time may be given."""
+"""Drivers of speed: they integrate the prescribed speed, which can therefore be any function of time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["LinearSpeedDriver", "SpeedDriver"]
 
 
 class SpeedDriver(uqmbd.Component):
-    """Body j turns relative to body i, about a common axis, at a speed that is a function of time; it starts as drawn.
+    """Body j rotates from its drawn pose relative to body i, about a common axis, at a prescribed speed over time.
 
     Examples
     --------
@@ -36,11 +36,11 @@ class SpeedDriver(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Return the initial attitude from the drawing."""
+        """Return the relative quaternion of the bodies in the drawn pose."""
         return {"drawn": self.drawn_quaternion()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
-        """Yield the geometry."""
+        """Yield the constraint equation and the auxiliary state."""
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, p.speed, 0)
         cosine, sine = uqmbd.extend.half_angle(p, p.body_i, p.body_j, p.drawn, p.axis_j)
@@ -48,7 +48,7 @@ class SpeedDriver(uqmbd.Component):
 
 
 class LinearSpeedDriver(uqmbd.Component):
-    """A point of body j moves along an axis fixed in body i at a speed that is a function of time; it starts as drawn.
+    """A point of body j moves from its drawn pose along an axis fixed in body i at a prescribed speed over time.
 
     Examples
     --------
@@ -86,11 +86,11 @@ class LinearSpeedDriver(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the initial displacement from the drawing."""
+        """Return the displacement in the drawn pose."""
         return {"start": self.drawn_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
-        """Yield the geometry."""
+        """Yield the constraint equation and the auxiliary state."""
         displacement = p.state("displacement")
         yield uqmbd.Auxiliary(displacement, p.speed, p.start)
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)

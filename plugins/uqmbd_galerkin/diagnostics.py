@@ -1,4 +1,4 @@
-"""Diagnostics of a projected motion: energy, constraints, norms, and how near its equations are to singular."""
+"""Diagnostics of a projected motion: energy, constraints, norms, and the distance from a singular projection."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["motion_invariants"]
 
 
 SINGULAR_VALUES = 9
-"""Times at which singular values are computed."""
+"""Number of times at which singular values are computed."""
 
 
 def motion_invariants(
@@ -20,11 +20,12 @@ def motion_invariants(
 ) -> xr.Dataset:
     """Return invariants of the projected motion over time, from the coefficients (P, T, width) of its states.
 
-    ``energy`` is the expectation of kinetic and potential energy (J); ``constraint_rms`` the root of the expectation of
-    the squared constraints, summed (zero at the nodes in the limit of high order only); ``quaternion_norm_rms`` the
-    deviation of nodal quaternions from unit length; ``top_order_share`` the part of the variance of the coordinates in
-    the highest degrees. At some times (``probe_time``) the dataset holds the smallest singular value of the projected
-    constraint Jacobian and the smallest of all nodes.
+    ``energy`` is the expectation of kinetic and potential energy (J). ``constraint_rms`` is the square root of the sum
+    of the expectations of the squared constraints; at the nodes, it is zero only in the limit of high order.
+    ``quaternion_norm_rms`` is the deviation of nodal quaternions from unit length. ``top_order_share`` is the part of
+    the variance of the coordinates in the highest degrees. At some times (``probe_time``), the dataset contains two
+    smallest singular values: one of the projected constraint Jacobian, and one of the constraint Jacobians of all
+    nodes.
     """
     nodal = projected.nodal(coefficients)
     weights, model = projected.weights, projected.model

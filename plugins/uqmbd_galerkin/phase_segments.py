@@ -1,4 +1,4 @@
-"""From states at equal phases to outputs in normalised time between landmarks."""
+"""Conversion of states at equal phases to outputs in normalised time between markers."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ __all__ = ["PER_TURN", "POINTS", "in_segments", "points_of"]
 
 
 PER_TURN = 4
-"""Segments of a turn."""
+"""Number of segments of a turn."""
 
 POINTS = 32
-"""Chebyshev points of a segment, a quarter of a turn, at which states are known."""
+"""Number of Chebyshev points with states in a segment (a quarter of a turn)."""
 
 IN_TIME = 20
-"""Chebyshev points of a segment's normalised time at which outputs are wanted."""
+"""Number of Chebyshev points with outputs in the normalised time of a segment."""
 
 NEWTON = 8
-"""Steps in which the phase of a time is found."""
+"""Number of Newton steps to find the phase of a time."""
 
 
 def points_of(edges: Array) -> Array:
@@ -33,18 +33,18 @@ def points_of(edges: Array) -> Array:
 def in_segments(
     projected: uqmbd.extend.ProjectedEnsemble, coefficients: Array, outputs: int
 ) -> tuple[Array, Array, float]:
-    """Evaluate the first `outputs` outputs at the points of segments in the normalised time of each node.
+    """Return the first `outputs` outputs at the points of segments in the normalised time of each node.
 
-    `coefficients` (P, S, N, width + 1) are those of states and time at the points of the segments' phases. Return the
-    times (K, S + 1) of the markers, s; the outputs (K, S, O, N) at their Chebyshev points; and the largest
-    interpolation error, relative to the range of an output.
+    `coefficients` (P, S, N, width + 1): coefficients of states and time at the N Chebyshev points in phase of each
+    segment. Return the times (K, S + 1) of the markers, s, and the outputs (K, S, O, N) at the Chebyshev points of the
+    segments. Return also the largest interpolation error, relative to the range of an output.
     """
     terms, segments, count, width = coefficients.shape
     flat = coefficients.reshape(terms, -1)
     edges = np.empty((len(projected.weights), segments + 1))
     response = np.empty((len(edges), segments, outputs, IN_TIME))
     error = 0.0
-    # of one node at a time: states of all are many
+    # convert nodes one by one to limit the memory of states
     for k, basis in enumerate(projected.psi):
         whole = (basis @ flat).reshape(segments, count, width)
         times, states = whole[..., -1], whole[..., :-1].reshape(1, -1, width - 1)
@@ -57,7 +57,7 @@ def in_segments(
 
 
 def _in_time(times: Array, values: Array) -> tuple[Array, float]:
-    """Values (S, O, IN_TIME) at points of the times, from (S, O, N) at those of the phases, where times are (S, N)."""
+    """Return values (S, O, IN_TIME) at points of the times (S, N), from values (S, O, N) at points of the phases."""
     count, where = times.shape[1], AlignedElement.points(IN_TIME)
     clock, found = times @ _to_coefficients(count), values @ _to_coefficients(count)
     pace = chebyshev.chebder(clock, axis=1)
@@ -70,12 +70,12 @@ def _in_time(times: Array, values: Array) -> tuple[Array, float]:
         at = np.asarray(np.clip(at - (now - wanted) / np.where(slope > 0, slope, np.inf), -1.0, 1.0), dtype=np.float64)
     result = np.einsum("snc,soc->son", chebyshev.chebvander(at, count - 1), found)
     size = np.ptp(values, axis=(0, 2))
-    # coefficients fall geometrically: what is left out is about the last ones, in phase as in time
+    # coefficients decrease geometrically, so the omitted ones are about as large as the last ones, for phase and time
     last = np.concatenate([found[..., -2:], (result @ _to_coefficients(IN_TIME))[..., -2:]], axis=2)
     return result, float((np.abs(last).max(axis=(0, 2)) / np.where(size > 0, size, 1.0)).max(initial=0.0))
 
 
 def _to_coefficients(count: int) -> Array:
-    """Matrix (N, N) by which rows of values at Chebyshev points are multiplied."""
+    """Return the matrix (N, N) by which rows of values at Chebyshev points are multiplied."""
     vander = chebyshev.chebvander(2 * AlignedElement.points(count) - 1, count - 1)
     return np.asarray(np.linalg.inv(vander).T, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Outputs without a time: no equations of motion to project, so they are evaluated at the nodes and projected there."""
+"""Scalar outputs, which are evaluated at the nodes and projected, because they have no equations of motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def projected_scalars(
     verification: uqmbd.extend.Verification,
     begin: float,
 ) -> xr.DataTree:
-    """Expand the outputs without a time; raise IntegrationError if too few nodes have values."""
+    """Return the node of scalar outputs; raise IntegrationError if too few nodes have values."""
     found = problem.realise(space.to_inputs(rule.nodes))
     psi = space.evaluate(rule.nodes, terms)
     about = (found.status == Status.OK, found.most_frequent_reason(), psi, terms, rule.weights)

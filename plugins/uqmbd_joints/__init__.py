@@ -1,4 +1,4 @@
-"""Joints between bodies. Each is its geometry, and nothing else."""
+"""Joints between bodies; each class defines only the geometry of one joint."""
 
 from __future__ import annotations
 

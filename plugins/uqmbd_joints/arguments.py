@@ -1,4 +1,4 @@
-"""Arguments that several joints have, as checkers of types see them."""
+"""Common arguments of several joints, with overloads for type checkers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["PointsAndAxes", "PointsAndAxis"]
 
 
 class PointsAndAxis(uqmbd.Component):
-    """A point of each body, and an axis of body i."""
+    """Component with a point of each body, and an axis of body i."""
 
     if TYPE_CHECKING:
 
@@ -35,7 +35,7 @@ class PointsAndAxis(uqmbd.Component):
 
 
 class PointsAndAxes(uqmbd.Component):
-    """A point, and an axis, of each body."""
+    """Component with a point and an axis of each body."""
 
     if TYPE_CHECKING:
 

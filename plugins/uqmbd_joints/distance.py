@@ -1,4 +1,4 @@
-"""The distance joint."""
+"""Distance joint."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["Distance"]
 
 
 class Distance(uqmbd.extend.TypedComponent):
-    """A massless rod: two points keep their distance.  Spherical at both ends; in the plane revolute at both.
+    """A massless rod: two points keep their distance. Both ends are ball joints in space, and hinges in the plane.
 
-    On a line point j stays on the side of point i on which it is drawn.
+    On a line, point j stays on its drawn side of point i.
 
     Examples
     --------
@@ -36,11 +36,11 @@ class Distance(uqmbd.extend.TypedComponent):
     length: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def prepare(self) -> dict[str, Any]:
-        """Return the side of the points on a line, from the drawing."""
+        """Return the drawn side of point j relative to point i on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         line = p.space.dimension == 1
         yield uqmbd.Constraint(p.side * offset[0] - p.length if line else offset.dot(offset) - p.length**2, "length")

@@ -1,4 +1,4 @@
-"""The fixed joint."""
+"""Fixed joint."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["Fixed"]
 
 
 class Fixed(uqmbd.Component):
-    """Two bodies as one: two points coincide, and body j keeps its rotation relative to body i.
+    """Two rigidly connected bodies: two points coincide, and the rotation of body j relative to body i is constant.
 
-    The vector part of the relative quaternion vanishes, which no mirror image shares.
+    The equations set the vector part of the relative quaternion to zero, so no mirror image satisfies them.
 
     Examples
     --------
@@ -46,11 +46,11 @@ class Fixed(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the relative rotation of the drawing unless it is given."""
+        """Return the relative rotation of the drawn pose if the argument `rotation` is omitted."""
         return {"turn": self.drawn_quaternion() if self.rotation is None else self.rotation}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         i, j = p.body_i, p.body_j
         yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
         if p.space.turns:

@@ -1,4 +1,4 @@
-"""The parallel-axes primitive."""
+"""Primitive constraint of parallel axes."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["Parallel1"]
 
 
 class Parallel1(uqmbd.Component):
-    """Two axes stay parallel, and point the same way: two equations, those of a spatial hinge without its point.
+    """Two axes stay parallel with the same sense: two equations, the axis equations of a spatial `Revolute` joint.
 
-    As in `Revolute`, two vector components of the relative quaternion of the joint frames vanish.
+    The equations set two vector components of the relative quaternion of the joint frames to zero, as in `Revolute`.
 
     Examples
     --------
@@ -38,11 +38,11 @@ class Parallel1(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Lay a frame on each axis."""
+        """Return a joint frame in each body, with the joint axis as its third axis."""
         frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         relative = uqmbd.extend.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
         yield uqmbd.Constraint(relative[1:3], "axis")

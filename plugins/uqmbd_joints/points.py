@@ -1,4 +1,4 @@
-"""A point of one body on a line or plane of another."""
+"""Point of one body on a line or plane of another body."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["PointOnLine", "PointOnPlane"]
 
 
 class PointOnLine(Parallel2):
-    """A point of body j slides on a line fixed in body i, and may turn in every way.
+    """A point of body j slides on a line fixed in body i; the rotation is free.
 
     Examples
     --------
@@ -18,7 +18,7 @@ class PointOnLine(Parallel2):
 
 
 class PointOnPlane(Dot2):
-    """A point of body j slides on a plane fixed in body i; in the plane, on a line with the normal `axis_i`.
+    """A point of body j slides on a plane with the normal `axis_i` fixed in body i; in planar space, on a line.
 
     Examples
     --------

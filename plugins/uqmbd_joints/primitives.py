@@ -1,4 +1,4 @@
-"""Primitive constraints, of which joints are made."""
+"""Primitive constraints of joints."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Dot1(uqmbd.extend.TypedComponent):
     axis_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(p.body_j.direction(p.axis_j)), "axes")
 
 
 class Dot2(PointsAndAxis):
-    """The vector from point i to point j stays perpendicular to an axis: point j on a plane fixed in body i.
+    """The vector from point i to point j stays perpendicular to an axis: point j stays on a plane fixed in body i.
 
     Examples
     --------
@@ -50,15 +50,15 @@ class Dot2(PointsAndAxis):
     axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis", body="body_i")
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset), "plane")
 
 
 class Parallel2(PointsAndAxis):
-    """The vector from point i to point j stays parallel to an axis: point j on a line fixed in body i.
+    """The vector from point i to point j stays parallel to an axis: point j stays on a line fixed in body i.
 
-    Two equations in space, one in the plane.
+    The constraint has two equations in space, and one in the plane.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Parallel2(PointsAndAxis):
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
 
     def prepare(self) -> dict[str, Any]:
-        """Find the normals of the line."""
+        """Return the normals of the line."""
         if len(self.axis_i) == 3:
             return {
                 "normals": [*uqmbd.extend.perpendiculars(self.axis_i)[0], *uqmbd.extend.perpendiculars(self.axis_i)[1]]
@@ -80,11 +80,11 @@ class Parallel2(PointsAndAxis):
         return {"normals": [-self.axis_i[1], self.axis_i[0]]}
 
     def motion(self) -> dict[str, Any]:
-        """Tell the displacement of the point from that of body i."""
+        """Return the displacement of point j from point i along the axis."""
         return {"displacement": self.joint_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         d = p.space.dimension
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         normals = [p.body_i.direction(p.normals[k : k + d]) for k in range(0, len(p.normals), d)]

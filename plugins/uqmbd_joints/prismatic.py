@@ -1,4 +1,4 @@
-"""The prismatic joint."""
+"""Prismatic joint."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ __all__ = ["Prismatic"]
 
 
 class Prismatic(PointsAndAxes):
-    """A slide: the point on body j stays on a line fixed in body i, and nothing turns.
+    """A slide: the point on body j stays on a line fixed in body i, without relative rotation.
 
-    The relative rotation is the drawn one, turned by as little as makes the two axes parallel.
+    The bodies keep the relative rotation of the drawn pose, changed by the smallest rotation that makes the axes
+    parallel.
 
     Examples
     --------
@@ -31,7 +32,7 @@ class Prismatic(PointsAndAxes):
     axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
-        """Find the normals of the line and the rotation to keep."""
+        """Return the normals of the line and the constant relative rotation."""
         if len(self.axis_i) == 3:
             normals = [*uqmbd.extend.perpendiculars(self.axis_i)[0], *uqmbd.extend.perpendiculars(self.axis_i)[1]]
         else:
@@ -39,11 +40,11 @@ class Prismatic(PointsAndAxes):
         return {"normals": normals, "turn": uqmbd.extend.aligned(self.drawn_quaternion(), self.axis_i, self.axis_j)}
 
     def motion(self) -> dict[str, Any]:
-        """Tell the displacement of the point from that of body i."""
+        """Return the displacement of point j from point i along the axis."""
         return {"displacement": self.joint_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         i, j, d = p.body_i, p.body_j, p.space.dimension
         offset = j.point(p.point_j) - i.point(p.point_i)
         normals = [i.direction(p.normals[k : k + d]) for k in range(0, len(p.normals), d)]

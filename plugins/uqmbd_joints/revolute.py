@@ -1,4 +1,4 @@
-"""The revolute joint."""
+"""Revolute joint."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ __all__ = ["Revolute"]
 class Revolute(uqmbd.Component):
     """A hinge: two points coincide, and in space two axes are parallel.
 
-    The axes are held through the quaternion of joint frame j relative to joint frame i, whose first two vector
-    components vanish: quadratic in the coordinates, and without the mirror image of the usual dot products.
+    The axis equations use the quaternion of joint frame j relative to joint frame i: its first two vector components
+    are zero. These equations are quadratic in the coordinates. Unlike the usual dot products, they exclude the mirror
+    image.
 
     Examples
     --------
@@ -52,18 +53,18 @@ class Revolute(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Lay a frame on each axis."""
+        """Return a joint frame in each body, with the joint axis as its third axis."""
         if not self.axis_i:
             return {}
         frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
     def motion(self) -> dict[str, Any]:
-        """Return the angle: zero where the joint frames coincide, any number of turns."""
+        """Return the angle, counted over any number of turns; it is zero if the joint frames coincide."""
         return {"angle": self.joint_angle()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         i, j = p.body_i, p.body_j
         yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
         if p.space.dimension == 3:

@@ -1,4 +1,4 @@
-"""The massless link with a revolute at one end and a ball at the other."""
+"""Massless link with a revolute joint at one end and a ball joint at the other."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["RevoluteSpherical"]
 
 
 class RevoluteSpherical(uqmbd.Component):
-    """A massless link: a hinge on body i about an axis perpendicular to the link, a ball on body j.
+    """A massless link: a hinge on body i with its axis perpendicular to the link, and a ball joint on body j.
 
-    The points keep their distance, and the link stays perpendicular to the axis.
+    The two points keep their distance, and the link stays perpendicular to the hinge axis.
 
     Examples
     --------
@@ -48,7 +48,7 @@ class RevoluteSpherical(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def motion(self) -> dict[str, Any]:
-        """Return the angle of the link about the hinge on body i, zero as drawn."""
+        """Return the angle of the link about the hinge on body i, zero in the drawn pose."""
         i, j = self.attached["body_i"], self.attached["body_j"]
         drawn_i, drawn_j = self.drawn_frame("body_i"), self.drawn_frame("body_j")
         link = drawn_i.rotation.T * (drawn_j.point(self.point_j) - drawn_i.point(self.point_i))
@@ -57,7 +57,7 @@ class RevoluteSpherical(uqmbd.Component):
         return {"angle": uqmbd.extend.JointAngle(i.direction(link).dot(offset), i.direction(across).dot(offset))}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset), "axis")

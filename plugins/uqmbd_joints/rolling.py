@@ -1,4 +1,4 @@
-"""Wheels and spheres that roll without slipping, and skates: constraints between velocities."""
+"""Wheels and spheres that roll without slipping, and skates, as velocity constraints."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ __all__ = ["RollingSphere", "RollingWheel", "Skate"]
 class RollingWheel(uqmbd.Component):
     """A wheel of body j, a thin disc with a sharp rim, rolls without slipping on a plane fixed in body i.
 
-    Its rim touches the plane, and may lean; the material of both bodies has one velocity where they meet.  In the plane
-    it rolls on a line.  It neither lifts off nor slips: `reaction_force`, which acts on the wheel where it touches the
-    plane, tells whether it would.  A disc that comes to lie flat is in a singular pose: there its motion ends.
+    The rim touches the plane, and the wheel may lean. At the contact point, the material points of both bodies have the
+    same velocity. In planar space, the wheel rolls on a line. The constraint does not permit lift-off or slip.
+    `reaction_force`, which acts on the wheel at the contact, shows whether lift-off or slip would occur. The pose of a
+    flat disc is singular, and the motion ends there.
 
-    Let ``h`` be the height of the centre over the plane, ``n`` its unit normal and ``a`` the axis of the wheel. Then
-    ``h = R w``, where ``w = |n x a|``. The point of contact is ``-R (n - (n . a) a) / w`` from the centre [1]_.
+    The plane has the unit normal ``n``. The wheel has the radius ``R`` and the unit axis ``a``, and its centre is at
+    the height ``h`` over the plane. Then ``h = R w``, where ``w = |n x a|``. The vector from the centre to the contact
+    is ``-R (n - (n . a) a) / w`` [1]_.
 
     References
     ----------
@@ -66,11 +68,11 @@ class RollingWheel(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Find the directions of the plane."""
+        """Return the directions of the plane."""
         return _directions(self.normal_i)
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.extend.VelocityConstraint]:
-        """Yield the geometry, and that it does not slip."""
+        """Yield the constraints of contact and of no slip."""
         i, j = p.body_i, p.body_j
         normal, centre = i.direction(p.normal_i), j.point(p.point_j)
         height = normal.dot(centre - i.point(p.point_i))
@@ -90,7 +92,7 @@ class RollingWheel(uqmbd.Component):
         yield uqmbd.extend.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
     def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
-        """World position of the point of contact."""
+        """Return the world position of the point of contact."""
         normal, centre = p.body_i.direction(p.normal_i), p.body_j.point(p.point_j)
         if p.space.dimension == 2:
             return centre - p.radius * normal
@@ -100,10 +102,10 @@ class RollingWheel(uqmbd.Component):
 
 
 class RollingSphere(uqmbd.extend.TypedComponent):
-    """A sphere of body j rolls without slipping on a plane fixed in body i; it may spin about the normal.
+    """A sphere of body j rolls without slipping on a plane fixed in body i; the sphere may spin about the normal.
 
-    It neither lifts off nor slips: `reaction_force`, which acts on the sphere where it touches the plane, tells whether
-    it would.
+    The constraint does not permit lift-off or slip. `reaction_force`, which acts on the sphere at the contact, shows
+    whether lift-off or slip would occur.
 
     Examples
     --------
@@ -130,11 +132,11 @@ class RollingSphere(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Find the directions of the plane."""
+        """Return the directions of the plane."""
         return _directions(self.normal_i)
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.extend.VelocityConstraint]:
-        """Yield the geometry, and that it does not slip."""
+        """Yield the constraints of contact and of no slip."""
         normal = p.body_i.direction(p.normal_i)
         height = normal.dot(p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         yield uqmbd.Constraint(height - p.radius, "contact")
@@ -143,16 +145,16 @@ class RollingSphere(uqmbd.extend.TypedComponent):
         yield uqmbd.extend.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
     def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
-        """World position of the point of contact."""
+        """Return the world position of the point of contact."""
         return p.body_j.point(p.point_j) - p.radius * p.body_i.direction(p.normal_i)
 
 
 class Skate(uqmbd.extend.TypedComponent):
-    """A blade at a point of body j glides along its own axis over a plane of body i, and not across: a knife edge.
+    """A knife edge: a blade at a point of body j slides over a plane of body i in the direction of the blade only.
 
-    Across is perpendicular to the axis and to the normal of the plane.  One equation between velocities; what keeps the
-    blade on the plane is another component (`PointOnPlane`).  In the plane, seen from above, there is no normal.
-    `reaction_force` acts across, on body j, at the blade.
+    The transverse direction is perpendicular to the axis and to the normal of the plane. The constraint is one equation
+    in velocities. Another component, such as `PointOnPlane`, must keep the blade on the plane. A planar model is a top
+    view and needs no normal. `reaction_force` acts on body j at the blade, in the transverse direction.
 
     Examples
     --------
@@ -180,7 +182,7 @@ class Skate(uqmbd.extend.TypedComponent):
     )
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.extend.VelocityConstraint]:
-        """Yield that it does not move across."""
+        """Yield the constraint of no transverse velocity."""
         axis = p.body_j.direction(p.axis_j)
         if p.space.dimension == 2:
             across = sympy.Matrix([-axis[1], axis[0]])
@@ -189,12 +191,12 @@ class Skate(uqmbd.extend.TypedComponent):
         yield uqmbd.extend.VelocityConstraint(across.dot(_slip(p, p.body_j.point(p.point_j))), "blade")
 
     def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
-        """World position of the blade."""
+        """Return the world position of the blade."""
         return p.body_j.point(p.point_j)
 
 
 def _directions(normal: Any) -> dict[str, Any]:
-    """Find unit vectors that are perpendicular to a normal, and to each other."""
+    """Return unit vectors perpendicular to a normal, and to each other."""
     if len(normal) == 2:
         return {"along": (normal[1], -normal[0])}
     along, across = uqmbd.extend.perpendiculars(normal)
@@ -202,7 +204,7 @@ def _directions(normal: Any) -> dict[str, Any]:
 
 
 def _slip(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
-    """Velocity of the material of body j at a world point, relative to that of body i there."""
+    """Return the velocity of body j relative to body i, m/s, each taken at the material point at a world point."""
     return _velocity(p.body_j, point) - _velocity(p.body_i, point)
 
 

@@ -1,4 +1,4 @@
-"""The screw joint."""
+"""Screw joint."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Screw"]
 
 
 class Screw(Cylindrical):
-    """A nut on a thread: cylindrical, and body j advances along the axis by the pitch in each turn from the drawn pose.
+    """A nut on a thread: a cylindrical joint that advances from the drawn pose by the pitch with each turn.
 
     Examples
     --------
@@ -51,11 +51,11 @@ class Screw(Cylindrical):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the initial turn and displacement from the drawing."""
+        """Return the relative rotation and the displacement in the drawn pose."""
         return {**super().prepare(), "drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
-        """Yield the geometry."""
+        """Yield the constraint equations and the auxiliary state."""
         yield from super().terms(p)
         angle, turns = uqmbd.extend.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
         yield turns

@@ -1,4 +1,4 @@
-"""The spherical joint."""
+"""Spherical joint."""
 
 from __future__ import annotations
 
@@ -36,5 +36,5 @@ class Spherical(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         yield uqmbd.Constraint(p.body_j.point(p.point_j) - p.body_i.point(p.point_i), "point")

@@ -1,4 +1,4 @@
-"""The universal joint."""
+"""Universal joint."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class Universal(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def motion(self) -> dict[str, Any]:
-        """Return the angles of the cross in body i about `axis_i`, and of body j on the cross about `axis_j`.
+        """Return the angles of the cross relative to body i about `axis_i`, and of body j relative to the cross.
 
-        Both are zero as drawn.
+        The second angle is about `axis_j`. Both angles are zero in the drawn pose.
         """
         i, j = self.attached["body_i"], self.attached["body_j"]
         drawn_i, drawn_j = self.drawn_frame("body_i"), self.drawn_frame("body_j")
@@ -65,7 +65,7 @@ class Universal(uqmbd.Component):
         }
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equations."""
         i, j = p.body_i, p.body_j
         yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
         yield uqmbd.Constraint(i.direction(p.axis_i).dot(j.direction(p.axis_j)), "axes")

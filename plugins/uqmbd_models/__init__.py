@@ -1,4 +1,4 @@
-"""Readers of robots and linkages: URDF, and MJCF, which MuJoCo parses (the extra ``mujoco``)."""
+"""Readers of robots and linkages in URDF, and in MJCF by MuJoCo (extra ``mujoco``)."""
 
 from __future__ import annotations
 

@@ -22,10 +22,10 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any, zero: float | None) -> None:
-    """Add spring, friction and rotor of a joint, of each of its freedoms.
+    """Add spring, friction and rotor of a joint, for each of its freedoms.
 
-    `parent`, `body`: which the joint lets move; `zero`: position of a hinge or slide where that of the component is
-    zero.
+    `parent`, `body`: bodies connected by the joint; `zero`: position of a hinge or slide in the file at zero position
+    of the component.
     """
     joint = placed.joint
     if joint.kind == "hinge":
@@ -49,7 +49,7 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
             mechanism.add(spring_at)
     else:
         for letter, axis in AXES.items():
-            # the speeds of a ball joint are counted along the axes of what it moves
+            # speeds of a ball joint are about the axes of the moving body
             _turning(mechanism, names, placed, body, parent, f"_{letter}", axis)
         if joint.kind == "free":
             points = {"point_i": (0.0,) * 3, "point_j": (0.0,) * 3}

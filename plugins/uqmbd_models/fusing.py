@@ -1,4 +1,4 @@
-"""Merging of links without joints with the links to which they are fixed; the motion is unchanged."""
+"""Merging of links without joints with the links to which they are fixed; the motion does not change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Fused", "fuse"]
 
 @dataclass(frozen=True)
 class Fused:
-    """A link that was merged: into which, and where its frame is in that one."""
+    """Merged link: its new link, and the pose of its frame in this link."""
 
     name: str
     link: int
@@ -24,9 +24,9 @@ class Fused:
 
 
 def fuse(tree: Tree, *, every: bool) -> tuple[Tree, tuple[Fused, ...]]:
-    """Merge links that are fixed to another, or to the ground.
+    """Merge links that are fixed to another link or to the ground.
 
-    `tree`: a model; `every`: false: only links without mass and inertia, and those that are fixed to the ground.
+    `tree`: model; `every`: if false, merge only links without mass and inertia, and links fixed to the ground.
     """
     moving = {joint.link for joint in tree.joints}
     home: dict[int, tuple[int, Array, Array]] = {0: (0, np.zeros(3), np.array([1.0, 0, 0, 0]))}
@@ -68,13 +68,13 @@ def fuse(tree: Tree, *, every: bool) -> tuple[Tree, tuple[Fused, ...]]:
 
 
 def _placed(inertial: Inertial, position: Array, quaternion: Array) -> Inertial:
-    """Write mass, centre and inertia in another frame."""
+    """Return mass, centre and inertia in another frame."""
     turn = matrix(quaternion)
     return Inertial(inertial.mass, position + turn @ inertial.com, turn @ inertial.inertia @ turn.T)
 
 
 def _together(parts: Sequence[Inertial]) -> Inertial:
-    """Return the sum of inertias that are written in one frame."""
+    """Return the sum of inertias in one frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / mass if mass else parts[0].com
     inertia = np.zeros((3, 3))
@@ -85,7 +85,7 @@ def _together(parts: Sequence[Inertial]) -> Inertial:
 
 
 def _moved(loop: LoopClosure, home: dict[int, tuple[int, Array, Array]], number: dict[int, int]) -> LoopClosure:
-    """Write a loop in the frames of the links that are left."""
+    """Return a loop in the frames of the remaining links."""
     (i, position_i, turn_i), (j, position_j, turn_j) = home[loop.link_i], home[loop.link_j]
     rotation = None
     if loop.rotation is not None:

@@ -15,7 +15,7 @@ __all__ = ["PlacedLinks", "PlacedJoint", "FramePose", "place"]
 
 @dataclass(frozen=True)
 class FramePose:
-    """Place, orientation and velocity of a frame in the world; the spin in its own axes."""
+    """Position, orientation and velocity of a frame in the world, with the angular velocity in its own axes."""
 
     position: Array
     quaternion: Array
@@ -24,23 +24,23 @@ class FramePose:
     moves: bool
 
     def point(self, local: Any) -> Array:
-        """World position of a point of the frame."""
+        """Return the world position of a point of the frame."""
         return self.position + turned(self.quaternion, local)
 
 
 @dataclass(frozen=True)
 class PlacedJoint:
-    """A joint between two frames: the parent, or the previous part of the same link, and the moving part."""
+    """Joint between two frames: the parent, or the previous part of the same link, and the moving part."""
 
-    name: str  # in the mechanism
+    name: str  # name in the mechanism
     joint: TreeJoint
-    # point_i, axis_i, point_j, axis_j: in the frames of the two
+    # point_i, axis_i, point_j, axis_j: in the two frames
     point_i: tuple[float, ...]
     axis_i: tuple[float, ...]
     point_j: tuple[float, ...]
     axis_j: tuple[float, ...]
-    turn: Array  # quaternion of the second frame relative to the first, where the joint is at its reference
-    pose: FramePose  # of the frame that it moves, at the start
+    turn: Array  # quaternion of the second frame relative to the first at the reference of the joint
+    pose: FramePose  # initial pose of the moving frame
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class PlacedLinks:
 
 
 def place(tree: Tree, names: dict[int, str]) -> PlacedLinks:
-    """Find where links are at the start.
+    """Return the joints and the poses of links at the start.
 
-    `tree`: a model; `names`: of its joints in the mechanism, by their numbers.
+    `tree`: model; `names`: names of its joints in the mechanism, by index.
     """
     zero, one = np.zeros(3), np.array([1.0, 0, 0, 0])
     poses = {0: FramePose(zero, one, zero, zero, False)}
@@ -74,7 +74,7 @@ def place(tree: Tree, names: dict[int, str]) -> PlacedLinks:
 
 
 def _carried(pose: FramePose, shift: Array, turn: Array, moving: bool) -> FramePose:
-    """Pose of a frame that is fixed in another one."""
+    """Return the pose of a frame that is fixed in another one."""
     velocity = pose.velocity + turned(pose.quaternion, np.cross(pose.spin, shift))
     return FramePose(
         pose.point(shift), product(pose.quaternion, turn), velocity, turned(inverse(turn), pose.spin), moving
@@ -82,7 +82,7 @@ def _carried(pose: FramePose, shift: Array, turn: Array, moving: bool) -> FrameP
 
 
 def _moved(pose: FramePose, joint: TreeJoint) -> FramePose:
-    """Pose of a frame after a joint has moved it away from where it is at the reference of the joint."""
+    """Return the pose of a frame after a joint has moved it from its reference."""
     if joint.kind == "free":
         quaternion = joint.start[3:] / np.linalg.norm(joint.start[3:])
         return FramePose(joint.start[:3], quaternion, joint.speed[:3], joint.speed[3:], pose.moves)

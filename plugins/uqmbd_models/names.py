@@ -1,4 +1,4 @@
-"""Names of a file as names of a mechanism: valid, and each once."""
+"""Conversion of names in a file to valid and unique names of a mechanism."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TAKEN = ("ground", "time", ".", "..")
 
 
 class Names:
-    """Names that are given away.
+    """Set of used names.
 
     >>> names = Names()
     >>> names.take("arm/elbow"), names.take("arm/elbow", "joint"), names.take("arm/elbow", "joint"), names.take("time")
@@ -22,7 +22,7 @@ class Names:
         self.taken = {*TAKEN, *taken}
 
     def take(self, name: str, suffix: str = "") -> str:
-        """Return the name, or the nearest one that is free and valid."""
+        """Return the name, or the most similar one that is unused and valid."""
         plain = re.sub("[\x00-\x1f\x7f-\x9f/\ud800-\udfff\ufffe\uffff]", "_", name).strip() or "unnamed"
         found = plain
         if found in self.taken:
@@ -35,7 +35,7 @@ class Names:
         return found
 
     def take_all(self, names: Sequence[str], suffix: str) -> dict[int, str]:
-        """Return the names by their number; unused names first, so that none of them changes."""
+        """Return the names by index; unused names are assigned first, so that they do not change."""
         order = sorted(range(len(names)), key=lambda k: names[k] in self.taken)
         found = {k: self.take(names[k], suffix) for k in order}
         return {k: found[k] for k in range(len(names))}

@@ -1,4 +1,4 @@
-"""The readers of uqmbd: URDF and MJCF."""
+"""Readers of URDF and MJCF."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["MJCF", "URDF"]
 
 @uqmbd.extend.typechecked
 class URDF:
-    """Robots in the Unified Robot Description Format.
+    """Reader of robots in the Unified Robot Description Format.
 
     Examples
     --------
@@ -39,12 +39,12 @@ class URDF:
         outputs: bool = True,
         inertia: Literal["refuse", "as stated", "repair"] = "refuse",
     ) -> uqmbd.extend.ImportedMechanism:
-        """Return the mechanism, see `uqmbd.from_urdf`.
+        """Return the mechanism; see `uqmbd.from_urdf`.
 
         Parameters
         ----------
         path : str or path
-            The file.
+            Path of the file.
         floating : bool
             See `uqmbd.from_urdf`.
         fuse, outputs : bool
@@ -52,17 +52,21 @@ class URDF:
         inertia : {"refuse", "as stated", "repair"}
             See `uqmbd.from_urdf`.
 
+        Returns
+        -------
+        uqmbd.extend.ImportedMechanism
+
         Raises
         ------
         uqmbd.StudyError
-            If the file cannot be read or used, with the line and the element.
+            If the file cannot be read or used; the message states the line and the element.
         """
         return build(read_urdf(os.fspath(path), floating), fuse_all=fuse, outputs=outputs, inertia=inertia)
 
 
 @uqmbd.extend.typechecked
 class MJCF:
-    """Models in the format of MuJoCo.
+    """Reader of models in the format of MuJoCo.
 
     Examples
     --------
@@ -80,12 +84,12 @@ class MJCF:
     def read(
         self, path: str | os.PathLike[str], keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
     ) -> uqmbd.extend.ImportedMechanism:
-        """Return the mechanism, see `uqmbd.from_mjcf`.
+        """Return the mechanism; see `uqmbd.from_mjcf`.
 
         Parameters
         ----------
         path : str or path
-            The file.
+            Path of the file.
         keyframe : str or int, optional
             See `uqmbd.from_mjcf`.
         fuse, outputs : bool

@@ -1,4 +1,4 @@
-"""Rotations in numbers, as quaternions with the scalar first; SciPy does the arithmetic."""
+"""Rotations as quaternions with the scalar first; SciPy computes them."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["about", "across", "from_rpy", "inverse", "matrix", "product", "turne
 
 
 def product(a: Any, b: Any) -> Array:
-    """Quaternion of rotation b followed by a, ``a b``."""
+    """Return the quaternion of rotation b followed by a, ``a b``."""
     (p, *u), (q, *v) = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     return np.array([p * q - np.dot(u, v), *(p * np.asarray(v) + q * np.asarray(u) + np.cross(u, v))])
 
 
 def inverse(a: Any) -> Array:
-    """Quaternion of the inverse rotation."""
+    """Return the quaternion of the inverse rotation."""
     return np.asarray(a, dtype=float) * (1, -1, -1, -1)
 
 
 def about(axis: Any, angle: float) -> Array:
-    """Quaternion of a rotation about a unit axis.
+    """Return the quaternion of a rotation about a unit axis by an angle, rad.
 
     >>> about((0, 0, 1), np.pi).round(3).tolist()
     [0.0, 0.0, 0.0, 1.0]
@@ -33,19 +33,19 @@ def about(axis: Any, angle: float) -> Array:
 
 
 def matrix(quaternion: Any) -> Array:
-    """Rotation matrix of a quaternion."""
+    """Return the rotation matrix (3, 3) of a quaternion."""
     found: Array = Rotation.from_quat(np.asarray(quaternion, dtype=float), scalar_first=True).as_matrix()
     return found
 
 
 def turned(quaternion: Any, vector: Any) -> Array:
-    """Turn a vector."""
+    """Return a rotated vector (3,)."""
     found: Array = matrix(quaternion) @ np.asarray(vector, dtype=float)
     return found
 
 
 def from_rpy(angles: Any) -> Array:
-    """Quaternion of rotations about the fixed axes x, y and z, one after the other.
+    """Return the quaternion of successive rotations about the fixed axes x, y and z, by angles, rad.
 
     >>> from_rpy((0, 0, np.pi / 2)).round(3).tolist()
     [0.707, 0.0, 0.0, 0.707]
@@ -55,7 +55,7 @@ def from_rpy(angles: Any) -> Array:
 
 
 def across(axis: Any) -> tuple[Array, Array]:
-    """Two directions across a unit axis: where the shortest turn from z to the axis takes x and y.
+    """Return two directions across a unit axis, from x and y by the shortest rotation of z to the axis.
 
     >>> [x.round(3).tolist() for x in across((1, 0, 0))]
     [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]

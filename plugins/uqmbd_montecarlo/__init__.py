@@ -1,4 +1,4 @@
-"""Monte Carlo: the reference that every other method is measured against."""
+"""Monte Carlo method, the reference for all other methods."""
 
 from __future__ import annotations
 

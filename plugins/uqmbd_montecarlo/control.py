@@ -1,4 +1,4 @@
-"""Control variates: mean and variance of samples, with a surrogate of known moments, or a low-cost model."""
+"""Control variates for mean and variance of samples: a surrogate with known moments, or a low-cost model."""
 
 from __future__ import annotations
 
@@ -15,44 +15,45 @@ __all__ = ["FOLDS", "LEAST_SAMPLES", "Controlled", "controlled_statistics", "con
 
 
 FOLDS = 10
-"""Parts of the samples; the factors of each part come from the others, so that they do not depend on it."""
+"""Number of parts of the samples; the factors of a part come from the other parts, so they are independent of it."""
 
 LEAST_SAMPLES = 5 * FOLDS
-"""With fewer samples the factors are too uncertain: a poor surrogate would increase the error."""
+"""Least number of samples; with fewer, uncertain factors of a poor surrogate would increase the error."""
 
-# What is gathered of each sample. The responses are not gathered themselves but by what the surrogate leaves of them:
-# where it is good, no digits are lost.
+# Indices of the variables of each sample. The variables are differences between response and surrogate instead of
+# responses: this preserves digits if the surrogate is accurate.
 _D, _W, _I, _Z1, _Z2 = range(5)
 _MEAN_TARGETS, _ALL_TARGETS = (_D, _I), (_D, _W, _I)
 
 
 @dataclass(frozen=True)
 class Controlled:
-    """Estimates with a control, each of shape (C,), in the units of `variables`; variances in their square."""
+    """Estimates with a control, each of shape (C,), in the units of `variables`; variances in squared units."""
 
-    mean: Array  # of the responses less the shift
-    variance: Array  # of the responses
-    error_mean: Array  # standard error, as `error_variance`
+    mean: Array  # mean of the responses minus the shift
+    variance: Array  # variance of the responses
+    error_mean: Array  # standard error, like `error_variance`
     error_variance: Array
-    alone_mean: Array  # standard error without control, as `alone_variance`
+    alone_mean: Array  # standard error without control, like `alone_variance`
     alone_variance: Array
     reduction_mean: Array
-    """Variance of the estimate without control over that with it, as `reduction_variance`; at most 4.5e15."""
+    """Ratio of the variances of the estimate without and with control, like `reduction_variance`; at most 4.5e15."""
     reduction_variance: Array
 
 
 def fold_of(index: ArrayLike, samples: int) -> NDArray[np.int64]:
-    """Return the fold of each sample: equal parts in sequence."""
+    """Return the fold of each sample; folds are equal parts in sequence."""
     return np.asarray(index, dtype=np.int64) * FOLDS // samples
 
 
 def variables(response: Array, surrogate: Array, fine: NDArray[np.bool_]) -> Array:
     """Return I u - z, I u^2 - z^2, I, and the controls z and z^2 - 1 of samples, shape (S, 5, C).
 
-    u is the `response` (S, C) less the shift (a number near its mean, the same for all samples), over the surrogate's
-    deviation; its values at failed samples have no effect. z is the `surrogate` (S, C) less its expectation, over its
-    deviation. I is 1 for a sample that succeeded (`fine`), else 0. The expectations of the controls over all samples,
-    failed ones included, are zero.
+    Both arguments are standardised by the caller. u is `response` (S, C): each response minus a shift is divided by the
+    standard deviation of the surrogate. The shift is a number near the mean response, and is the same for all samples.
+    Values of u at failed samples have no effect. z is `surrogate` (S, C): each value minus the expectation of the
+    surrogate is divided by its standard deviation. I is 1 for a successful sample (`fine`), otherwise 0. The
+    expectations of the controls over all samples, including failed ones, are zero.
     """
     found = np.empty((len(fine), 5, response.shape[1]))
     good = fine[:, None]
@@ -67,31 +68,32 @@ def variables(response: Array, surrogate: Array, fine: NDArray[np.bool_]) -> Arr
 
 
 def controls(surrogate: Array) -> Array:
-    """Return the moments of realisations of the surrogate alone, shape (S, 2, C), from those of `variables`."""
+    """Return the controls z and z^2 - 1 of `variables`, shape (S, 2, C), for values z (S, C) of the surrogate alone."""
     return np.stack([surrogate, surrogate**2 - 1.0], axis=1)
 
 
 def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments | None = None) -> Controlled:
-    """Estimate mean and variance from `folds` of `variables` with a surrogate as control variate, cross-fitted.
+    """Return mean and variance from `folds` of `variables` with a surrogate as control variate, cross-fitted.
 
-    The mean of fold k is mean(u_k) - b_k mean(z_k), whose factor b_k is the regression coefficient of the other folds:
-    it is independent of the fold, so the estimate is unbiased for any surrogate (Avramidis and Wilson, A splitting
-    scheme for control variates, 1993; Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 4.1). The
-    second moment is estimated likewise with the controls z and z^2 - 1; the square of the mean (with the same
-    controls), less its own variance, is subtracted. So the variance is unbiased except for the error of that last term.
-    Standard errors come from the residuals, each with the factors of the other folds. The errors of the variance come
-    from fourth powers: with heavy tails they are too small, more often so where the surrogate is good everywhere but in
-    the tails.
+    The mean of fold k is mean(u_k) - b_k mean(z_k), with the regression coefficient b_k of the other folds. b_k is
+    independent of fold k, so the estimate is unbiased for any surrogate (Avramidis and Wilson, A splitting scheme for
+    control variates, 1993; Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 4.1). The second
+    moment is estimated in the same way with the controls z and z^2 - 1. The variance is the second moment minus the
+    square of the mean (with the same controls) plus the variance of the mean. So the estimate is unbiased except for
+    the error of the variance of the mean. Standard errors are computed from the residuals of each fold, with the
+    factors of the other folds. Errors of the variance are computed from fourth powers. With heavy tails, these errors
+    are too small, and more often so if the surrogate is accurate except in the tails.
 
-    If the expectations of the controls are unknown, their means over `further` replace them. These are moments of
-    `controls` at two or more independent realisations of the surrogate: approximate control variates (Gorodetsky et
-    al., Journal of Computational Physics 408 (2020) 109257). With two levels they are multifidelity Monte Carlo
-    (Peherstorfer, Willcox and Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194). With n samples
-    and N further realisations the best factors are those above times N / (n + N). The variance of these means is added
-    to that of the estimate.
+    If the expectations of the controls are unknown, their means over `further` replace them. `further` contains moments
+    of `controls` at two or more independent realisations of the surrogate. This method is known as approximate control
+    variates (Gorodetsky et al., Journal of Computational Physics 408 (2020) 109257). With two levels, this method is
+    multifidelity Monte Carlo (Peherstorfer, Willcox and Gunzburger, SIAM Journal on Scientific Computing 38 (2016)
+    A3163-A3194). With n samples and N further realisations, the best factors are the above factors times N / (n + N).
+    The variance of the means over `further` is added to the variance of the estimate.
 
-    Where samples failed, responses and successes are estimated alike, and divided: the statistics are those of the
-    inputs that do not fail, as without a control, though the surrogate's expectation is known over all inputs only.
+    If samples fail, the expectations of responses and of successes are estimated in the same way. The estimate is the
+    expectation of the responses divided by the expectation of the successes. As without a control, the statistics are
+    then those of the inputs whose realisations succeed. The expectation of the surrogate is known only over all inputs.
     """
     used = [fold for fold in folds if fold.count]
     others = _others(used)
@@ -113,12 +115,12 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
 
 
 def _moments(values: Array, covariance: Array) -> tuple[Array, Array, Array, Array]:
-    """Mean and variance of the samples that succeeded, and the variances of both estimates."""
+    """Return mean and variance of the successful samples, and the variances of both estimates."""
     response, square, success = values[0], values[1] + 1.0, values[2]
     mean, second = response / success, square / success
     of_mean = _quadratic(np.stack([1 / success, 0 * mean, -mean / success]), covariance)
     slope = np.stack([-2 * mean / success, 1 / success, (2 * mean**2 - second) / success])
-    # the square of the mean exceeds that of the expectation by the variance of the mean, whose own square counts twice
+    # the square of the mean is biased by the variance of the mean; the error contains twice the square of this variance
     return mean, second - mean**2 + of_mean, of_mean, _quadratic(slope, covariance) + 2 * of_mean**2
 
 
@@ -129,7 +131,7 @@ def _estimate(
     controls: tuple[int, ...],
     further: JointMoments | None,
 ) -> tuple[Array, Array]:
-    """Estimate expectations of targets (N, C) with controls, and the covariance (N, N, C) of these estimates."""
+    """Return estimates of expectations of targets (N, C) with controls, and their covariance (N, N, C)."""
     count = sum(fold.count for fold in folds)
     weight = 1.0 if further is None else further.count / (count + further.count)
     total: JointMoments | None = None
@@ -153,15 +155,15 @@ def _estimate(
 def _residual(
     fitted_to: JointMoments, targets: tuple[int, ...], controls: tuple[int, ...], weight: float
 ) -> tuple[Array, Array]:
-    """Return the matrix (N, 5, C) that maps `variables` to targets less their regression on the controls, weighted.
+    """Return the matrix (N, 5, C) that maps `variables` to targets minus their weighted regression on the controls.
 
-    Also the factors (N, 2, C) of both controls that are taken off.
+    Return also the factors (N, 2, C) of both controls that are subtracted.
     """
     columns = fitted_to.mean.shape[1]
     matrix, taken = np.zeros((len(targets), 5, columns)), np.zeros((len(targets), 2, columns))
     for row, off, target in zip(matrix, taken, targets, strict=True):
         row[target] = 1.0
-        # a response is what the surrogate leaves of it, and the surrogate: its factor in the response is one more
+        # a response is a difference plus the surrogate, so the factor of the control increases by one
         own = {_D: (_Z1,), _W: (_Z2,), _I: ()}[target]
         for control in own:
             row[control] = 1.0 if control not in controls else 1.0 - weight
@@ -172,7 +174,7 @@ def _residual(
 
 
 def _regression(products: Array, target: int, controls: tuple[int, ...]) -> list[Array]:
-    """Return coefficients (C,) of the controls, one or two; 0 for a redundant control."""
+    """Return coefficients (C,) of one or two controls; 0 for a redundant control."""
     if not controls:
         return []
     first, *second = controls
@@ -187,7 +189,7 @@ def _regression(products: Array, target: int, controls: tuple[int, ...]) -> list
 
 
 def _others(folds: Sequence[JointMoments]) -> list[JointMoments]:
-    """Moments of all folds but each, by merging from both ends."""
+    """Return the moments of all folds except each one, by merging from both ends."""
     empty = folds[0].empty()
     left, right = [empty], [empty]
     for fold in folds[:-1]:

@@ -1,4 +1,4 @@
-"""Joint sums of samples and a control variate, gathered as the samples arrive."""
+"""Joint moments of samples and a control variate, accumulated during the run."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ __all__ = ["ROUNDING", "Control", "ControlledSums"]
 
 
 ROUNDING = 32.0 * np.finfo(float).eps
-"""Numbers that differ by less than this share of them are the same."""
+"""Relative difference below which numbers are equal."""
 
 
 class Control(Protocol):
     """Control variate of `ControlledSums`; arrays (C,) are over outputs and times."""
 
-    words: str  # its name in messages
-    centre: Array  # the values are measured from it; valid after the first values
-    unit: Array  # the values are measured in it; valid after the first values
+    words: str  # name in messages
+    centre: Array  # origin of the values; defined only after the first values
+    unit: Array  # unit of the values; defined only after the first values
 
     @property
     def useful(self) -> Mask:
-        """Whether it varies (C,), known once it has given all values."""
+        """Mask (C,): whether the control varies; defined only after all values."""
 
     def standardised(self, first: int, count: int) -> Array:
-        """Return its values at samples from index `first` on, less the centre, in units (count, C)."""
+        """Return (value - centre) / unit, shape (count, C), at samples from index `first` on."""
 
 
 class ControlledSums:
-    """Moments of samples and of a control at them, in memory that does not grow with their number."""
+    """Moments of samples and of a control at the samples, with memory independent of their number."""
 
     def __init__(self, control: Control, samples: int) -> None:
         self._control, self._samples = control, samples
@@ -43,11 +43,11 @@ class ControlledSums:
         self._folds: list[JointMoments | None] = [None] * FOLDS
 
     def add(self, first: int, response: Array, fine: NDArray[np.bool_]) -> None:
-        """Add samples from index `first` on: responses (K, output, time), and which of them succeeded (K,)."""
+        """Add samples from index `first` on: responses (K, output, time), and the mask (K,) of successful samples."""
         surrogate = self._control.standardised(first, len(fine))
         found = (response.reshape(len(fine), -1) - self._control.centre) / self._control.unit
         if self._shift is None:
-            # near the mean, so that no digits are lost; the estimates do not depend on it
+            # a shift near the mean preserves digits; the estimates do not depend on the shift
             self._shift = found[fine].mean(axis=0) if fine.any() else np.zeros(found.shape[1])
         gathered = variables(found - self._shift, surrogate, fine)
         of_fold = fold_of(np.arange(first, first + len(fine)), self._samples)
@@ -56,9 +56,9 @@ class ControlledSums:
             self._folds[k] = part if before is None else before.merge(part)
 
     def left(self) -> float:
-        """Return the share of the variances of mean and deviation that the control leaves, if its own mean is known.
+        """Return the share of the variances of mean and deviation that a control with a known mean leaves.
 
-        It is the mean over all outputs and times that vary, and over both statistics; 1 where none does.
+        The share is the mean over both statistics, and all outputs and times that vary; it is 1 if no output varies.
         """
         found = self._found(None)
         deviation = np.sqrt(np.maximum(found.variance, 0.0)) * self._control.unit
@@ -78,11 +78,11 @@ class ControlledSums:
         return controlled_statistics([fold for fold in self._folds if fold is not None], further)
 
     def apply(self, statistics: xr.Dataset, further: JointMoments | None = None) -> xr.Dataset:
-        """Write controlled estimates of mean and deviation, and variance reductions, into statistics of samples.
+        """Return statistics with controlled estimates of mean and deviation, and with variance reductions.
 
-        Statistics do not change where the control or the output does not vary, nor the deviation where its estimate is
-        not positive. `further` are moments of the control alone, where its expectation is unknown; see
-        `controlled_statistics`.
+        Statistics do not change if the control or the output does not vary. The standard deviation does not change if
+        the controlled estimate is not positive. `further`: moments of the control alone, if its expectation is unknown;
+        see `controlled_statistics`.
         """
         found = self._found(further)
         mean, std = statistics["mean"].values, statistics["std"].values
@@ -100,7 +100,7 @@ class ControlledSums:
             "std": controlled_std,
             "variance": controlled_std**2,
         }
-        # errors of samples are wider than the usual ones, so that 1.96 of them hold 95 %; those with a control alike
+        # scale errors as for samples, so that 1.96 standard errors cover 95 %
         deviation_alone = np.where(std > 0, std, 1.0).ravel()
         for name, error, alone, where in (
             ("std_error_mean", unit * found.error_mean, unit * found.alone_mean, useful),

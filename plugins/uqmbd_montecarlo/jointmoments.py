@@ -1,4 +1,4 @@
-"""Means and products of several variables, gathered chunk by chunk."""
+"""Means and products of several variables, accumulated chunk by chunk."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ __all__ = ["JointMoments"]
 class JointMoments:
     """Number, means and central products of samples of V variables in C columns.
 
-    Two of them merge into that of all samples. See Pebay, Formulas for robust, one-pass parallel computation of
-    covariances and arbitrary-order statistical moments, Sandia report SAND2008-6212 (2008).
+    Two objects can be merged; the result contains the moments of the samples of both. See Pebay, Formulas for robust,
+    one-pass parallel computation of covariances and arbitrary-order statistical moments, Sandia report SAND2008-6212
+    (2008).
     """
 
     count: int
@@ -25,7 +26,7 @@ class JointMoments:
 
     @classmethod
     def of(cls, samples: Array) -> JointMoments:
-        """Gather samples, shape (S, V, C); S may be zero."""
+        """Return the moments of samples, shape (S, V, C); S may be zero."""
         _, width, columns = samples.shape
         products = np.zeros((width, width, columns))
         if not len(samples):
@@ -38,11 +39,11 @@ class JointMoments:
         return cls(len(samples), mean, products)
 
     def empty(self) -> JointMoments:
-        """Return that of no samples."""
+        """Return the moments of no samples."""
         return JointMoments(0, np.zeros_like(self.mean), np.zeros_like(self.products))
 
     def merge(self, other: JointMoments) -> JointMoments:
-        """Gather the samples of both."""
+        """Return the moments of the samples of both objects."""
         if not self.count or not other.count:
             return other if not self.count else self
         n = self.count + other.count

@@ -1,7 +1,7 @@
-"""Fixtures of pytest for the tests of plugins: the checks of `uqmbd.testing`, which need no import.
+"""Fixtures of pytest for the tests of plugins: the checks of `uqmbd.testing`, available without an import.
 
-pytest loads this module in every run where uqmbd is installed, also in those that have nothing to do with it.  So it is
-a package of its own, which imports nothing of uqmbd before a fixture is used, and has no options and no hooks.
+pytest loads this module in every run of an environment with uqmbd, even if the run does not use uqmbd. It is therefore
+a separate package without options and hooks, which imports uqmbd only when a fixture is used.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = [
 
 @pytest.fixture(scope="session")
 def uqmbd_component() -> Callable[..., None]:
-    """Check a component: `uqmbd.testing.check_component`."""
+    """Return the check of a component: `uqmbd.testing.check_component`."""
     from uqmbd.testing import check_component
 
     return check_component
@@ -33,7 +33,7 @@ def uqmbd_component() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def uqmbd_propagator() -> Callable[..., None]:
-    """Check a propagator: `uqmbd.testing.check_propagator`."""
+    """Return the check of a propagator: `uqmbd.testing.check_propagator`."""
     from uqmbd.testing import check_propagator
 
     return check_propagator
@@ -41,7 +41,7 @@ def uqmbd_propagator() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def uqmbd_integrator() -> Callable[..., None]:
-    """Check an integrator: `uqmbd.testing.check_integrator`."""
+    """Return the check of an integrator: `uqmbd.testing.check_integrator`."""
     from uqmbd.testing import check_integrator
 
     return check_integrator
@@ -49,7 +49,7 @@ def uqmbd_integrator() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def uqmbd_design() -> Callable[..., None]:
-    """Check a sampling design: `uqmbd.testing.check_design`."""
+    """Return the check of a sampling design: `uqmbd.testing.check_design`."""
     from uqmbd.testing import check_design
 
     return check_design
@@ -57,7 +57,7 @@ def uqmbd_design() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def uqmbd_command() -> Callable[..., None]:
-    """Check a command: `uqmbd.testing.check_command`."""
+    """Return the check of a command: `uqmbd.testing.check_command`."""
     from uqmbd.testing import check_command
 
     return check_command
@@ -65,7 +65,7 @@ def uqmbd_command() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def uqmbd_section() -> Callable[..., None]:
-    """Check a section of the report: `uqmbd.testing.check_section`."""
+    """Return the check of a report section: `uqmbd.testing.check_section`."""
     from uqmbd.testing import check_section
 
     return check_section

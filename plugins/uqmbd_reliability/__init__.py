@@ -1,4 +1,4 @@
-"""Probabilities that a mechanism violates its requirements, also rare ones, and tolerances that meet them."""
+"""Probabilities of violated requirements, including rare violations, and tolerances that reach a probability."""
 
 from __future__ import annotations
 

@@ -15,15 +15,15 @@ __all__ = ["ProbabilityEstimate", "derivatives", "estimate", "failing", "tail_in
 
 CONFIDENCE = 0.95
 FEW = 5.0
-"""Effective number of violations below which their mean is not normal on any scale."""
+"""Effective number of violations below which no scale makes the distribution of their mean normal."""
 
 HEAVY = 0.4
-"""Tail index of weights above which the standard error is too small more often than not; it is infinite above 0.5."""
+"""Tail index of weights above which the standard error is mostly too small; it is infinite above 0.5."""
 
 
 @dataclass(frozen=True)
 class ProbabilityEstimate:
-    """A probability, its standard error, and its interval of 95 %."""
+    """Probability, its standard error, and its 95 % interval."""
 
     probability: float
     error: float
@@ -37,9 +37,9 @@ class ProbabilityEstimate:
 
 
 def with_any(margins: Array) -> Array:
-    """Append the margin of any violation, where there are several: (K, R, ...) to (K, R + 1, ...).
+    """Append the margin of any violation if there are several requirements: (K, R, ...) to (K, R + 1, ...).
 
-    Only its sign has a meaning, not its size.
+    Only the sign of this margin is meaningful.
 
     >>> with_any(np.array([[1.0, -2.0], [3.0, 4.0]])).tolist()
     [[1.0, -2.0, -2.0], [3.0, 4.0, 3.0]]
@@ -52,9 +52,9 @@ def with_any(margins: Array) -> Array:
 def tail_index(weights: Array) -> float:
     """Return the shape of a generalised Pareto distribution fitted to the largest weights.
 
-    This is the estimator of Zhang and Stephens, Technometrics 51 (2009) 316, shrunk to 0.5 with the weight of ten
-    observations. Pareto smoothed importance sampling does the same (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72):
-    SciPy's fit by maximum likelihood fails on samples as small as these.
+    The estimator is by Zhang and Stephens, Technometrics 51 (2009) 316, shrunk to 0.5 with the weight of ten
+    observations. Pareto smoothed importance sampling does the same (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72).
+    SciPy's maximum likelihood fit fails on samples as small as these.
     """
     ordered = np.sort(weights[weights > 0])[::-1]
     tail = int(min(len(ordered) / 5, 3 * np.sqrt(len(ordered))))
@@ -62,7 +62,7 @@ def tail_index(weights: Array) -> float:
         return 0.5
     x = (ordered[:tail] - ordered[tail])[::-1]
     if not x[0] > 0 or not x[int(tail / 4 + 0.5) - 1] > 0:
-        return -1.0  # as good as equal
+        return -1.0  # the weights are nearly equal
     count = 30 + int(tail**0.5)
     b = (1 - np.sqrt(count / (np.arange(1, count + 1) - 0.5))) / (3 * x[int(tail / 4 + 0.5) - 1]) + 1 / x[-1]
     k = np.log1p(-b[:, None] * x).mean(axis=1)
@@ -73,11 +73,11 @@ def tail_index(weights: Array) -> float:
 
 
 def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int, int] = (0, 0)) -> ProbabilityEstimate:
-    """Return the probability of violation from weights (N,) of the samples that violate, and of those that fail.
+    """Return the probability of violation from the weights (N,) of violations and of failed realisations.
 
-    Weights of other samples are zero. The probability is that of the realisations that do not fail; the interval holds
-    for any margins of the failed ones. `standard` is the number of standard normal samples without a violation, for the
-    bound where there is none at all; `pilot` the number of standard normal samples, and of those that failed.
+    Weights of other samples are zero. The probability refers to realisations that do not fail; the interval is valid
+    for any margins of the failed ones. `standard`: number of standard normal samples, for the bound if there is no
+    violation; `pilot`: number of standard normal pilot samples, and of failures among them.
     """
     low, high = _bounds(violations, standard)
     lost, most_lost = failing(failures, *pilot)
@@ -91,7 +91,7 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
 def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:
     """Return the probability that a realisation fails, and its upper bound, from weights (N,) of failed samples.
 
-    Weights of other samples are zero. Of `standard` further standard normal samples, `failed` failed.
+    Weights of other samples are zero. `failed` of `standard` additional standard normal samples failed.
 
     >>> failing(np.zeros(10), 100, 0)
     (0.0, 0.0)
@@ -106,15 +106,15 @@ def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:
     if not total > 0:
         return failed / standard, counted
     weighted = weighted_bound(failures / len(failures))
-    # failures far from the pilot's points are known by weights, those among them by counting, too
+    # failures far from the pilot's points have only weights, but failures of the pilot can also be counted
     return (float(failures.mean()), min(counted, weighted)) if failed else (float(failures.mean()), weighted)
 
 
 def weighted_bound(weights: Array) -> float:
     """Return the upper bound of a sum of weights of rare events.
 
-    This is the gamma interval of Fay and Feuer, Statistics in Medicine 16 (1997) 791, which holds for a single event,
-    too.
+    This is the gamma interval of Fay and Feuer, Statistics in Medicine 16 (1997) 791, which is valid even for a single
+    event.
 
     >>> round(weighted_bound(np.array([0.0, 0.1, 0.0])), 3)  # one event: that of a count of one
     0.557
@@ -131,7 +131,7 @@ def _count_bound(count: int, samples: int) -> float:
 
 
 def _bounds(weights: Array, standard: int) -> tuple[float, float]:
-    """Bounds of a mean of weights, on the scale of its logarithm: they are skewed, and so is their mean."""
+    """Return bounds of a mean of weights, on a logarithmic scale, because weights and their mean are skewed."""
     total = weights.sum()
     if not total > 0:
         return 0.0, _count_bound(0, max(standard, 1))
@@ -140,7 +140,7 @@ def _bounds(weights: Array, standard: int) -> tuple[float, float]:
     effective = total**2 / float((weights**2).sum())
     wider = 1.0 + 3.0 * max(tail_index(weights) - HEAVY, 0.0)
     half = float(stdtrit(max(effective - 1.0, 1.0), 0.5 + CONFIDENCE / 2)) * cov * wider
-    # beyond that an exponential says nothing
+    # avoid overflow of the exponential function
     factor = float(np.exp(min(half, 50.0)))
     high = weighted_bound(weights / len(weights)) if effective < FEW else mean * factor
     return mean / factor, min(high, 1.0)
@@ -149,8 +149,8 @@ def _bounds(weights: Array, standard: int) -> tuple[float, float]:
 def derivatives(violations: Array, scores: Array, failures: Array) -> tuple[Array, Array]:
     """Return the derivatives (2, d) of a probability by two parameters of each input, and their covariance (2, 2, d).
 
-    Scores (N, 2, d) are the derivatives of the logarithm of the density of the inputs. The derivative of a probability
-    is their expectation over the violations: no further realisation is needed. Violations and failures (N,) are
+    Scores (N, 2, d) are derivatives of the logarithm of the density of the inputs. The derivative of a probability is
+    their expectation over the violations, so no additional realisation is needed. Violations and failures (N,) are
     weights.
     """
     kept = max(1.0 - float(failures.mean()), 1e-12)

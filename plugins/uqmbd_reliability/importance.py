@@ -1,4 +1,4 @@
-"""Importance sampling on real realisations: a proposal is adapted by pilots, then frozen for the samples that count."""
+"""Importance sampling with realisations: pilots adapt a proposal, which is then fixed for the estimates."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ __all__ = ["Sampled", "adapt", "coefficients", "sample"]
 
 
 PILOT = 150
-"""Samples of each round of adaptation."""
+"""Number of samples of each round of adaptation."""
 
 ROUNDS = 4
 ENOUGH = 1.6
-"""Coefficient of variation of a single sample from which more pilots do not pay."""
+"""Coefficient of variation of a single sample below which more pilots are not worth their cost."""
 
 REPAIRS = 3
 BATCH = 100
 LARGEST = 0.05
-"""Share of one sample in the estimate from which a region is taken to be missed by the proposal."""
+"""Largest share of one sample in an estimate; a larger share indicates that the proposal misses a region."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,18 +33,18 @@ class Sampled:
     """Samples of the estimates, all from one proposal."""
 
     points: Array  # (N, d) in the standard normal space
-    ratio: Array  # (N,) standard normal density over that of the proposal
-    margins: Array  # (N, requirement); NaN where a realisation failed
+    ratio: Array  # (N,) ratio of the standard normal density to the density of the proposal
+    margins: Array  # (N, requirement); NaN for failed realisations
     rows: Index  # (N,) indices in the ledger
 
     @property
     def failures(self) -> Array:
-        """Weights of realisations that failed, shape (N,)."""
+        """Weights of failed realisations, shape (N,); zero for the others."""
         return np.asarray(np.where(np.isnan(self.margins[:, 0]), self.ratio, 0.0))
 
 
 def coefficients(weights: Array) -> Array:
-    """Return the coefficient of variation of the mean of weights (N, requirement); infinite where all are zero."""
+    """Return the coefficients of variation of the means of weights (N, requirement); infinite if all are zero."""
     mean = weights.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         found = weights.std(axis=0, ddof=1) / (mean * np.sqrt(len(weights)))
@@ -52,9 +52,9 @@ def coefficients(weights: Array) -> Array:
 
 
 def adapt(ledger: LimitStateLedger, begin: Proposal, requirements: int, generator: np.random.Generator) -> Proposal:
-    """Sample pilots, and adapt the proposal to the violations of all of them.
+    """Sample pilots, and adapt the proposal to the violations of all pilots.
 
-    It ends as soon as a pilot is so good that better ones would not pay for themselves.
+    Adaptation stops when the gain by another pilot would be smaller than its cost.
     """
     current = begin
     used: list[WeightedMixture] = []
@@ -67,9 +67,9 @@ def adapt(ledger: LimitStateLedger, begin: Proposal, requirements: int, generato
         used.append(current.mixture)
         points, margins = np.concatenate([points, more]), np.concatenate([margins, found])
         variance = PILOT * coefficients(_weights(current.mixture.ratio(more), found)).max() ** 2
-        # each requirement has its part of the samples only
+        # each requirement has only its part of the samples
         good = variance + 1.0 < (ENOUGH**2 + 1.0) * requirements
-        # all pilots are samples of the mixture of their proposals
+        # all pilots together are samples of the mixture of their proposals
         ratio = 1.0 / np.mean([1.0 / mixture.ratio(points) for mixture in used], axis=0)
         if not good:
             current = proposal(
@@ -84,10 +84,10 @@ def adapt(ledger: LimitStateLedger, begin: Proposal, requirements: int, generato
 def sample(
     ledger: LimitStateLedger, begin: Proposal, requirements: int, target: float, generator: np.random.Generator
 ) -> tuple[Proposal, Sampled]:
-    """Sample until all requirements have the coefficient of variation that is wanted, or the ledger is full.
+    """Sample until all requirements have the target coefficient of variation, or no realisation is left.
 
-    Where a single sample makes up a large part of an estimate, the proposal has missed a region: it is given one there,
-    and sampling begins again, while there is room for it.
+    If a single sample contributes a large part of an estimate, the proposal misses a region. The proposal then gets
+    this region, and sampling starts again, if enough realisations are left.
     """
     current, repairs = begin, 0
     while True:
@@ -122,7 +122,7 @@ def _next_batch(ratio: Array, margins: Array, target: float, left: int) -> int:
 
 
 def _missed(points: Array, ratio: Array, margins: Array, regions: Sequence[Region], most: int) -> list[Region]:
-    """Return new regions at violations that weigh much and lie outside all that are aimed at."""
+    """Return new regions at violations with large weights outside all present regions."""
     dimension = points.shape[1]
     around = 0.3 * np.vstack([np.eye(dimension), -np.eye(dimension)])
     found: list[Region] = []

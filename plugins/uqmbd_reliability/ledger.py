@@ -1,4 +1,4 @@
-"""Calls of a limit state and their results: every realisation counts."""
+"""Limit state with a count and storage of all its realisations."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["BudgetExhausted", "LimitStateLedger", "LimitState"]
 LimitState = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
 """Function of points (K, d) of the standard normal space that returns margins (K, requirement) and failures (K,).
 
-A margin below zero is a violation.  Margins of failed realisations do not matter."""
+A margin below zero is a violation. Margins of failed realisations do not matter."""
 
 
 class BudgetExhausted(Exception):
-    """The realisations that were allowed are spent."""
+    """All allowed realisations are spent."""
 
 
 class LimitStateLedger:
-    """Limit state with a budget of `most` realisations, that stores all points and margins."""
+    """Limit state with a budget of `most` realisations, which stores all points and margins."""
 
     def __init__(self, limit: LimitState, dimension: int, most: int) -> None:
         self.dimension, self.most = dimension, most
@@ -32,14 +32,14 @@ class LimitStateLedger:
         self._margins: list[Array] = []
 
     def __call__(self, points: Array) -> Array:
-        """Return margins (K, requirement); NaN where a realisation failed.
+        """Return margins (K, requirement); NaN for failed realisations.
 
-        Raise Exhausted, without computing any, if more realisations are requested than are left.
+        Raise BudgetExhausted, without any computation, if more than the remaining realisations are requested.
         """
         if len(points) > self.left:
             raise BudgetExhausted
         margins, failed = self._limit(points)
-        # what is not finite downwards or no number is a failure; infinite upwards is safe: nothing has happened yet
+        # minus infinity and NaN are failures; plus infinity is safe, because the event has not occurred
         found = np.where(failed[:, None] | np.isnan(margins), np.nan, margins)
         found[np.isnan(found).any(axis=1)] = np.nan
         self._points.append(points)
@@ -48,12 +48,12 @@ class LimitStateLedger:
 
     @property
     def count(self) -> int:
-        """Realisations so far."""
+        """Number of realisations so far."""
         return sum(map(len, self._points))
 
     @property
     def left(self) -> int:
-        """Realisations that may still be computed."""
+        """Number of realisations that may still be computed."""
         return self.most - self.count
 
     @property

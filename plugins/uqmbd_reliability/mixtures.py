@@ -1,8 +1,8 @@
-"""Mixtures of normal distributions in many dimensions, of which each differs from the standard one in few directions.
+"""Mixtures of normal distributions in many dimensions, which differ from the standard one in few directions.
 
-scikit-learn's and OpenTURNS's mixtures have full or diagonal covariances: with 40 inputs, a full one has 820 entries
-to be fitted to some dozen violations, and the weights of the samples degenerate (OpenTURNS's NAIS: 1.3e-11 instead of
-1.1e-8 for a plane in 40 dimensions).
+Mixtures of scikit-learn and OpenTURNS have full or diagonal covariances. With 40 inputs, a full covariance has 820
+entries to fit to some dozen violations, and the weights of the samples degenerate. OpenTURNS's NAIS gives 1.3e-11
+instead of 1.1e-8 for a plane in 40 dimensions.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class Normal:
     """Normal distribution with the covariance ``B C B^T + rest (I - B B^T)``."""
 
     mean: Array  # (d,)
-    basis: Array  # (d, k) orthonormal directions B in which it differs from a multiple of the standard one
+    basis: Array  # (d, k) orthonormal directions B in which it differs from a multiple of the standard distribution
     covariance: Array  # (k, k) C, in these directions
-    rest: float = 1.0  # variance in all others
+    rest: float = 1.0  # variance in all other directions
 
     @classmethod
     def round(cls, mean: Array, variance: float = 1.0) -> Normal:
-        """Return the one with the same variance in all directions."""
+        """Return the distribution with the same variance in all directions."""
         return cls(mean, np.zeros((len(mean), 0)), np.zeros((0, 0)), variance)
 
     def sample(self, count: int, generator: np.random.Generator) -> Array:
@@ -48,7 +48,7 @@ class Normal:
         factor = np.linalg.cholesky(self.covariance)
         scaled = np.linalg.solve(factor, along.T)
         dimension, width = self.basis.shape
-        # no difference of squares where no direction is left
+        # avoid a difference of squares if no other direction is left
         others = ((away - along @ self.basis.T) ** 2).sum(axis=1) / self.rest if width < dimension else 0.0
         square = others + (scaled**2).sum(axis=0)
         determinant = np.log(np.diag(factor)).sum() + 0.5 * (dimension - width) * np.log(self.rest)
@@ -59,7 +59,7 @@ class Normal:
 class Outside:
     """Standard normal distribution outside a sphere about the origin (radial importance sampling).
 
-    All its points have the same weight in every direction, which no mixture of few normal distributions has: it suits
+    The weight of a point is the same in every direction, unlike for a mixture of few normal distributions. So it suits
     violations without a design point, such as those beyond a sphere (Harbitz, Structural Safety 3 (1986) 109).
     """
 
@@ -95,12 +95,12 @@ class WeightedMixture:
 
     @classmethod
     def of(cls, parts: Sequence[Normal | Outside], weights: Sequence[float] | Array) -> WeightedMixture:
-        """Return a mixture whose weights add up to one."""
+        """Return a mixture with weights normalised to the sum one."""
         given = np.asarray(weights, dtype=float)
         return cls(tuple(parts), given / given.sum())
 
     def sample(self, count: int, generator: np.random.Generator) -> Array:
-        """Return points (count, d): of each part its share, to the next whole number at random."""
+        """Return points (count, d), with the share of each part randomly rounded to a whole number."""
         offset = generator.random()
         edges = np.floor(np.r_[0.0, np.cumsum(self.weights[:-1]) * count, count] + offset)
         shares = np.diff(edges).astype(int)
@@ -112,7 +112,7 @@ class WeightedMixture:
         return np.asarray(found + np.log(self.weights))
 
     def ratio(self, points: Array) -> Array:
-        """Return the standard normal density over that of the mixture at points (K, d), shape (K,)."""
+        """Return the ratio (K,) of the standard normal density to the density of the mixture at points (K, d)."""
         return np.asarray(np.exp(standard_log_density(points) - logsumexp(self.log_densities(points), axis=1)))
 
 

@@ -1,4 +1,4 @@
-"""Mixtures to sample from: at design points and where violations were found, adapted to weighted violations."""
+"""Mixtures for importance sampling, at design points and known violations, adapted to weighted violations."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ __all__ = ["Proposal", "Region", "adapted", "around_points", "from_design_point"
 
 
 FULL = 10
-"""Up to so many inputs all directions are adapted; with more one, and the variance of the others."""
+"""Largest number of inputs with adaptation in all directions; for more, one, and the variance of the others."""
 
 STANDARD, ROUND, LEAST, BLUNT = 0.05, 0.08, 0.12, 0.18
-"""Shares: of the standard normal distribution; at least of the round region; at least of the others together; and,
-within a region, of the fixed distribution.
+"""Shares: of the standard normal distribution, of the round region at least, and of the others together at least; the
+last share belongs to the fixed distribution within a region.
 
-They bound the weights: by 1 / 0.05 everywhere, and near a region by some multiples of its own probability."""
+They bound the weights by 1 / 0.05, and near a region by some multiples of the probability of the region."""
 
 PRIOR = 6.0
-"""Weight of the prior, in violations; as many more as there are directions."""
+"""Weight of the prior, in violations; the number of directions is added."""
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Region where violations are likely."""
+    """Region of likely violations."""
 
     sharp: Normal | Outside  # adapted distribution
     blunt: Normal  # fixed distribution
-    requirement: int  # whose violations these are
-    log_share: float  # logarithm of a guess of its probability
+    requirement: int  # index of the violated requirement
+    log_share: float  # logarithm of an estimate of its probability
     direction: Array | None = None
-    """(d,) unit vector into the violation; None: all points farther from the origin than the nearest violation."""
+    """Unit vector (d,) into the violation; None: all points farther from the origin than the nearest violation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A mixture, and the purpose of its parts: first the standard normal one, then sharp and blunt of each region."""
+    """Mixture with the purpose of its parts: the standard normal one, then sharp and blunt parts of each region."""
 
     mixture: WeightedMixture
     regions: tuple[Region, ...]
 
 
 def from_design_point(point: DesignPoint) -> Region:
-    """Return the region behind a design point: for a plane, the violations are beyond it by 1 / beta in the mean.
+    """Return the region behind a design point; for a plane, the mean distance of violations behind it is 1 / beta.
 
-    A normal distribution of this mean and deviation, with a wider one next to it, needs 420 realisations for a standard
+    A normal distribution with this mean and deviation, combined with a wider one, needs 420 realisations for a standard
     error of 5 %. This applies at any beta above 2.
     """
     beta, unit = point.beta, point.direction
@@ -62,7 +62,7 @@ def from_design_point(point: DesignPoint) -> Region:
 
 
 def around_points(points: Array, requirement: int, log_share: float) -> Region:
-    """Return the region that violations (K, d) fill."""
+    """Return the region that contains violations (K, d)."""
     mean = points.mean(axis=0)
     unit = mean / max(float(np.linalg.norm(mean)), 1e-12)
     along = (points - mean) @ unit
@@ -76,7 +76,7 @@ def around_points(points: Array, requirement: int, log_share: float) -> Region:
 
 
 def round_region(points: Array, requirement: int) -> Region:
-    """Return the region about the origin of violations (K, d): outside of a sphere; the blunt part is wide."""
+    """Return the region outside a sphere about the origin that contains violations (K, d); its blunt part is wide."""
     dimension = points.shape[1]
     nearest = float((points**2).sum(axis=1).min())
     wide = Normal.round(np.zeros(dimension), 1.0 + nearest / dimension)
@@ -84,9 +84,9 @@ def round_region(points: Array, requirement: int) -> Region:
 
 
 def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) -> Proposal:
-    """Return the mixture of regions: each requirement has the same part, each of its regions a share of that.
+    """Return the mixture of regions, with equal parts of the requirements, divided into shares of their regions.
 
-    `shares` (region,) are probabilities of the regions within their requirement; by default the guessed ones.
+    `shares` (region,): probabilities of the regions within their requirement; default: the estimated ones.
     """
     logs = np.array([region.log_share for region in regions])
     owner = np.array([region.requirement for region in regions])
@@ -110,8 +110,8 @@ def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) ->
 def adapted(old: Proposal, points: Array, weights: Array) -> Proposal:
     """Return the proposal whose sharp parts have means and covariances of violations among points (K, d).
 
-    `weights` (K, requirement) are zero where the requirement is met. This is the cross-entropy update of a mixture: one
-    step of expectation and maximisation, shrunk towards the previous proposal.
+    `weights` (K, requirement) are zero for satisfied requirements. This is the cross-entropy update of a mixture: one
+    step of expectation maximisation, shrunk towards the previous proposal.
     """
     logs = old.mixture.log_densities(points)[:, 1:]
     both = np.logaddexp(logs[:, ::2], logs[:, 1::2])
@@ -127,7 +127,7 @@ def adapted(old: Proposal, points: Array, weights: Array) -> Proposal:
 
 
 def _shaped(unit: Array, along: float, across: float) -> tuple[Array, Array]:
-    """Basis and covariance with the variance `along` a direction, and `across` it where all directions are adapted."""
+    """Return basis and covariance with variances `along` and `across` a direction, for all adapted directions."""
     if len(unit) > FULL:
         return unit[:, None], np.array([[along]])
     return np.eye(len(unit)), across * np.eye(len(unit)) + (along - across) * np.outer(unit, unit)
@@ -144,17 +144,17 @@ def _moved(region: Region, points: Array, weights: Array) -> Region:
         outside = Outside.around(nearest, points.shape[1])
         sharp = outside if isinstance(normal, Outside) and outside.radius < normal.radius else normal
         return replace(region, sharp=sharp, log_share=log_share)
-    # shares, whose squares do not underflow
+    # normalise, so that squares of weights do not underflow
     weights = weights / total
     effective = 1.0 / float((weights**2).sum())
     basis = normal.basis
     dimension, width = basis.shape
-    few = effective / (effective + 2.0)  # one number is known from few violations
+    few = effective / (effective + 2.0)  # few violations determine a single number
     centre = weights @ points
-    # only in the directions that are adapted: the mean of the others is noise
+    # shift only in the adapted directions, because the mean in the others is noise
     mean = normal.mean + effective / (effective + PRIOR) * (basis @ (basis.T @ (centre - normal.mean)))
     away = points - mean
-    # first a variance along and one across, then, where there are enough violations, all covariances
+    # adapt the variances along and across, and with enough violations all covariances
     along = float(weights @ (away @ unit) ** 2)
     across = (float(weights @ (away**2).sum(axis=1)) - along) / max(dimension - 1, 1)
     before = float(unit @ basis @ normal.covariance @ basis.T @ unit)

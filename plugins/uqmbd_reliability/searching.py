@@ -1,9 +1,9 @@
-"""Design points: the points of the limits that are nearest to the origin, from several starts at once.
+"""Design points, the points of the limits nearest to the origin, by simultaneous searches from several starts.
 
-OpenTURNS's FORM evaluates the gradient at a point in one stack, but one start after the other, and single points in
+OpenTURNS's FORM evaluates the gradient at a point in one stack, but runs one start after another, with single points in
 between. It needs 11 calls and 20 points for a plane in two dimensions, and 26 and 50 for a parabola. A plane in 40
-dimensions takes 415 points. It cannot continue if a realisation fails; its MultiFORM raises where branches are
-symmetric. Here all starts and all requirements go in one stack, and with many inputs gradients are updated rather than
+dimensions needs 415 points. It cannot continue if a realisation fails, and its MultiFORM raises an error for symmetric
+branches. Here, one stack contains all starts and all requirements. With many inputs, gradients are updated instead of
 computed again.
 """
 
@@ -20,32 +20,32 @@ __all__ = ["DesignPoint", "distinct", "search", "starts"]
 
 
 STEP = 0.05
-"""Of finite differences: so large that the integration error divided by it is small."""
+"""Step of finite differences, large enough to make the integration error in the difference quotient small."""
 
 FULL = 6
-"""Up to so many inputs gradients are computed in each step; with more they are updated by Broyden's formula."""
+"""Largest number of inputs with computed gradients in each step; for more, Broyden's formula updates them."""
 
 ROUNDS = 12
 FARTHEST = 9.0
-"""Beyond this distance from the origin violations have probabilities below 1e-18."""
+"""Distance from the origin beyond which violations have probabilities below 1e-18."""
 
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
     """Most likely point of violation."""
 
-    requirement: int  # whose margin is zero there
+    requirement: int  # index of the requirement whose margin is zero at the point
     point: Array  # (d,) in the standard normal space
-    beta: float  # its distance from the origin; negative where the origin is a violation
-    direction: Array  # (d,) unit vector into the violation: against the gradient of the margin
+    beta: float  # distance from the origin; negative if the origin is a violation
+    direction: Array  # (d,) unit vector into the violation: opposite to the gradient of the margin
 
 
 def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
-    """Choose at most `most` start points (S, d) of searches.
+    """Return at most `most` start points (S, d) of searches.
 
-    Their rays from the origin seem to meet the limit soonest. Their directions differ by at least 45 degrees; they are
-    scaled to where the rays seem to meet it. Known margins (K,) are NaN where a realisation failed; `origin` is the
-    margin of the origin.
+    Rays from the origin through these points seem to reach the limit soonest, with directions at least 45 degrees
+    apart. The points are scaled to the estimated limit on the ray. Known margins (K,) are NaN for failed realisations;
+    `origin` is the margin of the origin.
     """
     distance = np.linalg.norm(points, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -59,17 +59,16 @@ def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
             chosen.append(int(k))
         if len(chosen) == most:
             break
-    # interpolated where it was passed, not extrapolated far
+    # interpolate behind a violation, but limit the extrapolation
     scale = [min(met[k], 1.5 * distance[k] + 1.0) / distance[k] for k in chosen]
     return np.array([points[k] * s for k, s in zip(chosen, scale, strict=True)]).reshape(-1, points.shape[1])
 
 
 def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: Array) -> list[DesignPoint]:
-    """Search design points from all starts (S, d) together.
+    """Return design points of simultaneous searches from all starts (S, d).
 
-    Steps are those of Hasofer, Lind, Rackwitz and Fiessler with backtracking. `requirement` (S,) is the index of the
-    margin for each start, `origin` (requirement,) holds the margins of the origin. Several searches may end at the same
-    point.
+    Steps follow Hasofer, Lind, Rackwitz and Fiessler with backtracking. `requirement` (S,): index of the margin for
+    each start; `origin` (requirement,): margins of the origin. Several searches may end at the same point.
     """
     paths = [_SearchPath(u, int(r)) for u, r in zip(begin, requirement, strict=True)]
     for _ in range(ROUNDS):
@@ -93,7 +92,7 @@ def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: A
 
 
 class _SearchPath:
-    """One search: its next request, and its reaction to the result."""
+    """Search from one start: its next points, and its reaction to their margins."""
 
     def __init__(self, begin: Array, requirement: int) -> None:
         self.requirement = requirement
@@ -105,20 +104,20 @@ class _SearchPath:
         self.done = self.ended = False
 
     def asked(self) -> Array:
-        """Return the points that are to be computed."""
+        """Return the points to be computed."""
         if not self.fresh:
             return self.tried[None]
         return np.concatenate([self.tried[None], self.tried + STEP * np.eye(len(self.tried))])
 
     def hear(self, margins: Array) -> None:
-        """Take the margins of the request, and choose the next step."""
+        """Process the margins of the requested points, and choose the next step."""
         margin, slope = float(margins[0]), self.slope
         if self.fresh and len(margins) > 1:
             slope = (margins[1:] - margin) / STEP
         elif np.isfinite(margin) and np.isfinite(self.margin):
             moved = self.tried - self.point
             slope = slope + (margin - self.margin - slope @ moved) / max(float(moved @ moved), 1e-12) * moved
-        # a realisation that failed says nothing of its direction
+        # a failed realisation contains no information on the slope in its direction
         slope = np.where(np.isfinite(slope), slope, 0.0)
         size = float(np.linalg.norm(slope))
         worse = not np.isfinite(margin) or size == 0.0
@@ -131,7 +130,7 @@ class _SearchPath:
             if self.halvings > 4 or not np.isfinite(self.margin):
                 self.done = True
             self.tried = 0.5 * (self.tried + self.point)
-            # an updated gradient that leads nowhere is computed again, at the best point so far
+            # if an updated gradient gives no progress, compute it again at the best point so far
             if self.halvings == 2 and len(slope) > FULL and np.isfinite(self.margin):
                 self.tried, self.fresh, self.margin = self.point, True, np.nan
             return
@@ -150,7 +149,7 @@ class _SearchPath:
             self.tried = self.tried * (FARTHEST / np.linalg.norm(self.tried))
             if np.linalg.norm(self.point) > 0.98 * FARTHEST:
                 self.done = True
-        # a point on the limit that is not the nearest is worth keeping when the rounds end
+        # a point on the limit is useful at the end of the rounds, even if it is not the nearest one
         self.ended = near
 
     def _merit(self, factor: float) -> float:
@@ -158,9 +157,9 @@ class _SearchPath:
 
 
 def distinct(points: list[DesignPoint]) -> list[DesignPoint]:
-    """Return those that are no repetition of one nearer to the origin, nearest first.
+    """Return design points without repetitions of points nearer to the origin, nearest first.
 
-    Two are one where they lie closer than the region that a normal distribution around one of them covers.
+    Two points are repetitions if their distance is below the extent of a normal distribution around one of them.
     """
     found: list[DesignPoint] = []
     for one in sorted(points, key=lambda p: (p.requirement, p.beta)):

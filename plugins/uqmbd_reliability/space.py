@@ -1,4 +1,4 @@
-"""The standard normal space of the inputs: germs of any family become functions of standard normal variables."""
+"""Standard normal space of the inputs, in which germs of any family are functions of standard normal variables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["StandardSpace"]
 class StandardSpace:
     """Standard normal variables, one for each germ, and the inputs as functions of them.
 
-    A Hermite germ is a standard normal variable; other germs are quantiles of one.
+    A Hermite germ is a standard normal variable; other germs are quantile functions of one.
     """
 
     space: uqmbd.extend.GermSpace
@@ -37,9 +37,9 @@ class StandardSpace:
     def own(self) -> tuple[Array, Array]:
         """Return the factor (d, d) from standard normal variables to those of the inputs, and its transposed inverse.
 
-        Inputs that depend on each other by a Gaussian copula are increasing functions of correlated normal variables
-        ``z = factor u``; the score of their density by the mean of z_i is ``(factor^-T u)_i``. Rows of inputs that
-        depend in another way are NaN.
+        Inputs with a Gaussian copula are increasing functions of correlated normal variables ``z = factor u``. The
+        score of their density by the mean of z_i is ``(factor^-T u)_i``. Rows of inputs with another dependence are
+        NaN.
         """
         factor = np.eye(self.dimension)
         for group in self.space.groups:
@@ -64,8 +64,8 @@ class StandardSpace:
     def moment_slopes(self) -> Array:
         """Return the derivatives of mean and deviation of each input by those of its normal variable, shape (2, 2, d).
 
-        Axes: moment of the input (mean, deviation), parameter of its normal variable.  By Stein's identity, so that
-        discrete inputs have them, too.
+        The axes are the moment of the input (mean, deviation), the parameter of its normal variable, and the input.
+        The derivatives follow from Stein's identity, so they exist for discrete inputs, too.
         """
         factor, _ = self.own()
         z = np.linspace(-8.2, 8.2, 8001)
@@ -75,7 +75,7 @@ class StandardSpace:
         for k in range(self.dimension):
             if np.isnan(factor[k]).any():
                 continue
-            # the point whose z_k is as wanted: along the row of its factor, which has the norm one
+            # point with the required z_k, along the row of the factor, which has the norm one
             x = self.to_inputs(z[:, None] * factor[k])[:, k]
             mean = weights @ x
             away = x - mean

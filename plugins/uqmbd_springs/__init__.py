@@ -40,7 +40,7 @@ __all__ = [
 
 @uqmbd.hookimpl
 def uqmbd_components() -> list[type[uqmbd.Component]]:
-    """Return the springs, frictions, tyres and loads of this package."""
+    """Return the components of this package: springs, friction, tyres and loads."""
     return [
         Bushing,
         FollowerForce,

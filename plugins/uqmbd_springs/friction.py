@@ -1,4 +1,4 @@
-"""Friction in joints: viscous, and that of Coulomb under a constant load, smoothed."""
+"""Friction in joints: viscous friction, and smoothed Coulomb friction under a constant load."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["RotationalFriction", "SlidingFriction"]
 
 
 def _smooth(p: uqmbd.extend.Local, speed: Any) -> uqmbd.VirtualWork:
-    """Friction against a speed: ``damping v + friction v / sqrt(v^2 + transition^2)``."""
+    """Return the virtual work of friction: ``damping v + friction v / sqrt(v^2 + transition^2)`` against speed v."""
     return uqmbd.VirtualWork(-p.damping * speed - p.friction * speed / sympy.sqrt(speed**2 + p.transition**2), speed)
 
 
 class RotationalFriction(uqmbd.Component):
-    """A moment against the rotation of body j relative to body i about a common axis.
+    """A friction moment that opposes the rotation of body j relative to body i about a common axis.
 
-    Coulomb's is smooth, ``friction w / sqrt(w^2 + transition^2)``: what should stick creeps, at less than the
-    transition speed; a lower one is more accurate and more expensive to integrate.
+    Coulomb friction is smoothed: ``friction w / sqrt(w^2 + transition^2)``. Instead of sticking, the joint creeps at
+    less than the transition speed. A lower transition speed is more accurate and more expensive to integrate.
 
     Examples
     --------
@@ -56,10 +56,10 @@ class RotationalFriction(uqmbd.Component):
 
 
 class SlidingFriction(uqmbd.Component):
-    """A force against the sliding of a point of body j along an axis fixed in body i.
+    """A friction force that opposes the sliding of a point of body j along an axis fixed in body i.
 
-    Coulomb's is smooth, ``friction v / sqrt(v^2 + transition^2)``: what should stick creeps, at less than the
-    transition speed; a lower one is more accurate and more expensive to integrate.
+    Coulomb friction is smoothed: ``friction v / sqrt(v^2 + transition^2)``. Instead of sticking, the joint creeps at
+    less than the transition speed. A lower transition speed is more accurate and more expensive to integrate.
 
     Examples
     --------

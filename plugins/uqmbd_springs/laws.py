@@ -17,12 +17,12 @@ __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "r
 
 
 class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
-    """A force along the line between two points, by any law of length and rate; positive pulls the points together.
+    """A force between two points, along their connecting line, by any law of length and rate.
 
-    The law is an expression in ``uqmbd_springs.length`` and ``uqmbd_springs.rate``; random variables and `uqmbd.t` may
-    enter it. On a line the length is positive towards the side on which point j is drawn, and negative when the ends
-    have passed each other; ends that are drawn at one place need a law that is odd: that changes its sign with length
-    and rate.
+    A positive force pulls the points together. The law is an expression in ``uqmbd_springs.length`` and
+    ``uqmbd_springs.rate``, and may contain random variables and `uqmbd.t`. On a line, the length is positive while
+    point j is on its drawn side of point i. The length is negative when the points have passed each other. If both
+    points are drawn at one place, the law must be odd: opposite signs of length and rate give the opposite force.
 
     Examples
     --------
@@ -44,12 +44,12 @@ class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Give the coefficients of the law to each realisation; on a line, take the side from the drawing."""
+        """Return the coefficients of the law for each realisation; on a line, also the side from the drawn pose."""
         found = law_values(self.law, length, rate, package="uqmbd_springs")
         return {**found, "side": self.drawn_side(either=_is_odd(self.law))} if len(self.point_i) == 1 else found
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield its virtual work."""
+        """Yield the virtual work of the force."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         if p.space.dimension == 1:
             speed = p.side * (p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i))[0]
@@ -61,9 +61,10 @@ class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
 
 
 class NonlinearTorsionSpringDamper(uqmbd.Component):
-    """A moment about a common axis of two bodies, by any law of angle (unwrapped) and rate; positive turns it back.
+    """A moment about a common axis of two bodies, by any law of the unwrapped angle and its rate.
 
-    The law is an expression in ``uqmbd_springs.length``, which stands for the angle, and ``uqmbd_springs.rate``.
+    A positive moment reduces the angle. The law is an expression in ``uqmbd_springs.length``, which is the angle here,
+    and ``uqmbd_springs.rate``.
 
     Examples
     --------
@@ -85,7 +86,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Give the coefficients of the law to each realisation; lay a frame on each axis."""
+        """Return the coefficients of the law for each realisation, and a joint frame in each body."""
         found = law_values(self.law, length, rate, package="uqmbd_springs")
         if not self.axis_i:
             return {**found, "drawn": self.drawn_angle()}
@@ -102,6 +103,6 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
 
 
 def _is_odd(law: Any) -> bool:
-    """Return whether a law changes its sign with length and rate, so that it does not matter which end is ahead."""
+    """Return whether a law is odd in (length, rate): the order of the two points is then irrelevant."""
     value = sympy.sympify(law, strict=True)
     return bool(sympy.expand(value + value.subs({length: -length, rate: -rate}, simultaneous=True)) == 0)

@@ -1,4 +1,4 @@
-"""Forces and torques that are given."""
+"""Prescribed forces and torques."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["FollowerForce", "Gravity", "PointForce", "Torque"]
 class PointForce(uqmbd.extend.TypedComponent):
     """A force on a point of a body, in world axes.
 
-    It may depend on `uqmbd.t`, random variables, and quantities of bodies such as ``body.velocity[0]``.
+    The force may depend on `uqmbd.t`, random variables, and quantities of bodies such as ``body.velocity[0]``.
 
     Examples
     --------
@@ -32,12 +32,12 @@ class PointForce(uqmbd.extend.TypedComponent):
     force: uqmbd.Parameter[Vector] = uqmbd.Parameter("N", "the force, world axes", kind="vector")
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield its virtual work."""
+        """Yield the virtual work of the force."""
         yield uqmbd.VirtualWork(p.force, p.body.point_velocity(p.point))
 
 
 class FollowerForce(uqmbd.extend.TypedComponent):
-    """A force on a point of a body, in the axes of the body, with which it turns: a thrust.
+    """A force on a point of a body, in the rotating axes of the body, such as a thrust.
 
     Examples
     --------
@@ -52,12 +52,14 @@ class FollowerForce(uqmbd.extend.TypedComponent):
     force: uqmbd.Parameter[Vector] = uqmbd.Parameter("N", "the force, body axes", kind="vector", axes="body")
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield its virtual work."""
+        """Yield the virtual work of the force."""
         yield uqmbd.VirtualWork(p.body.direction(p.force), p.body.point_velocity(p.point))
 
 
 class Gravity(uqmbd.extend.TypedComponent):
-    """Gravity of one body's own, added to that of the space: its negative switches that off, a difference tilts it.
+    """Additional gravity of one body: the sum of the gravity of the space and `acceleration` acts on the body.
+
+    The negative gravity of the space makes the body weightless. Other values can tilt the gravity of the body.
 
     Examples
     --------
@@ -79,12 +81,12 @@ class Gravity(uqmbd.extend.TypedComponent):
         return {"mass": body.mass, "com": tuple(body.com)}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Potential]:
-        """Yield its energy."""
+        """Yield the potential energy."""
         yield uqmbd.Potential(-p.mass * sympy.Matrix(p.acceleration).dot(p.body.point(p.com)))
 
 
 class Torque(uqmbd.extend.TypedComponent):
-    """A torque on a body, in world or body axes; in the plane one number.
+    """A torque on a body, in world or body axes; in the plane, the torque is a single number.
 
     Examples
     --------
@@ -102,6 +104,6 @@ class Torque(uqmbd.extend.TypedComponent):
     )
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield its virtual work."""
+        """Yield the virtual work of the torque."""
         w = p.body.angular_velocity if p.frame == "world" else p.body.body_angular_velocity
         yield uqmbd.VirtualWork(p.torque, w)

@@ -1,4 +1,4 @@
-"""Inertia of parts that turn or slide with a joint, at a gear ratio: it affects the relative motion alone."""
+"""Inertia of parts that a joint drives at a gear ratio; only their motion relative to the bodies is included."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ __all__ = ["RotorInertia", "SlidingInertia"]
 
 
 class RotorInertia(uqmbd.Component):
-    """Inertia of a rotor about the common axis of two bodies, as seen at the joint: energy ``inertia w^2 / 2``.
+    """Inertia of a rotor about the common axis of two bodies, reduced to the joint: energy ``inertia w^2 / 2``.
 
-    ``w`` is the speed at which body j turns relative to body i.  Behind a gear of the ratio n it is n^2 times the
-    inertia of the rotor itself; that the rotor also moves with the body that carries it is left out, as usual.
+    The angular velocity ``w`` is the velocity of body j relative to body i. If the rotor turns n times as fast as the
+    joint, `inertia` is n^2 times the inertia of the rotor. The motion of the rotor together with its carrier body is
+    neglected, as usual.
 
     Examples
     --------
@@ -37,16 +38,16 @@ class RotorInertia(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Kinetic]:
-        """Yield its energy."""
+        """Yield the kinetic energy."""
         spin = p.body_j.angular_velocity - p.body_i.angular_velocity
         speed = spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i))
         yield uqmbd.Kinetic(p.inertia * speed**2 / 2)
 
 
 class SlidingInertia(uqmbd.Component):
-    """Mass that counts for the sliding of two bodies along an axis, as that of a motor behind a spindle does.
+    """Mass that resists only the sliding between two bodies along an axis, such as a motor that drives a spindle.
 
-    The energy is ``mass v^2 / 2`` with the speed ``v`` of a point of body j along an axis fixed in body i.
+    The kinetic energy is ``mass v^2 / 2`` with the speed ``v`` of a point of body j along an axis fixed in body i.
 
     Examples
     --------
@@ -84,7 +85,7 @@ class SlidingInertia(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Kinetic]:
-        """Yield its energy."""
+        """Yield the kinetic energy."""
         offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         axis = p.let("axis", p.body_i.direction(p.axis_i))
         yield uqmbd.Kinetic(p.mass * p.rate_of(axis.dot(offset)) ** 2 / 2)

@@ -1,4 +1,4 @@
-"""Spring-dampers: along the line between two points, and along an axis."""
+"""Spring-dampers along the line between two points, and along an axis."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ __all__ = ["SlidingSpringDamper", "SpringDamper"]
 class SpringDamper(uqmbd.extend.TypedComponent):
     """A linear spring and damper along the line between two points.
 
-    The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined. On a line it is positive
-    towards the side on which point j is drawn, and negative when the ends have passed each other. The force stays
-    linear there; ends that are drawn at one place need ``free_length=0``.
+    For the vector ``d`` between the points, the length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length
+    is possible. On a line, the length is positive while point j is on its drawn side of point i. The length is negative
+    when the points have passed each other, and the force remains linear. Points drawn at one place need
+    ``free_length=0``.
 
     Examples
     --------
@@ -41,7 +42,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the side of the ends on a line, from the drawing."""
+        """Return the drawn side of point j relative to point i on a line."""
         return (
             {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length, strict=True).is_zero))}
             if len(self.point_i) == 1
@@ -52,7 +53,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
         """Yield energy and dissipation."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         length = p.side * d[0] if p.space.dimension == 1 else sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
-        # without a free length the energy is a polynomial: no root
+        # for zero free length, the energy is a polynomial without a root
         yield uqmbd.Potential(p.stiffness * (d.dot(d) if p.free_length == 0 else (length - p.free_length) ** 2) / 2)
         if p.damping != 0:
             speed = p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)
@@ -61,7 +62,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
 
 
 class SlidingSpringDamper(uqmbd.Component):
-    """A linear spring and damper along an axis fixed in body i, whose length has a sign: that of a prismatic joint.
+    """A linear spring and damper along an axis fixed in body i; the length has a sign, as in a prismatic joint.
 
     Examples
     --------

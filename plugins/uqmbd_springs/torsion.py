@@ -1,4 +1,4 @@
-"""The torsion spring-damper."""
+"""Torsion spring-damper."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["TorsionSpringDamper"]
 class TorsionSpringDamper(uqmbd.Component):
     """A linear spring and damper about a common axis of two bodies.
 
-    The angle of body j relative to body i is a state of its own, so any number of turns is counted.  In the plane it
-    starts as the bodies are drawn, in space within half a turn of zero.
+    The angle of body j relative to body i is an auxiliary state that counts any number of turns. In the plane, the
+    initial angle is in the turn of the drawn pose. In space, the initial angle is within half a turn of zero.
 
     Examples
     --------
@@ -41,7 +41,7 @@ class TorsionSpringDamper(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Lay a frame on each axis; in the plane take the angle from the drawing."""
+        """Return a joint frame in each body; in the plane, the angle in the drawn pose."""
         if not self.axis_i:
             return {"drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)

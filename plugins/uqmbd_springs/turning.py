@@ -1,4 +1,4 @@
-"""The angle between two bodies that turn about a common axis, any number of times."""
+"""Angle between two bodies that rotate about a common axis, with any number of turns."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ __all__ = ["rotation_rate"]
 
 
 def rotation_rate(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
-    """Rate of the angle of body j relative to body i about a common axis, and the angle at the start.
+    """Return the rate of the angle of body j relative to body i about a common axis, and the initial angle.
 
-    In the plane the drawn angle ``p.drawn`` selects the turn; in space the angle starts within half a turn of
-    zero, between ``p.frame_i`` and ``p.frame_j``, on the side of ``p.near``.
+    In the plane, the drawn angle ``p.drawn`` selects the turn of the initial angle. In space, the initial angle between
+    ``p.frame_i`` and ``p.frame_j`` is within half a turn of zero, on the side of the angle ``p.near``.
     """
     i, j = p.body_i, p.body_j
     speed = j.angular_velocity - i.angular_velocity
     if p.space.dimension == 3:
         r = uqmbd.extend.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
         start = 2 * sympy.Piecewise((sympy.atan2(r[3], r[0]), r[0] >= 0), (sympy.atan2(-r[3], -r[0]), True))
-        # half a turn to either side is one pose: the drawing selects one
+        # half a turn forwards and half a turn backwards are the same pose, so the drawn angle selects the direction
         turns = sympy.floor((p.near - start) / (2 * sympy.pi) + sympy.Rational(1, 2))
         return speed.dot(i.direction(p.axis_i)), start + 2 * sympy.pi * turns
     r = uqmbd.extend.relative_quaternion(i.quaternion, j.quaternion)
     start = 2 * sympy.atan2(r[1], r[0])
-    # the pair of half angles covers two turns; the drawing selects them
+    # the half-angle pair repeats after two turns, so the drawn angle selects the number of double turns
     return speed[0], start + 4 * sympy.pi * sympy.floor((p.drawn - start) / (4 * sympy.pi) + sympy.Rational(1, 2))

@@ -1,4 +1,4 @@
-"""Wheels on a road, with a tyre or without."""
+"""Wheels on a road, with or without a tyre."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ ROAD = haversine_bump(sympy.Rational(1, 5), 1, start=-sympy.Rational(1, 2))
 
 
 class RoadFollower(uqmbd.extend.TypedComponent):
-    """A point of body j, the centre of a wheel, follows a road: its height is that of the road below it, plus `height`.
+    """A wheel centre (a point of body j) follows a road at the vertical distance `height` above it.
 
-    The road lies in body i: forward is its first axis, up its last one.  Its profile is an expression in
-    ``uqmbd_springs.distance``, the forward coordinate of the point, or in `uqmbd.t`; random variables may enter it.
-    On a line, which goes up, the distance stays zero: a road that passes below is a function of `uqmbd.t`.
+    The road is in body i: the first axis of body i points forward, and its last axis points up. The road profile is an
+    expression in ``uqmbd_springs.distance``, the forward coordinate of the point, or in `uqmbd.t`. The profile can
+    contain random variables. A `uqmbd.Line` is vertical here, and the distance on it is zero, so the profile of a
+    moving road must be a function of `uqmbd.t`.
 
     Examples
     --------
@@ -40,27 +41,27 @@ class RoadFollower(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the symbols of the profile, as values of each realisation."""
+        """Return the symbols in the road profile other than `distance`, by name."""
         return law_values(self.road, distance, what="road", package="uqmbd_springs")
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
+        """Yield the constraint equation."""
         place = _place(p)
         road = law_at(p, p.road, {distance: place[0]}, what="road")
         yield uqmbd.Constraint(place[-1] - p.height - road, "road")
 
     def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
-        """World position of the point."""
+        """Return the world position of the point."""
         return p.body_j.point(p.point)
 
 
 class RadialTyre(uqmbd.extend.TypedComponent):
-    """A vertical spring and damper between the centre of a wheel, a point of body j, and the road below it.
+    """A vertical spring and damper between a wheel centre (a point of body j) and the road below the point.
 
-    The road is that of `RoadFollower`.  With the compression ``c = road + radius - height`` the load is
-    ``f = stiffness c + damping c' (1 + c / sqrt(c^2 + e^2)) / 2``, smoothly cut off where it would pull:
-    ``(f + sqrt(f^2 + (stiffness e)^2)) / 2``.  Where the road is inclined it acts along the normal of the profile, so
-    that rolling takes no energy; `f` is its vertical part.
+    The road is defined as for `RoadFollower`. With the compression ``c = road + radius - height``, the load is
+    ``f = stiffness c + damping c' (1 + c / sqrt(c^2 + e^2)) / 2``, where ``e`` is `transition`. The load is smoothly
+    limited to positive values: ``(f + sqrt(f^2 + (stiffness e)^2)) / 2``. On an inclined road, the force acts along the
+    normal of the profile, so that rolling dissipates no energy. The limited load is the vertical part of this force.
 
     Examples
     --------
@@ -89,7 +90,7 @@ class RadialTyre(uqmbd.extend.TypedComponent):
     reaction_point = RoadFollower.reaction_point
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield its virtual work."""
+        """Yield the virtual work of the load."""
         place = _place(p)
         road = law_at(p, p.road, {distance: place[0]}, what="road")
         compression = p.let("compression", road + p.radius - place[-1])
@@ -100,7 +101,7 @@ class RadialTyre(uqmbd.extend.TypedComponent):
 
 
 def _place(p: uqmbd.extend.Local) -> sympy.Matrix:
-    """Return the point in body i: forward first, up last; on a line it does not move."""
+    """Return the point in the frame of body i, forward coordinate first, upward coordinate last (0, x on a line)."""
     place = p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position)
     found: sympy.Matrix = p.let("place", [0, place[0]] if p.space.dimension == 1 else place)
     return found

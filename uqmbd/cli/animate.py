@@ -25,16 +25,16 @@ def animate_study(
 ) -> None:
     """Write an animation of a study.
 
-    `script`: the study script; `out`: a ``.gif`` or ``.mp4``; by default a GIF named like the script, in the current
-    folder; `samples`: realisations besides the one at the means of the inputs; `method`: label of the propagator
-    whose realisations are shown; `fps`: pictures per second; `seconds`: how long the animation takes; by default as
-    long as the motion, but between 3 and 8 s.
+    `script` is the study script. `out` is a ``.gif`` or ``.mp4`` file; the default is a GIF named like the script, in
+    the current folder. `samples` is the number of realisations in addition to the means of the inputs. `method` is the
+    label of the propagator with the displayed realisations. `fps` is the number of pictures per second. `seconds` is
+    the duration of the animation; the default is the duration of the motion, but between 3 and 8 s.
     """
     from uqmbd.report import animate, motion
     from uqmbd.report.mechanisms import SECONDS, check_target
 
     target = Path(f"{script.stem}.gif") if out is None else out
-    # before the work, not after it
+    # the check comes before the computation
     check_target(target)
     with loading():
         study = load_study(script)

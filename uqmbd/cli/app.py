@@ -1,4 +1,4 @@
-"""The commands and their options; what they do is imported when it is asked for, so that `--help` answers at once."""
+"""The commands and their options; their implementations are imported on demand, so that `--help` is fast."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["app", "main"]
 
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
-# Plain help instead of rich panels: rich's markup alone would double the time until the help appears.
+# plain help instead of rich panels, because the markup of rich would double the time until the help appears
 app = typer.Typer(
     name="uqmbd",
     cls=Commands,
@@ -57,9 +57,9 @@ Script = Annotated[
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave by `SystemExit` with the status 0, 1, 2, 3, or 130 after Ctrl-C."""
+    """Run the command line and exit by `SystemExit` with the status 0, 1, 2, 3, or 130 after Ctrl-C."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    # Taken out here because it may stand anywhere, before the command and after it.
+    # removed here, because the option may be at any position, before and after the command
     debug = "--debug" in words
     with explained(debug=debug):
         app(args=[word for word in words if word != "--debug"], prog_name="uqmbd")
@@ -80,7 +80,7 @@ def options(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the Python traceback of an error.")] = False,
 ) -> None:
-    """Declare the options that stand before the command; `main` has taken `--debug` already."""
+    """Declare the options before the command; `main` has already read `--debug`."""
 
 
 @app.command()
@@ -128,7 +128,7 @@ def run(
     for name, asked in (("--open", show), ("--figures", figures)):
         if asked and not report:
             raise StudyError(f"{name} needs the report, which --no-report omits; omit one of these options.")
-    # at once: what is imported next takes a while
+    # printed at once, because the next imports take some time
     print(f"uqmbd {__version__}: {script}", file=sys.stderr, flush=True)
     check_script(script)
     with shown_progress() as progress:

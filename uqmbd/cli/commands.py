@@ -1,4 +1,4 @@
-"""The commands of uqmbd, and those of plugins."""
+"""The commands of uqmbd and of plugins."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["Commands"]
 
 
 class Commands(TyperGroup):
-    """Commands of uqmbd, for which no plugin is loaded, and after them those of plugins."""
+    """Commands of uqmbd, which load no plugin, followed by commands of plugins."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Name all commands."""
+        """Return the names of all commands."""
         return [*super().list_commands(ctx), *plugin_commands()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -25,7 +25,7 @@ class Commands(TyperGroup):
         return plugin_commands().get(cmd_name) if own is None else own
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command that is meant; one that does not exist may be that of a plugin that cannot be loaded."""
+        """Return a command by name; an unknown name may belong to a plugin that cannot be loaded."""
         name = args[0]
         if not name.startswith("-") and self.get_command(ctx, name) is None:
             from uqmbd import plugins
@@ -39,7 +39,7 @@ class Commands(TyperGroup):
 
 @functools.cache
 def plugin_commands() -> dict[str, Any]:
-    """Make the commands of plugins; one that cannot be made is a warning."""
+    """Make the commands of plugins; a command that cannot be made gives a warning."""
     from uqmbd import plugins
     from uqmbd.errors import PluginWarning
     from uqmbd.isolation import Isolated

@@ -1,7 +1,7 @@
-"""What shells complete: study files, and labels of their methods.
+"""Shell completion of study files, and of labels of their methods.
 
-Nothing is run or imported for it: a script is read as text.  Where nothing is returned, the shell completes files and
-folders by itself, which it does better (folders are gone into, and no space follows them).
+Completion reads a script as text, and neither runs nor imports it. If it returns no suggestion, the shell completes
+files and folders. The shell handles folders better: it descends into them, and adds no space.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import typer
 __all__ = ["labels", "studies"]
 
 LONGEST = 1_000_000
-"""Bytes of a script that is read."""
+"""Maximum size of a script for completion, bytes."""
 
 
 def studies(incomplete: str) -> list[str]:
-    """Return the scripts with a study that a beginning of a path may mean; none: the shell lists files by itself."""
+    """Return the scripts with a study that match the start of a path; if empty, the shell lists files."""
     folder = Path(incomplete).parent if incomplete and not incomplete.endswith("/") else Path(incomplete)
     before = incomplete[: incomplete.rfind("/") + 1]
     found = []
@@ -34,27 +34,27 @@ def studies(incomplete: str) -> list[str]:
 
 
 def labels(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the labels of the methods of the study that was typed before, as far as its script states them."""
-    # an option without its value ends what is read of the arguments: they are left as they were typed
+    """Return the labels of the methods of the study on the command line, as far as its script states them."""
+    # an option without its value ends the parser, and later arguments remain as typed
     script = ctx.params.get("script") or next(iter(ctx.args), None)
     if script is None:
         return []
     try:
-        tree = ast.parse(_text(Path(script)))  # it is read, not run
+        tree = ast.parse(_text(Path(script)))  # the script is read, but does not run
     except (OSError, SyntaxError, ValueError):
         return []
     return [label for label in dict.fromkeys(_labels(tree)) if label.startswith(incomplete)]
 
 
 def _text(path: Path) -> str:
-    """Read a script; empty where it is too long to be one."""
+    """Return the text of a script; empty if it is too long."""
     if path.stat().st_size > LONGEST:
         return ""
     return path.read_text(encoding="utf-8", errors="replace")
 
 
 def _labels(tree: ast.Module) -> Iterator[str]:
-    """Find the labels of the methods that are given to studies, in lists or by names of lists."""
+    """Find the labels of methods that are passed to studies, in lists or by names of lists."""
     assigned = {
         target.id: node.value
         for node in ast.walk(tree)
@@ -77,7 +77,7 @@ def _labels(tree: ast.Module) -> Iterator[str]:
 
 
 def _label(method: ast.Call) -> Iterator[str]:
-    """Find the label of a method: the stated one, or else its name, which is that of its class."""
+    """Return the label of a method: the given label, otherwise the name from its class."""
     for word in method.keywords:
         if word.arg == "label":
             if isinstance(word.value, ast.Constant) and isinstance(word.value.value, str):

@@ -1,13 +1,13 @@
-"""Imports and study scripts are loaded without a search for garbage, and without packages that only are installed.
+"""Load imports and study scripts without garbage collection, and without installed but unused packages.
 
-What is loaded stays until the end: of a short run, a tenth of the time goes into looking through it again and again
-(1.4 s of 11, by `gc.callbacks`).
+Loaded objects remain until the end. In a short run, repeated searches among them would take a tenth of the time
+(1.4 s of 11 s, by `gc.callbacks`).
 
-To know whether data are arrays of Dask or of pint, xarray imports these packages wherever they are installed: 0.6 of
-5.9 s of a short run, by ``python -X importtime``.  A class of a package that nobody has imported has no instances; so
-the question waits until somebody imports it.  xarray has no setting for that.  What is set is private to xarray: where
-it has another form, nothing is set, and the packages are imported as before.  This is done in processes of the command
-line only.
+To test whether data are arrays of Dask or of pint, xarray imports these packages if they are installed: 0.6 of 5.9 s
+of a short run, by ``python -X importtime``. A class of a package that is not imported has no instances, so the test can
+wait for the import. xarray has no setting for that, so this module changes a private attribute of xarray. If that
+attribute has another form, the module changes nothing, and xarray imports the packages. Only processes of the command
+line do this.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 __all__ = ["loading"]
 
 SELDOM = 500_000
-"""New objects between two searches while loading, more than imports make: what a script leaves is still found."""
+"""Number of new objects between two searches during the load: more than imports make; garbage of scripts is found."""
 
 ARRAYS = {"dask": ("dask.array", "Array"), "pint": ("pint", "Quantity")}
 """The class of arrays of a package, as xarray has it."""
@@ -29,7 +29,7 @@ ARRAYS = {"dask": ("dask.array", "Array"), "pint": ("pint", "Quantity")}
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Search for garbage seldom while the context lasts, and never again among what it has made.
+    """Run the garbage collector rarely within the context, and exclude the loaded objects from later runs.
 
     >>> before = gc.get_threshold()
     >>> with loading():
@@ -49,7 +49,7 @@ def loading() -> Iterator[None]:
 
 
 def _defer_checks() -> None:
-    """Let xarray ask for arrays of Dask and pint when somebody has imported these packages, not before."""
+    """Make xarray check for Dask and pint arrays only after these packages are imported."""
     compatibility, tools = (sys.modules.get(f"xarray.namedarray.{name}") for name in ("pycompat", "utils"))
     known, made = (getattr(compatibility, name, None) for name in ("_cached_duck_array_modules", "DuckArrayModule"))
     if isinstance(known, dict) and isinstance(made, type):
@@ -61,7 +61,7 @@ def _defer_checks() -> None:
 
 
 class _Late:
-    """What xarray knows of a package: nothing, until the class of its arrays is there."""
+    """Replacement for the record of a package in xarray: empty until its array class is imported."""
 
     def __init__(self, package: str, made: type) -> None:
         self._package = package
@@ -78,7 +78,7 @@ class _Late:
 
 
 class _Collection:
-    """Whether something is a collection of Dask: nothing is while Dask is not imported."""
+    """Return whether an object is a Dask collection; always false while Dask is not imported."""
 
     def __init__(self, before: Any) -> None:
         self._before = before

@@ -1,4 +1,4 @@
-"""`uqmbd plugins`: what is installed, what it offers, and what could not be loaded."""
+"""`uqmbd plugins`: list installed plugins, their contents, and load failures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["show_plugins"]
 def show_plugins(*, as_json: bool = False) -> None:
     """Print the installed plugins as a table, or as JSON: a list of objects with the fields of `PluginInfo`."""
     with warnings.catch_warnings():
-        # What is wrong with a plugin is part of the answer here.
+        # the printed table includes errors of plugins
         warnings.simplefilter("ignore", PluginWarning)
         found = plugins.installed()
     if as_json:

@@ -1,6 +1,6 @@
 """Workers of commands and scripts: of this machine, of a Dask cluster, or the processes of MPI.
 
-Nothing heavy is imported: commands name `Workers` in their parameters, and `uqmbd --help` waits for that.
+This package imports no large library, because the import of `Workers` by all commands would delay `uqmbd --help`.
 """
 
 from __future__ import annotations

@@ -35,9 +35,9 @@ OPTIONS: dict[str, tuple[Any, Any]] = {"count": (Count, None), "dask": (Dask, No
 
 
 def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
-    """Replace the parameter of type `Workers`, of the function of a command, by options; return others as they are.
+    """Replace the `Workers` parameter of a command's function by options; return other functions unchanged.
 
-    Of the processes of MPI the first alone calls the function.
+    With MPI, only the first process calls the function.
 
     >>> def run(script: str, *, workers: Workers) -> None:
     ...     print(script, workers.count)
@@ -56,7 +56,7 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(run)
     def with_options(*, count: int | None, dask: str | None, mpi: bool, **others: Any) -> None:
         if dask is not None and not dask.strip():
-            # as of a variable of the shell that is not set: one worker here is not what is meant
+            # for example an unset variable of the shell: do not use one worker of this machine instead
             raise StudyError(
                 "--dask is empty; expected an address, a scheduler file, or local, slurm, pbs, sge, lsf ..."
             )

@@ -14,13 +14,13 @@ __all__ = ["StudyFiles"]
 
 
 class StudyFiles:
-    """Gives scripts to all workers, to those that come later too.
+    """Copies of scripts for all present and future workers.
 
-    Dask's own plugin imports a file on each worker. That would run a study although the worker needs nothing of it, and
-    fails if the study imports a module next to it.
+    Dask's own plugin imports a file on each worker. This import would run a study that the worker may not need, and
+    fails if the study imports a module of its folder.
 
-    `contents`: text of the scripts by file name; `folders`: where they are: what they import from beside them is
-    found by workers that see these folders.
+    `contents` contains the text of the scripts by file name. `folders` are the folders of the scripts. Workers with
+    access to these folders can also import other modules in these folders.
     """
 
     def __init__(self, contents: dict[str, bytes], folders: Sequence[str]) -> None:
@@ -33,9 +33,10 @@ class StudyFiles:
         return cls({file.name: file.read_bytes() for file in files}, [str(file.parent) for file in files])
 
     def plugin(self) -> Any:
-        """Return it as a plugin of Dask's workers, whose base is imported where it is used.
+        """Return a plugin of Dask's workers; only this method imports the base class of Dask.
 
-        What it does is found by its name: a worker without uqmbd says so, and would die of its first piece of work.
+        Workers import the other base class by its name. So a worker without uqmbd reports the missing package at once;
+        otherwise its first task would terminate it.
         """
         from distributed.diagnostics.plugin import WorkerPlugin
 
@@ -43,10 +44,10 @@ class StudyFiles:
         return kind(self.contents, self.folders)
 
     async def setup(self, worker: Any) -> None:
-        """Write the scripts into the worker's own folder, where imports find them."""
+        """Write the scripts into the worker's local folder, from which it can import them."""
         for name, content in self.contents.items():
             await worker.upload_file(filename=name, data=content, load=False)
-            # one of an earlier run, of this name, is not what is meant
+            # discard a module of this name from an earlier run
             sys.modules.pop(Path(name).stem, None)
         importlib.invalidate_caches()
         sys.path += [folder for folder in self.folders if os.path.isdir(folder) and folder not in sys.path]

@@ -1,7 +1,7 @@
-"""Poses and speeds of the least change that satisfy sparse equations: tables for the driver's ``assembly.c``.
+"""Poses and velocities of least change that satisfy sparse equations: tables for ``assembly.c`` of the driver.
 
-The order of elimination is found here: SciPy's orderings cannot put rows that may be dependent last. Importing SuperLU
-takes longer than ordering the rows of a chain of a hundred links.
+This module computes the order of elimination, because the orderings of SciPy cannot place possibly dependent rows last.
+The import of SuperLU alone takes longer than the ordering of a chain of one hundred links.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ __all__ = ["EquationPrograms", "Gradients", "RotationCoordinates"]
 
 
 class Gradients(NamedTuple):
-    """Nonzero entries of the gradients of equations, one array entry each; `values` are rows of the work array."""
+    """Nonzero entries of the gradients of equations; `values` are row indices of the work array."""
 
     rows: Index  # equation
-    columns: Index  # unknown of the derivative; -1: an unknown that is not changed
+    columns: Index  # unknown of the derivative; -1: a fixed unknown
     values: Index
     factors: Array  # multipliers of the values
 
     def select(self, which: Mask) -> Gradients:
-        """Take some entries."""
+        """Return selected entries."""
         return Gradients(self.rows[which], self.columns[which], self.values[which], self.factors[which])
 
     def beside(self, other: Gradients) -> Gradients:
-        """Take the entries of both."""
+        """Return the entries of both objects."""
         return Gradients(
             np.concatenate([self.rows, other.rows]),
             np.concatenate([self.columns, other.columns]),
@@ -47,15 +47,15 @@ class Gradients(NamedTuple):
 
 @dataclass(frozen=True)
 class RotationCoordinates(Addressed):
-    """Coordinates of rotations; the first `dimension` coordinates give the size of the mechanism."""
+    """Coordinates of rotations; the first `dimension` coordinates determine the size of the mechanism."""
 
     coordinates: Index  # (body, 2 or 4); (body, 0) without rotations
-    free: Index  # (body,): 1 where the coordinates may be normalised to length one, else 0
+    free: Index  # (body,): 1 if the coordinates may be normalised to length one, otherwise 0
     dimension: int
 
     @cached_property
     def structure(self) -> c.TurnsStruct:
-        """What the driver reads."""
+        """Return the C structure for the driver."""
         tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.coordinates, self.free)]
         bodies, size = self.coordinates.shape
         found = c.TurnsStruct(*map(address, tables), bodies if size else 0, size, self.dimension)
@@ -65,23 +65,23 @@ class RotationCoordinates(Addressed):
 
 @dataclass(frozen=True)
 class EquationPrograms(Addressed):
-    """Equations whose values and gradients a program computes."""
+    """Equations with a program for values and gradients."""
 
-    program: Program  # its first arguments are the unknowns
+    program: Program  # program; its first arguments are the unknowns
     values: Index  # (equation,): row of each value; -1: zero
     gradients: Gradients
-    solved: Index  # equations that are solved; the others are only evaluated
-    certain: int  # number of independent equations; the others may follow from these
-    unknowns: int  # number
-    shortest: float  # length from which a gradient is scaled to one
+    solved: Index  # indices of solved equations; the others are only evaluated
+    certain: int  # number of independent equations; the others may depend on these
+    unknowns: int  # number of unknowns
+    shortest: float  # minimum length of a gradient that is scaled to one
 
     def close(
         self, turns: RotationCoordinates, cosines: Index, *sources: Array | Columns, count: int
     ) -> tuple[Array, Mask]:
         """Solve by damped Gauss-Newton; return unknowns (K, unknown) and a mask (K,) of the undecided poses.
 
-        The sources hold the arguments of the program (K, argument), the unknowns first; `turns` bounds a step.  The
-        rows `cosines` are negative where a pose is a mirror image of the intended one.  A pose is undecided where the
+        The sources contain the arguments of the program (K, argument), the unknowns first; `turns` bounds a step. The
+        rows `cosines` are negative if a pose is a mirror image of the intended pose. A pose is undecided if the
         equations are singular, the iteration stalls, or the pose is a mirror image.
         """
         first, *others = sources
@@ -96,7 +96,7 @@ class EquationPrograms(Addressed):
         return found, undecided != 0
 
     def least(self, *sources: Array | Columns, count: int) -> tuple[Array, Mask]:
-        """Solve ``A x = -value`` with the smallest norm; arguments and results are those of `close`."""
+        """Solve ``A x = -value`` with the smallest norm; `close` documents arguments and results."""
         table, kept, _ = self.program.sources(sources, count)
         found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
         structure, memory = self.structure, self._memory()
@@ -111,7 +111,7 @@ class EquationPrograms(Addressed):
 
     @cached_property
     def structure(self) -> c.EquationsStruct:
-        """What the driver reads."""
+        """Return the C structure for the driver."""
         program = self.program.part.structure
         tables = self._tables
         found = c.EquationsStruct(
@@ -126,7 +126,7 @@ class EquationPrograms(Addressed):
 
     @cached_property
     def _tables(self) -> dict[str, Array | Index]:
-        """Entries sorted by the order of elimination, and the triangle of ``A A^T``."""
+        """Return entries sorted by the order of elimination, and the triangle of ``A A^T``."""
         g, number = self.gradients, np.full(len(self.values), -1, dtype=np.int64)
         number[self.solved] = np.arange(len(self.solved))
         counted = (number[g.rows] >= 0) & (g.columns >= 0)
@@ -169,7 +169,7 @@ class EquationPrograms(Addressed):
 
 
 def _neighbours(rows: Index, columns: Index, number: Index) -> list[set[int]]:
-    """Find the equations that share an unknown with each."""
+    """Return, for each equation, the other equations that share an unknown with it."""
     found: list[set[int]] = [set() for k in number if k >= 0]
     sharing: dict[int, list[int]] = {}
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
@@ -183,7 +183,7 @@ def _neighbours(rows: Index, columns: Index, number: Index) -> list[set[int]]:
 
 
 def _eliminated(neighbours: list[set[int]], certain: int) -> tuple[Sequence[int], list[set[int]]]:
-    """Eliminate unknowns of a symmetric system by minimum degree, the first `certain` before the others.
+    """Return the minimum-degree order of unknowns of a symmetric system, the first `certain` before the others.
 
     Return the order, and for each eliminated unknown the set of unknowns with an entry in its column at that point.
     """
@@ -194,7 +194,7 @@ def _eliminated(neighbours: list[set[int]], certain: int) -> tuple[Sequence[int]
         while heap:
             degree, pivot = heapq.heappop(heap)
             if pivot not in left or degree != len(neighbours[pivot]):
-                continue  # its degree has changed since
+                continue  # the degree has changed since the entry was made
             left.discard(pivot)
             others = neighbours[pivot]
             order.append(pivot)

@@ -1,4 +1,4 @@
-"""The cache of what takes long to derive and compile."""
+"""Disk cache of derived and compiled code."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["cache_folder", "cached", "source_digest"]
 
 
 def cache_folder() -> Path:
-    """Folder of cached kernels: below ``UQMBD_CACHE`` if set, which several users may share, else below the user's."""
+    """Return the folder of cached kernels: within ``UQMBD_CACHE`` if set (may be shared), or in the user's cache."""
     if stated := os.environ.get("UQMBD_CACHE"):
         return Path(stated) / (f"uqmbd-{os.geteuid()}" if hasattr(os, "geteuid") else "uqmbd")
     import platformdirs
@@ -33,7 +33,7 @@ def cache_folder() -> Path:
 
 
 def source_digest(folders: Iterable[Path]) -> bytes:
-    """Digest of every file in some folders, by name; compiled copies of them do not count."""
+    """Return a digest of all files in some folders, by name, except compiled copies."""
     digest = hashlib.sha256()
     for folder in folders:
         for path in sorted(folder.rglob("*")):
@@ -45,18 +45,18 @@ def source_digest(folders: Iterable[Path]) -> bytes:
 
 
 _SOURCES = source_digest(Path(__file__).parents[1] / name for name in ("compiled", "dynamics", "mechanism"))
-"""Of all that writes equations, when it was imported: what is edited while a program runs belongs to the next one."""
+"""Digest of the modules that write equations, at import time: later edits affect only the next program."""
 
 
 @cache
 def _surroundings() -> bytes:
-    """Describe what kernels depend on besides their expressions: sources, versions, and the processor."""
+    """Describe the dependencies of kernels other than expressions: sources, versions, and the processor."""
     import llvmlite
     import symengine
     import sympy
     from symengine.lib import symengine_wrapper
 
-    # where one version of SymEngine was built in two ways
+    # one version of SymEngine may have several builds
     library = Path(symengine_wrapper.__file__).stat()
     packages = (__version__, symengine.__version__, sympy.__version__, np.__version__, llvmlite.__version__)
     about = (packages, platform.python_version(), library.st_size, library.st_mtime_ns, host().digest)
@@ -66,9 +66,9 @@ def _surroundings() -> bytes:
 def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
     """Return the result of `make` from the cache on disk, or call `make` and store its result.
 
-    The key is plain data: its ``repr`` is hashed with everything else that kernels depend on.  The result must survive
-    pickling.  An entry that is damaged, or was written by another user, is made again; a folder that cannot be written
-    costs only time.  If several processes need the same entry at once, as workers do when they start, one makes it.
+    The key is plain data; its ``repr`` is hashed together with the other dependencies of kernels. It must be possible
+    to pickle the result. A damaged entry, or an entry of another user, is made again. A folder that cannot be written
+    only costs time. If several processes need the same entry at once, such as starting workers, one process makes it.
     """
     name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
     store = Store(cache_folder())
@@ -76,7 +76,7 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
         with store.alone(name) if waited else contextlib.nullcontext():
             stored = store.get(name)
             if stored is not None:
-                with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
+                with contextlib.suppress(Exception):  # the entry is complete, but does not suit the installed packages
                     value = pickle.loads(stored)  # noqa: S301 - checked by the store
                     kernels.debug("%s: taken from the cache %s", name[:12], store.folder)
                     return value

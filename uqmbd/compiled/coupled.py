@@ -1,4 +1,4 @@
-"""Equations of motion that are coupled through a basis: coefficients of states, and what the driver makes of them."""
+"""Equations of motion that a basis couples: coefficients of states, and the C structure for the driver."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ __all__ = ["CoupledSystems", "NodalSystems"]
 
 
 DIRECT = 1000
-"""Unknowns up to which the assembled system may be factorised, where iterations do not converge: 8 MB, some 0.1 s."""
+"""Maximum number of unknowns for a factorisation of the assembled system if iterations diverge: 8 MB, about 0.1 s."""
 
 SYSTEMS, ITERATIONS, DIRECTS, KRYLOVS, _, COUNTS = range(6)
-"""What is counted, as in coupled.h."""
+"""Indices of counters, as in coupled.h."""
 
 _OUTSIDE = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 
 @dataclass(frozen=True)
 class NodalSystems:
-    """Index-1 systems ``A x = b`` at as many nodes as a work array has lanes.
+    """Index-1 systems ``A x = b`` at the nodes in the lanes of a work array.
 
     The first rows of the work array are a state (q, s, v), the time, zero, and the parameters.
     """
 
     width: int  # length of a state
-    coordinates: int  # number of accelerations, which are the first unknowns
-    parameters: int  # number
-    values: ProgramPart  # from a state to the entries of A and b
-    drift: ProgramPart  # from a state to the residuals of the constraints
-    factor: ProgramPart  # from the entries to the factors
-    solve: ProgramPart  # from the factors and a right-hand side to the solution
-    rows: int  # of the work array
+    coordinates: int  # number of accelerations; they are the first unknowns
+    parameters: int  # number of parameters
+    values: ProgramPart  # maps a state to the entries of A and b
+    drift: ProgramPart  # maps a state to the residuals of the constraints
+    factor: ProgramPart  # maps the entries to the factors
+    solve: ProgramPart  # maps the factors and a right-hand side to the solution
+    rows: int  # number of rows of the work array
     right: int  # first row of the right-hand side
-    guess: int  # first row of the vector that A is multiplied by
-    solution: Index  # (size,): rows
+    guess: int  # first row of the vector x in the product A x
+    solution: Index  # (size,): rows of the solution
     starts: Index  # first entry of each row of A
     columns: Index  # column of each entry
     entries: Index  # row of the work array of each entry
@@ -56,7 +56,7 @@ class NodalSystems:
 
     @property
     def size(self) -> int:
-        """Number of unknowns."""
+        """Return the number of unknowns."""
         return len(self.solution)
 
 
@@ -64,8 +64,8 @@ class CoupledSystems:
     """The projected system ``Psi^T W A_k Psi x = Psi^T W b_k``, with a correction from its last solutions.
 
     The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `parameters` of the nodes are
-    (K, parameter).  The callable `outside` replaces the programs `factor` and `solve`: its arguments are the work
-    arrays (K / 8, rows, 8) and whether the systems are new (True) or to be solved (False).
+    (K, parameter). The callable `outside` replaces the programs `factor` and `solve`. Its arguments are the work arrays
+    (K / 8, rows, 8), and True for new systems or False for a solution.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class CoupledSystems:
         (nodes, terms), self.systems = psi.shape, systems
         self.terms, self.blocks = terms, -(-terms // LANES)
         groups, size = -(-nodes // LANES), systems.size
-        # lanes without a node are copies of the last
+        # lanes without a node are copies of the last node
         lanes = np.minimum(np.arange(groups * LANES), nodes - 1)
         self.work = aligned(groups * systems.rows).reshape(groups, systems.rows, LANES)
         first = systems.width + 2
@@ -91,7 +91,7 @@ class CoupledSystems:
         self.counts, self.correction = np.zeros(COUNTS, dtype=np.int64), aligned(size * self.blocks)
         self.small = terms * size <= DIRECT and nodes > terms
         gesv = _gesv() if self.small else 0
-        # measured, 30 to 200 unknowns: a factorisation takes as long as half as many iterations
+        # measured with 30 to 200 unknowns: a factorisation takes as long as half this number of iterations
         worth = 0.5 * terms * size if gesv else -1.0
         self._raised: BaseException | None = None
         self._outside = _OUTSIDE(0) if outside is None else _OUTSIDE(self._guarded(outside))
@@ -114,7 +114,7 @@ class CoupledSystems:
         self._times, self._paces = aligned(groups), aligned(groups)
 
     def _guarded(self, outside: Callable[[Array, bool], None]) -> Callable[[int], None]:
-        """Store an exception, which cannot pass the driver, until `_raise_stored` raises it; the solution is void."""
+        """Return a function that stores an exception for `_raise_stored`, because it cannot pass the driver."""
 
         def call(what: int) -> None:
             try:
@@ -137,14 +137,14 @@ class CoupledSystems:
         return ctypes.addressof(self.structure)
 
     def tolerances(self, accelerations: float, excess: float) -> None:
-        """Set the relative size of the last change of accelerations, and of what exceeds the constraints."""
+        """Set the relative tolerances of the last change of accelerations and of the constraint residuals."""
         self.structure.tolerance, self.structure.tolerance_drift = accelerations, excess
 
     def rate(self, time: float, state: Array) -> tuple[Array, Array]:
         """Return accelerations and multipliers (P, size) and rates of auxiliary states at a state (P, width).
 
-        The time is in s.  All are coefficients of the basis; they are NaN where the iteration does not converge.  The
-        second array has columns for the auxiliary states that have a rate.
+        The time is in s. All values are coefficients of the basis; they are NaN if the iteration does not converge. The
+        second array has columns for the auxiliary states with a rate.
         """
         self._take(time, state)
         found = aligned((self.systems.size + len(self.systems.rates)) * self.blocks)
@@ -153,14 +153,14 @@ class CoupledSystems:
         rows = self._coefficients(found)
         rates = rows[:, self.systems.size :]
         if self.structure.paces and rates.shape[1]:
-            # the driver gathers rates per time
+            # the driver collects rates with respect to time
             nodal = self.work[:, self.systems.rates].transpose(0, 2, 1).reshape(-1, rates.shape[1])[: self._nodes]
             paces = self._paces.ravel()[: self._nodes, None]
             rates = self.adjoint.reshape(self._nodes, -1)[:, : self.terms].T @ (paces * nodal)
         return rows[:, : self.systems.size], rates
 
     def excess(self, time: float, state: Array) -> tuple[Array, Array]:
-        """Return by what coefficients (P, width) exceed the projected constraints: q and v, each (P, coordinate)."""
+        """Return residuals of the projected constraints at coefficients (P, width): q and v, each (P, coordinate)."""
         self._take(time, state)
         n = self.systems.coordinates
         found = aligned(2 * n * self.blocks)
@@ -172,10 +172,10 @@ class CoupledSystems:
 
     @contextmanager
     def in_phase(self, times: Array, paces: Array) -> Iterator[None]:
-        """Use a phase as the independent variable within a ``with`` statement: `times` (K,), s, `paces` (K,), s/rad.
+        """Use a phase as the independent variable in a context: `times` (K,), s, `paces` (K,), s/rad.
 
-        Each node has its own time and its own time per phase.  `rate` then returns rates per phase and ignores its
-        time.
+        Each node has a separate time, and a separate derivative of time by phase. `rate` then returns derivatives by
+        phase, and ignores its argument `time`.
         """
         self._times.ravel()[:], self._paces.ravel()[:] = times[self._lanes], paces[self._lanes]
         self.structure.times, self.structure.paces = address(self._times), address(self._paces)
@@ -187,12 +187,12 @@ class CoupledSystems:
     def dynamics(self, velocities: int, rated: Index, moving: int, *, constrained: bool) -> Dynamics:
         """Return the equations of motion of all coefficients, as one problem.
 
-        A state has its velocities from entry `velocities` on, and `moving` entries that change; `rated` are the
-        auxiliary states that have a rate.
+        In a state, velocities begin at entry `velocities`, and `moving` entries change; `rated` are the auxiliary
+        states with a rate.
         """
         systems, blocks = self.systems, self.blocks
         n, width = systems.coordinates, systems.width
-        begin = width * blocks + 2  # behind the time and zero
+        begin = width * blocks + 2  # after the time and zero
         end = begin + (systems.size + len(systems.rates)) * blocks
 
         def rows(first: int, count: int) -> Index:
@@ -202,7 +202,7 @@ class CoupledSystems:
         rate[:n] = rows(velocities * blocks, n)
         rate[n + rated] = rows(begin + systems.size * blocks, len(rated))
         rate[velocities:] = rows(begin, n)
-        # what velocities exceed is found with the coordinates, and nobody asks for residuals
+        # velocity residuals are computed together with the coordinates, and residuals are not requested
         nothing, no_rows = ProgramPart((), 0), np.zeros(0, dtype=np.int64)
         excess = self._part("coupled_excess", end)
         constraints = Constraints(nothing, excess, nothing, nothing, no_rows, 0, rows(end, 2 * n).ravel())
@@ -235,7 +235,7 @@ class CoupledSystems:
 
 
 def _gesv() -> int:
-    """Address of LAPACK's dgesv as SciPy has it; 0 where its integers are of another size."""
+    """Return the address of LAPACK's dgesv in SciPy; 0 if its integers have another size."""
     from scipy.linalg import cython_lapack
 
     capsule: Any = cython_lapack.__pyx_capi__["dgesv"]

@@ -1,7 +1,7 @@
-"""LLVM IR of straight-line functions, as text: from expressions of SymEngine, and from operations of an elimination.
+"""Write LLVM IR of straight-line functions as text, from SymEngine expressions or operations of an elimination.
 
-A function is ``void name(ptr x, ptr y)``.  A row of its arguments and results is ``<8 x double>``: one number of eight
-realisations, which do not see one another.
+A function is ``void name(ptr x, ptr y)``. A row of its arguments and results is ``<8 x double>``, with one number for
+each of eight independent realisations.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from uqmbd.compiled.writer import FunctionWriter, Masks
 __all__ = ["NotCompiled", "Operation", "expressions_text", "operations_text"]
 
 POWERS = 16
-"""Powers up to which numbers are multiplied; beyond, the library's function loses fewer digits."""
+"""Largest power that is computed by multiplications; for larger powers, the library function is more accurate."""
 
 Operation = tuple[str, int, int, int]
-"""``inverse`` 1 / a, ``product`` a b, ``sum`` a + b, ``difference`` a - b c (a < 0: - b c), or ``zero``, of values by
-number."""
+"""Operation on values by number: ``inverse`` 1 / a, ``product`` a b, ``sum`` a + b, ``difference`` a - b c (a < 0:
+- b c), or ``zero``."""
 
 
 class NotCompiled(ValueError):
-    """An expression contains what cannot be computed with real numbers."""
+    """An expression contains a function that cannot be computed with real numbers."""
 
 
 _LIBRARY = {
@@ -32,23 +32,23 @@ _LIBRARY = {
     "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
     "log": "log", "erf": "erf", "erfc": "erfc", "gamma": "tgamma", "loggamma": "lgamma", "atan2": "atan2",
 }  # fmt: skip
-"""Functions of SymEngine that the C library has."""
+"""Functions of SymEngine that are in the C library."""
 
 _RECIPROCAL = {"sec": "cos", "csc": "sin", "cot": "tan", "sech": "cosh", "csch": "sinh", "coth": "tanh"}
-"""Functions whose inverse the C library has."""
+"""Functions with a reciprocal in the C library."""
 
 _OF_RECIPROCAL = {"asec": "acos", "acsc": "asin", "acot": "atan", "acoth": "atanh"}
-"""Functions that are those of the C library at the reciprocal."""
+"""Functions that agree with functions of the C library at the reciprocal argument."""
 
 _INTRINSIC = {"Abs": "fabs", "floor": "floor", "ceiling": "ceil"}
 
 _COMPARISON = {"LessThan": "ole", "StrictLessThan": "olt", "Equality": "oeq", "Unequality": "une"}
 
 _OPPOSITE = {"LessThan": "ogt", "StrictLessThan": "oge", "Equality": "one", "Unequality": "oeq"}
-"""What holds where a comparison surely does not; neither holds where one of its sides is no real number."""
+"""Comparison that is true if another one is certainly false; both are false if one side is not a real number."""
 
 _PARTIAL = {"asin", "acos", "acosh", "atanh", "asec", "acsc", "acoth", "log", "gamma"}
-"""Functions, next to powers, that are not real everywhere."""
+"""Functions, in addition to powers, that are not real everywhere."""
 
 _CONNECTIVE = {"And": "and", "Or": "or", "Xor": "xor"}
 
@@ -58,8 +58,8 @@ def operations_text(
 ) -> str:
     """Return the LLVM IR of a function that performs the operations of an elimination.
 
-    Each operation makes one value, numbered from `first` on; `reads` and `writes` are the numbers of the arguments and
-    results in order. `native` is the number of lanes that the processor computes at once.
+    Each operation makes one value; their numbers begin at `first`. `reads` and `writes` are the numbers of the
+    arguments and results in order. `native` is the number of lanes that the processor computes at once.
     """
     w = FunctionWriter()
     values = {x: k for k, x in enumerate(reads)}
@@ -99,8 +99,8 @@ def expressions_text(
 ) -> str:
     """Return the LLVM IR of a function that evaluates SymEngine expressions; raise NotCompiled if one has no code.
 
-    The replacements (symbol, expression) are those of `symengine.cse`; `native` is the number of lanes that the
-    processor computes at once; a table is looked up as ``name(row, argument, *terms)``.
+    The replacements (symbol, expression) come from `symengine.cse`. `native` is the number of lanes that the processor
+    computes at once. The form of a table lookup is ``name(row, argument, *terms)``.
     """
     w = FunctionWriter()
     meaning = dict(replacements)
@@ -148,7 +148,7 @@ def expressions_text(
                 masks.partial.add(known[e])
         return known[expression]
 
-    # what stands for others is written where it is needed first, which keeps values in registers
+    # common subexpressions are written at their first use, which keeps values in registers
     for k, e in enumerate(expressions):
         value = write(e)
         w.store(k, w.select(value, w.number(1.0), w.number(0.0)) if value in masks else value)
@@ -161,7 +161,7 @@ def _is_application(e: Any, tables: Tables) -> bool:
 
 
 def _split_sum(e: Any) -> tuple[list[Any], list[Any]]:
-    """Return the terms of a sum that are added, and those that are subtracted."""
+    """Return the added terms and the subtracted terms of a sum."""
     plus, minus = [], []
     for term in e.args:
         factor = term.args[0] if term.is_Mul else term
@@ -173,7 +173,7 @@ def _split_sum(e: Any) -> tuple[list[Any], list[Any]]:
 
 
 def _split_product(e: Any) -> tuple[list[Any], list[Any]]:
-    """Return the factors of a product, numbers last, and those by which it is divided."""
+    """Return the factors of a product, with numbers last, and its divisors."""
     above, below, numbers = [], [], []
     for factor in e.args:
         if factor.is_Number:
@@ -186,7 +186,7 @@ def _split_product(e: Any) -> tuple[list[Any], list[Any]]:
 
 
 def _parts(e: Any) -> list[Any]:
-    """Return what an expression is written from."""
+    """Return the subexpressions of an expression."""
     if e.is_Add:
         plus, minus = _split_sum(e)
         return plus + minus
@@ -202,7 +202,7 @@ def _parts(e: Any) -> list[Any]:
 
 
 def _multiplied(exponent: Any) -> bool:
-    """Return whether a power is computed by multiplications and a square root."""
+    """Return whether multiplications and a square root compute a power."""
     return bool(exponent.is_Number) and (2 * _real(exponent)).is_integer() and abs(_real(exponent)) <= POWERS
 
 
@@ -214,7 +214,7 @@ _LIMITS = {"Infinity": float("inf"), "NegativeInfinity": float("-inf"), "NaN": f
 
 
 def _real(e: Any) -> float:
-    """Return a number of SymEngine."""
+    """Return a SymEngine number as a float."""
     kind = type(e).__name__
     if kind in _LIMITS:
         return _LIMITS[kind]
@@ -225,9 +225,9 @@ def _real(e: Any) -> float:
 
 
 def _written(w: FunctionWriter, masks: Masks, e: Any, values: list[str]) -> str:
-    """Write an expression whose parts are written."""
+    """Write an expression whose subexpressions are already written."""
     if values and all(value.startswith("splat (double") for value in values):
-        with contextlib.suppress(NotCompiled):  # as the comparison of numbers
+        with contextlib.suppress(NotCompiled):  # for example the comparison of numbers
             return w.number(_real(e.n()))
     if e.is_Add:
         plus, minus = _split_sum(e)
@@ -278,7 +278,7 @@ def _power(w: FunctionWriter, e: Any, values: list[str]) -> str:
 
 
 def _may_be_unreal(e: Any) -> bool:
-    """Return whether a function may be no real number though its arguments are."""
+    """Return whether a function of real arguments may be undefined or complex."""
     if e.is_Pow:
         base, exponent = e.args
         whole = exponent.is_Number and _real(exponent).is_integer()
@@ -292,7 +292,7 @@ Rule = Callable[[FunctionWriter, Masks, str, list[str]], str]
 
 def _compared(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     a, b = values
-    if a in masks or b in masks:  # of truth values: the search for common subexpressions writes ``x == True``
+    if a in masks or b in masks:  # truth values: the search for common subexpressions writes ``x == True``
         return _same_truth(w, masks, kind, a, b)
     if masks.partial.isdisjoint(values):
         return masks.noted(w.compare(_COMPARISON[kind], a, b))
@@ -301,7 +301,7 @@ def _compared(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> 
 
 
 def _same_truth(w: FunctionWriter, masks: Masks, kind: str, a: str, b: str) -> str:
-    """Compare truth values."""
+    """Return the comparison of two truth values."""
     if masks.defined(a, b):
         differ = masks.noted(w.made(f"xor MASK {a}, {b}"))
         return differ if kind == "Unequality" else _not(w, masks, "Not", [differ])
@@ -334,7 +334,7 @@ def _piecewise(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) ->
     undefined = w.number(float("nan"))
     result = undefined
     for value, condition in reversed(list(zip(values[::2], values[1::2], strict=True))):
-        if not masks.defined(condition):  # what depends on a comparison of no real numbers is none, too
+        if not masks.defined(condition):  # a comparison of values that are not real gives NaN
             result = w.select(masks.false(w, condition), result, undefined)
         result = value if condition == "splat (i1 true)" else w.select(condition, value, result)
     return result
@@ -343,7 +343,7 @@ def _piecewise(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) ->
 def _sign(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     (x,) = values
     zero = w.number(0.0)
-    negative = w.select(w.compare("olt", x, zero), w.number(-1.0), x)  # zero and NaN stay what they are
+    negative = w.select(w.compare("olt", x, zero), w.number(-1.0), x)  # zero and NaN do not change
     return w.select(w.compare("ogt", x, zero), w.number(1.0), negative)
 
 
@@ -372,4 +372,4 @@ _RULES: dict[str, Rule] = {
     "Min": _extreme,
     "UnevaluatedExpr": lambda w, _, kind, values: values[0],
 }
-"""How each function is written, by the name of its class in SymEngine."""
+"""Rule of code generation for each function, by the name of its class in SymEngine."""

@@ -1,4 +1,4 @@
-"""Events of an explicit integration: the driver's input on contacts, and its output on events."""
+"""Events of an explicit integration: contacts for the driver, and events from it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from uqmbd.typing import Index
 __all__ = ["ContactPrograms", "Encounters", "Touching"]
 
 ROOM = 64
-"""Marks of a realisation that are noted before somebody takes them, besides those of one step."""
+"""Number of stored marks of a realisation before they are read, in addition to the marks of one step."""
 STEP = 8
-"""Marks of one kind that a step may bring."""
+"""Maximum number of marks of one kind in a step."""
 
 
 class Touching(IntEnum):
-    """What a contact does; as in events.h."""
+    """State of a contact, as in events.h."""
 
     OPEN = 0
     STICK = 1
@@ -32,26 +32,26 @@ class Touching(IntEnum):
 
 @dataclass(frozen=True)
 class ContactPrograms(Addressed):
-    """Events of a mechanism, as programs on the work array of its `Dynamics`; rows are rows of that array."""
+    """Events of a mechanism, as programs on the work array of its `Dynamics`; rows refer to this array."""
 
-    first: Index  # (event + 1,): first direction of each event, then the end; an event without directions is a marker
-    guards: ProgramPart  # from a state to its guards
+    first: Index  # (event + 1,): first direction of each event, and the end; an event without directions is a marker
+    guards: ProgramPart  # maps a state to its guards
     guard: Index  # (event,): rows of the guards
-    contact: ProgramPart  # from a state to the quantities of its contacts and its index-1 system
+    contact: ProgramPart  # maps a state to the quantities of its contacts and its index-1 system
     gap: Index  # (event,): rows of the gaps
     law: Index  # (event, 2): rows of the coefficients of restitution and of friction
     speed: Index  # (direction,): rows of the relative velocities
-    bias: Index  # (direction,): rows of their rates at zero acceleration
+    bias: Index  # (direction,): rows of the rates of relative velocities at zero acceleration
     slope: Index  # (direction, coordinate): rows of the derivatives of the relative velocities by velocities
-    size: int  # unknowns of the index-1 system
-    rows: Index  # (entry,): row of each entry of its matrix
+    size: int  # number of unknowns of the index-1 system
+    rows: Index  # (entry,): row of each entry of the matrix
     columns: Index  # (entry,): column of each entry
     values: Index  # (entry,): row of the work array of each entry
-    right: Index  # (size,): rows of its right-hand side
+    right: Index  # (size,): rows of the right-hand side
 
     @cached_property
     def structure(self) -> c.ContactsStruct:
-        """What the driver reads."""
+        """Return the C structure for the driver."""
         parts = self.guards.structure, self.contact.structure
         found = c.ContactsStruct(
             *(len(self.guard), len(self.speed), address(self.first)),
@@ -67,22 +67,22 @@ class ContactPrograms(Addressed):
 class Encounters:
     """Contact states of M realisations: arrays that the driver and the event handling in Python share.
 
-    Guards are evaluated if `watched`; otherwise contacts keep their states.  Two guards belong to each event: that of
-    its gap (or of the normal force, while the contact lasts), then that of its friction.
+    Guards are evaluated if `watched`; otherwise contacts keep their states. Each event has two guards. The first is the
+    guard of its gap (or of the normal force, while the contact lasts), the second the guard of its friction.
     """
 
     def __init__(self, contacts: ContactPrograms, count: int, *, watched: bool = True) -> None:
         events, directions = len(contacts.guard), len(contacts.speed)
-        # (M, event): state of each contact, see `Touching`; (M, direction): direction of sliding where it slips
+        # (M, event): state of each contact, see `Touching`; (M, direction): direction of sliding during slip
         self.mode, self.heading = np.zeros((count, events), dtype=np.int64), np.zeros((count, directions))
-        # (M, direction): forces of redundant lasting contacts, in addition to the least ones: they move nothing, and
-        # enter the guards
+        # (M, direction): forces of redundant lasting contacts in addition to the minimum-norm forces; they affect the
+        # guards, but not the motion
         self.internal = np.zeros((count, directions))
-        # (M, 2 event): guards that are zero, and must rise before they can fall; (M, 2 event): their rates, where known
+        # (M, 2 event): guards that are zero, and must rise before they can fall; (M, 2 event): their rates, if known
         self.resting, self.rise = np.zeros((count, 2 * events), dtype=np.int64), np.zeros((count, 2 * events))
         # (M,): size of the mechanism, and a speed below which it counts as zero
         self.length, self.slow = np.zeros((2, count))
-        # (M,): the guard that has fallen, and the number of markers that wait to be read
+        # (M,): the guard that has fallen, and the number of unread markers
         self.happened, self.noted = np.zeros((2, count), dtype=np.int64)
         marks = int(np.sum(np.diff(contacts.first) == 0))
         self.room = STEP * events + ROOM if marks else 0
@@ -92,7 +92,7 @@ class Encounters:
 
     @cached_property
     def structure(self) -> c.EncountersStruct:
-        """What the driver reads and writes."""
+        """Return the C structure that the driver reads and writes."""
         return c.EncountersStruct(
             *(address(getattr(self, name)) for name in c.ENCOUNTERS), self.room, int(self.watched)
         )

@@ -1,7 +1,7 @@
-"""Explicit integration of many realisations: the driver steps eight at once, each with steps of its own.
+"""Explicit integration of many realisations: the driver steps eight at once, each with a separate step size.
 
-What a realisation yields depends on nothing but the realisation.  One that needs a decision is parked, with a status
-that says why; whoever decides changes its rows here, and lets it run again.
+The result of a realisation does not depend on the others. A realisation that requires a decision stops with a status
+that states the reason. The caller then changes the rows of the realisation here, and continues it.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ __all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "ExplicitOptions", "Int
 STAGES = 12
 ORDER = 8
 NODES = 5
-"""Reached states that are remembered."""
+"""Number of stored last states."""
 BUDGET = 40_000
-"""Evaluations of a small mechanism, of eight states each, after which the driver returns: less than 0.1 s, so that one
-can interrupt."""
+"""Number of evaluations, of eight states each, after which the driver returns: less than 0.1 s for a small mechanism,
+so that interrupts are possible."""
 
 
 class ExplicitStatus(IntEnum):
-    """What becomes of a realisation; as in dop853.h."""
+    """Status of a realisation, as in dop853.h."""
 
     RUNNING = 0
     DONE = 1
@@ -59,17 +59,17 @@ Interval = tuple[float, float, bool]
 class Constraints:
     """Residuals of the constraints and the projection onto them, as programs on the work array of `Dynamics`."""
 
-    values: ProgramPart  # the part of the motion before its solution
-    drift: ProgramPart  # to the residuals
-    place: ProgramPart  # after motion or values, and drift: corrections of coordinates
-    move: ProgramPart  # the same of velocities
-    residuals: Index  # (equation,): rows of the residuals, those in position before those in velocity
+    values: ProgramPart  # part of the motion before its solution
+    drift: ProgramPart  # maps to the residuals
+    place: ProgramPart  # corrections of coordinates, after motion or values, and drift
+    move: ProgramPart  # corrections of velocities
+    residuals: Index  # (equation,): rows of the residuals, first in position, then in velocity
     positions: int  # number of residuals in position
     surplus: Index  # (2 coordinate,): rows of the corrections
 
     @property
     def operations(self) -> int:
-        """How many operations on rows it takes to find by what a state exceeds them, after its motion."""
+        """Return the number of row operations for the residuals at a state, after its motion."""
         return self.drift.operations + self.place.operations + self.move.operations
 
 
@@ -77,24 +77,24 @@ class Constraints:
 class Dynamics:
     """Equations of motion, as programs on one work array.
 
-    Its first rows are a state (q, s, v), the time, zero, and the parameters.
+    The first rows of the array are a state (q, s, v), the time, zero, and the parameters.
     """
 
-    coordinates: int  # number
+    coordinates: int  # number of coordinates
     velocities: int  # index of the first velocity in a state
     width: int  # length of a state
-    parameters: int  # number
-    motion: ProgramPart  # from a state to its rate
+    parameters: int  # number of parameters
+    motion: ProgramPart  # maps a state to its rate
     rate: Index  # (width,): rows of the rate
-    constraints: Constraints | None  # None: there are none
-    rows: int  # of the work array
-    # entries of a state that change, less one for each body that turns: angular velocities replace quaternions
+    constraints: Constraints | None  # None without constraints
+    rows: int  # number of rows of the work array
+    # number of entries of a state that change, minus one for each rotating body: angular velocities replace quaternions
     moving: int
-    # (body, 2 or 4): coordinates of the unit quaternions, whose rates are stepped as angular velocities
+    # (body, 2 or 4): coordinates of the unit quaternions, which are stepped by angular velocities
     turns: Index = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    terms: int = 0  # 0: lanes are realisations; else terms of one problem: a state has (terms, width / blocks) entries
-    blocks: int = 1  # rows of an entry
-    cost: int = 1  # of a rate, in evaluations of eight realisations (estimate)
+    terms: int = 0  # 0: lanes are realisations; else terms of a problem with states (terms, width / blocks)
+    blocks: int = 1  # number of rows of an entry
+    cost: int = 1  # estimated cost of a rate, in evaluations of eight realisations
 
 
 _NOTHING, _NO_ROWS = ProgramPart((), 0), np.zeros(0, dtype=np.int64)
@@ -109,17 +109,17 @@ class ExplicitOptions:
     rtol: float  # relative tolerance
     far: float  # distance from the constraints above which an interpolated state is marked as poor
     surplus: float  # distance by which a step may leave the constraints, in tolerances
-    stiff: float  # step size times norm of the Jacobian above which stability, not accuracy, limits the step
-    patience: int  # consecutive steps that must look stiff
-    refusals: int  # consecutive rejected steps before the driver returns for a decision
-    attempts: int  # maximum of attempted steps of an integration interval
-    guarded: bool  # whether the driver returns for a decision on rejected steps and steps off the constraints
+    stiff: float  # step size times norm of the Jacobian above which stability instead of accuracy limits the step
+    patience: int  # number of consecutive steps that must appear stiff
+    refusals: int  # number of consecutive rejected steps before the driver returns for a decision
+    attempts: int  # maximum number of attempted steps of an integration interval
+    guarded: bool  # whether the driver returns for a decision on rejected steps and on steps that leave the constraints
     between: float = np.inf  # error of the interpolant above which a step is rejected, in tolerances
 
 
 @cache
 def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
-    """Make the coefficients, which are SciPy's, without their zeros; and what must live as long."""
+    """Make the non-zero coefficients of the method from SciPy, and the arrays that must exist as long."""
     from scipy.integrate import DOP853 as method
 
     count = STAGES + 4
@@ -147,10 +147,10 @@ def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
 class IntegrationState:
     """State of an integration of M realisations: arrays that the driver and the code in Python share.
 
-    Initial states `z` are (M, width), `parameters` (M, parameter), output `times` (T,) with the start first, and
-    absolute tolerances `floor` (M,).  `intervals` are the integration intervals of each realisation: (end, longest
-    step, whether the driver returns for a decision at the end).  Intervals of the first realisation hold for all if
-    there are no others; equal objects are stored once.  All steps are recorded (`recorder`) if `recording`.
+    Initial states `z` have the shape (M, width), `parameters` (M, parameter), and absolute tolerances `floor` (M,).
+    Output `times` (T,) begin with the start. `intervals` are the integration intervals of each realisation: (end,
+    longest step, whether the driver returns for a decision at the end). If only the first realisation has intervals,
+    they apply to all realisations; equal objects are stored once. If `recording`, all steps are recorded (`recorder`).
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class IntegrationState:
     ) -> None:
         count, width = z.shape
         self.contacts, self.encounters = contacts, encounters
-        # evaluations so far, of eight states each
+        # number of evaluations so far, of eight states each
         self.dynamics, self.method, self.evaluations = dynamics, method, 0
         self.times = np.ascontiguousarray(times, dtype=float)
         self.z = np.array(z, dtype=float, order="C")
@@ -196,21 +196,21 @@ class IntegrationState:
         self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
-        # (M, T, width): interpolated states at the output times before number `column`, near the constraints until
-        # `project` projects them; NaN from there on
+        # (M, T, width): interpolated states at output times of index below `column`, near the constraints until
+        # `project` projects them; NaN at later times
         self.result = np.empty((count, len(self.times), width))
         self.result[:, 0], self.result[:, 1:] = z, np.nan
-        # (M, equation + 1): largest residuals of the constraints at the output times that `project` has seen, then the
-        # largest speed there
+        # (M, equation + 1): largest residuals of the constraints at the output times after `project`, and the largest
+        # speed at these times
         self.off = np.zeros((count, self._equations + 1))
-        # (M, T): whether interpolation has led far off the constraints
+        # (M, T): whether an interpolated state is far from the constraints
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
         self.recorder = StepRecorder(count, width, recording=recording)
 
     def advance(self, members: Index | None = None, watch: Callable[[IntegrationState], None] | None = None) -> None:
-        """Let members run, or all, until none is running; the rows of one problem run together.
+        """Run realisations until all have stopped; rows of one problem run together.
 
-        `watch` is called now and then, less than 0.1 s apart where the mechanism is small.
+        `watch` is called at intervals, which are less than 0.1 s for a small mechanism.
         """
         if self.dynamics.terms:
             members = np.arange(min(len(self.z), LANES))
@@ -234,32 +234,32 @@ class IntegrationState:
                 watch(self)
 
     def project(self) -> None:
-        """Put the states at the output times onto the constraints."""
+        """Project the states at the output times onto the constraints."""
         if self.dynamics.constraints is None:
             return
         queue, workspace = np.arange(len(self.z)), aligned(self.dynamics.rows + self._equations + 1)
         places = (ctypes.addressof(x) for x in (self._problem, self._pool))
         load_driver().project(*places, address(queue), len(queue), address(workspace))
 
-    # -- for whoever decides -----------------------------------------------------------------------------------------
+    # -- for the caller ----------------------------------------------------------------------------------------------
     def last_nodes(self, member: int) -> tuple[Array, Array]:
-        """Return the states that were reached last: times (N,) and states (N, width)."""
+        """Return the last reached states: times (N,) and states (N, width)."""
         first = NODES - int(self.known[member])
         return self.node_times[member, first:], self.nodes[member, first:]
 
     def settle(self, member: int, state: Array) -> None:
-        """Put another state in the place of the one that was reached last."""
+        """Replace the last reached state."""
         self.z[member] = self.nodes[member, -1] = state
         self.fresh[member] = 1
 
     def go_on_from(self, member: int, time: float, state: Array) -> None:
-        """Go on from some state; what was reached before is forgotten."""
+        """Continue from a given state; the history before it is discarded."""
         self.now[member] = self.node_times[member, -1] = time
         self.known[member] = 1
         self.settle(member, state)
 
     def step_back(self, member: int) -> None:
-        """Go on from the state before the one that was reached last."""
+        """Continue from the state before the last reached one."""
         for array in (self.node_times, self.nodes):
             array[member, 1:] = array[member, :-1].copy()
         self.known[member] -= 1
@@ -267,7 +267,7 @@ class IntegrationState:
         self.fresh[member] = 1
 
     def moved(self, member: int, dynamics: Dynamics) -> IntegrationState:
-        """Make one of them go on with other equations; its results are still written here."""
+        """Continue one realisation with other equations; its results still belong to this state."""
         new, one = copy(self), slice(member, member + 1)
         for name in c.POOL:
             rows = getattr(self, name)[one]
@@ -313,5 +313,5 @@ class IntegrationState:
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),
         )
-        found.kept = parts, coefficients, firsts, contacts  # what it points to: another thread may have made it anew
+        found.kept = parts, coefficients, firsts, contacts  # targets of pointers, which another thread may replace
         return found

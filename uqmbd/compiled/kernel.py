@@ -21,7 +21,7 @@ __all__ = ["Kernel", "compiled"]
 
 
 def compiled(source: str) -> tuple[str, bytes]:
-    """Compile LLVM IR, in which the function is called ``KERNEL``; return its new name and its object code.
+    """Compile LLVM IR with a function called ``KERNEL``; return the new name and the object code.
 
     The name is the digest of the source and of this processor.
     """
@@ -31,29 +31,29 @@ def compiled(source: str) -> tuple[str, bytes]:
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations."""
+    """Compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations."""
 
-    code: bytes  # object code; empty if there is nothing to compute
-    name: str  # of the function
+    code: bytes  # object code; empty for a kernel without operations
+    name: str  # name of the function
     inputs: int  # number of arguments
     outputs: int  # number of results
-    needs: str = ""  # required processor features, in words (`Target.needs`)
-    operations: int = 0  # number; functions of the C library count as several
+    needs: str = ""  # required processor features as text (`Target.needs`)
+    operations: int = 0  # number of operations; a function of the C library counts as several
     source: bytes = b""  # compressed LLVM IR, which other processors compile again
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made anew: addresses."""
+        """Return the state without addresses, which each process determines separately."""
         return {key: value for key, value in self.__dict__.items() if key not in ("_native", "address")}
 
     @cached_property
     def address(self) -> int:
-        """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute.
+        """Return the address of the function, loaded at first use; 0 for a kernel without operations.
 
-        Where this processor lacks what the code needs, it is compiled again, once on each machine.
+        If this processor lacks a required feature, the code is compiled again, once on each machine.
         """
         if not self.code:
             return 0
-        load_driver()  # holds what kernels call, and has to be loaded before them
+        load_driver()  # the driver contains functions that kernels call, and must be loaded first
         name, code = self.name, self.code
         if lacking(self.needs):
             name, code = cached(("kernel", name), lambda: compiled(zlib.decompress(self.source).decode()))
@@ -79,7 +79,7 @@ class Kernel:
                 *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
                 *(address(results), self.outputs, address(out)),
             )
-            del step  # which the program points to, and another thread may have replaced
+            del step  # the program points to this object, which another thread may have replaced
         return out
 
     @cached_property

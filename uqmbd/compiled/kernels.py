@@ -1,4 +1,4 @@
-"""Kernels are made: from expressions, and from operations of an elimination."""
+"""Make kernels from expressions, and from operations of an elimination."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ __all__ = ["compilations", "compile_kernel", "compile_operations", "replaced"]
 
 
 LIBRARY = 150
-"""Operations that a function of the C library is worth, which is called for each of eight realisations: measured with
-sines, 60 to 100 ns, against sums and products, 0.3 to 0.7 ns."""
+"""Cost of a function of the C library, in operations; it is called for each of eight realisations. Measured with sines:
+60 to 100 ns, compared with sums and products: 0.3 to 0.7 ns."""
 
 compilations = [0]
 """Number of kernels compiled by this process, for tests and provenance."""
@@ -29,9 +29,9 @@ compilations = [0]
 def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, tables: Tables | None = None) -> Kernel:
     """Compile SymEngine expressions in SymEngine symbols; raise `uqmbd.StudyError` if one cannot be computed.
 
-    SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
-    subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
-    Expressions look up a table by the name of its function: ``name(row, argument, *terms)``.
+    Derivatives of SymEngine may contain sums with terms that are not collected. The search for common subexpressions
+    loses terms of such sums. Expressions are therefore rebuilt first, and the kernel is compared with a plain
+    evaluation. The form of a table lookup in an expression is ``name(row, argument, *terms)``.
     """
     import symengine as se
 
@@ -64,7 +64,7 @@ def _compiled(
 def compile_operations(
     operations: Sequence[Operation], reads: Sequence[int], writes: Sequence[int], first: int
 ) -> Kernel:
-    """Compile operations of an elimination, each of which makes one value, numbered from `first` on.
+    """Compile operations of an elimination; each computes one value, and `first` is the index of the first.
 
     The numbers of the arguments and of the results are `reads` and `writes`, in order.
     """
@@ -76,7 +76,7 @@ def compile_operations(
 
 
 def _kernel(text: Any, inputs: int, outputs: int) -> Kernel:
-    """Compile the text of a function, whose name is the digest of what it does."""
+    """Compile the text of a function; its name is the digest of the text."""
     compilations[0] += 1
     source = text("KERNEL")
     name, code = compiled(source)
@@ -85,7 +85,7 @@ def _kernel(text: Any, inputs: int, outputs: int) -> Kernel:
 
 
 def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:
-    """Replace symbols in SymEngine expressions; all at once, so that the parts that they share stay shared."""
+    """Replace symbols in SymEngine expressions simultaneously, so that common subexpressions remain shared."""
     import symengine as se
 
     found: Sequence[Any] = se.Function("_all")(*expressions).xreplace(known).args if expressions else ()
@@ -93,9 +93,9 @@ def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]
 
 
 def _plainly(expressions: Sequence[Any], point: dict[Any, float], tables: Tables) -> Array | None:
-    """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails.
+    """Evaluate expressions by substitution of numbers, once for common subexpressions; NaN if this fails.
 
-    None where nothing can be inserted, as a complex number into a comparison.
+    Return None if a substitution is impossible, such as a complex number in a comparison.
     """
     import symengine as se
 
@@ -117,7 +117,7 @@ def _plainly(expressions: Sequence[Any], point: dict[Any, float], tables: Tables
 
 
 def _evaluate_lookups(expressions: Sequence[Any], tables: Tables) -> dict[Any, Any]:
-    """Look up what is looked up at numbers."""
+    """Evaluate table lookups with numeric arguments."""
     import symengine as se
 
     kind = type(se.Function("_any")(se.Symbol("_any")))

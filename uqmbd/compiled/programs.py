@@ -1,4 +1,4 @@
-"""Programs: what a mechanism computes, as kernels and sums on a work array whose rows are vectors of eight numbers."""
+"""Programs: sequences of kernels and sums on a work array with rows of eight numbers."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["Addressed", "Columns", "ProgramPart", "Program", "ProgramStep", "Pro
 
 @dataclass(frozen=True)
 class ProgramStep:
-    """A kernel for `count` instances, or a method, or (without both) sums of rows."""
+    """Step of a program: a kernel for `count` instances, a method, or (without both) sums of rows."""
 
     kernel: Kernel | None
     count: int
-    # rows of all arguments of all instances, or of all terms; None: arguments are in rows from first on
+    # rows of all arguments of all instances, or of all terms; None: arguments are in consecutive rows from `first`
     reads: Index | None
     starts: Index | None  # first term of each sum, and the end
     first: int
@@ -36,17 +36,17 @@ class ProgramStep:
 
 @dataclass(frozen=True)
 class Columns:
-    """Arguments that stand in the columns of an array (N, column), for state number k in row ``k // divisor % N``."""
+    """Arguments in the columns of an array (N, column); state k uses row ``k // divisor % N``."""
 
     data: Array
     divisor: int = 1
 
 
 class Addressed:
-    """Data whose cached `structure` holds addresses of this process: it is left out of pickles and made anew."""
+    """Data with a cached `structure` of addresses in this process, which pickles omit."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the addresses."""
+        """Return the state without the addresses."""
         return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
 
@@ -55,20 +55,22 @@ class ProgramPart(Addressed):
     """A sequence of steps on a work array."""
 
     steps: tuple[ProgramStep, ...]
-    scratch: int  # row from which arguments may be gathered
+    scratch: int  # first row of gathered arguments
 
     @property
     def operations(self) -> int:
-        """How many operations on rows the steps take, copies of arguments included."""
+        """Return the number of row operations of the steps, including copies of arguments."""
         kernels = sum(s.count * s.kernel.operations for s in self.steps if s.kernel is not None)
         return kernels + sum(len(s.reads) for s in self.steps if s.reads is not None)
 
     @cached_property
     def structure(self) -> c.ProgramStruct:
-        """The steps as the driver wants them."""
+        """Return the C structure of the steps for the driver."""
         table = self._table()
         found = c.ProgramStruct(ctypes.addressof(table), len(self.steps), self.scratch)
-        found.kept = table  # whoever keeps the structure keeps what it points to: another thread may make one, too
+        found.kept = (
+            table  # the structure keeps its data alive, because another thread may also make a separate structure
+        )
         return found
 
     def _table(self) -> Any:
@@ -83,7 +85,7 @@ class ProgramPart(Addressed):
 
 
 class ProgramWriter:
-    """Writer of programs that share a work array, whose first `inputs` rows are the arguments."""
+    """Writer of programs with a common work array; its first `inputs` rows are the arguments."""
 
     def __init__(self, inputs: int) -> None:
         self.inputs, self.rows = inputs, inputs
@@ -91,7 +93,7 @@ class ProgramWriter:
         self.steps: list[ProgramStep] = []
 
     def call(self, kernel: Kernel, reads: Index) -> Index:
-        """Call a kernel for arguments that stand in rows `reads` (instance, argument); rows of the results, alike."""
+        """Call a kernel for arguments in rows `reads` (instance, argument); return the rows of the results."""
         count = len(reads)
         to, self.rows = self.rows, self.rows + count * kernel.outputs
         if count and kernel.outputs:
@@ -103,12 +105,12 @@ class ProgramWriter:
         return np.arange(to, self.rows, dtype=np.int64).reshape(count, kernel.outputs)
 
     def room(self, rows: int) -> Index:
-        """Leave rows to somebody else."""
+        """Reserve rows for the caller."""
         to, self.rows = self.rows, self.rows + rows
         return np.arange(to, self.rows, dtype=np.int64)
 
     def sums(self, terms: Sequence[Sequence[int]]) -> Index:
-        """Add up rows; rows of the sums.  An empty sum is zero."""
+        """Add up rows; return the rows of the sums. An empty sum is zero."""
         to, self.rows = self.rows, self.rows + len(terms)
         starts = np.array([0, *itertools.accumulate(map(len, terms))], dtype=np.int64)
         reads = np.array([x for sum_ in terms for x in sum_] or [0], dtype=np.int64)
@@ -118,33 +120,33 @@ class ProgramWriter:
 
     @property
     def size(self) -> int:
-        """Rows of the work array, with room for arguments that are gathered."""
+        """Return the number of rows of the work array, including rows of gathered arguments."""
         return self.rows + self.widest
 
     def part(self, begin: int = 0, end: int | None = None) -> ProgramPart:
-        """Lay out some of the steps for the driver; nothing may be written any more."""
+        """Make a part from some of the steps; the writer is closed afterwards."""
         return ProgramPart(tuple(self.steps[begin:end]), self.rows)
 
     def program(self, results: Index) -> Program:
-        """Make a program of all steps, with rows of its results."""
+        """Make a program of all steps, with the rows of its results."""
         results = np.ascontiguousarray(results, dtype=np.int64).ravel()
         return Program(self.part(), self.inputs, self.size, results)
 
 
 @dataclass(frozen=True)
 class Program:
-    """Steps, and the rows of their results."""
+    """Program: steps, and the rows of their results."""
 
     part: ProgramPart
     inputs: int  # number of arguments, in the first rows
-    rows: int  # of the work array
-    results: Index = field(repr=False)  # rows
+    rows: int  # number of rows of the work array
+    results: Index = field(repr=False)  # rows of the results
 
     def __call__(self, *sources: Array | Columns, count: int | None = None, out: Array | None = None) -> Array:
-        """Evaluate; return results (K, result), in `out` if given.
+        """Return the results (K, result), in `out` if given.
 
-        The sources are arrays (K, argument) or `Columns`, whose columns follow one another; `count` is K if no source
-        is an array with that many rows.
+        The sources are arrays (K, argument) or `Columns`; their columns are joined in order. `count` is K, and is
+        required if no source is an array with K rows.
         """
         table, kept, count = self.sources(sources, count)
         if out is None:
@@ -165,9 +167,9 @@ class Program:
         return out
 
     def bound(self, *sources: Array | Columns, out: Array) -> Callable[[], object]:
-        """Make a call that evaluates what is in the arguments into `out` (K, result), with little Python.
+        """Return a function that evaluates the current arguments into `out` (K, result), with little overhead.
 
-        The arrays are those of `__call__`, of float64 with columns side by side; they stay where they are.
+        The arrays are as for `__call__`, of type float64 with contiguous columns; they must not move in memory.
         """
         table, kept, count = self.sources(sources, None)
         given = [x.data if isinstance(x, Columns) else x for x in sources]
@@ -186,7 +188,7 @@ class Program:
         return call
 
     def largest(self, *sources: Array | Columns, states: int, count: int | None = None) -> Array:
-        """Find the largest magnitudes of the results of `states` states each, shape (K / states, result)."""
+        """Return the largest magnitudes of the results over groups of `states` states, shape (K / states, result)."""
         table, kept, count = self.sources(sources, count)
         out = np.zeros((count // states, len(self.results)))
         if count and len(self.results):
@@ -206,7 +208,7 @@ class Program:
         return out
 
     def sources(self, sources: Sequence[Array | Columns], count: int | None) -> tuple[Index, list[Array], int]:
-        """Lay out arguments for the driver: a table, what it points to, and the number of states."""
+        """Return the arguments for the driver: a table, the arrays that it points to, and the number of states."""
         rows, kept, to = list[tuple[int, ...]](), list[Array](), 0
         for source in sources:
             data, divisor = (source.data, source.divisor) if isinstance(source, Columns) else (source, 1)
@@ -223,7 +225,7 @@ class Program:
             if count % max(1, length * divisor) if isinstance(source, Columns) else length not in (1, count):
                 each = f", each for {divisor} states in a row" if isinstance(source, Columns) else ""
                 raise ValueError(f"a program for {count} states was given {length} rows of arguments{each}")
-            # the fields of a `SourceStruct`: a table of integers takes half the time of structures
+            # the fields of a `SourceStruct` as a table of integers, which takes half the time of structures
             rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
             to += width
         assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"

@@ -1,7 +1,7 @@
-"""Steps of an explicit integration, recorded by the driver, and what expressions do along steps.
+"""Record the steps of an explicit integration in the driver, and evaluate expressions along steps.
 
-Steps are divided and evaluated in the driver: NumPy takes fifteen times as long, mostly to copy states and to reorder
-the parts after each round.
+The driver divides and evaluates steps. NumPy takes fifteen times as long, mostly for copies of states and for the order
+of parts after each round.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ __all__ = [
 
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(8) / 7)
-"""Parts of a step at which its states are recorded: as many as determine the interpolant, which has degree 7."""
+"""Relative times in a step of recorded states; their number determines the interpolant, which has degree 7."""
 
 FINE = np.linspace(-1, 1, 33)
-"""Where a polynomial is evaluated to find its largest and smallest values."""
+"""Positions of polynomial values in the search for the largest and smallest value."""
 
 ROOM = 1 << 23
-"""Numbers of recorded states that there is room for until they are taken, and ..."""
+"""Maximum number of values of recorded states in the buffer."""
 
 LEAST = 64
-"""... so many steps of each realisation at most.  What is not written takes no memory."""
+"""Maximum number of steps in the buffer per realisation, and minimum in total; unused parts take no memory."""
 
 
 _VANDER = np.polynomial.chebyshev.chebvander
@@ -53,20 +53,20 @@ _WEIGHTS = np.where(np.arange(8) % 2, -1.0, 1.0) * np.where(np.arange(8) % 7, 1.
 SERIES = np.ascontiguousarray(np.linalg.inv(_VANDER(2 * PLACES - 1, 7)).T)
 _FINE = np.ascontiguousarray(_VANDER(_PADDED, 7).T)
 _MEAN = np.linalg.solve(_VANDER(2 * PLACES - 1, 7).T, [1 / (1 - k * k) if k % 2 == 0 else 0.0 for k in range(8)])
-"""Barycentric weights of the places, values at these to Chebyshev coefficients, such to values at `FINE`, and weights
-of Clenshaw and Curtis."""
+"""Weights of Clenshaw and Curtis. `_WEIGHTS` are the barycentric weights of the places. `SERIES` maps values at the
+places to Chebyshev coefficients, and `_FINE` maps these to values at `FINE`."""
 
 
 class RecordedSteps(NamedTuple):
-    """Recorded steps of realisations, in the order in which they were taken; later steps replace earlier ones."""
+    """Recorded steps of realisations, in chronological order; later steps replace earlier ones."""
 
-    owner: Index  # (P,): realisation of each step
+    owner: Index  # (P,): index of the realisation of each step
     ends: Array  # (P, 2): begin and end, s
     kept: Mask  # (P,): whether contacts last
     states: Array  # (P, 8, width): interpolated at `PLACES` from begin to end, on the constraints
 
     def placed(self, numbers: Index) -> RecordedSteps:
-        """Return the steps of realisations that have other numbers elsewhere; those with negative ones are left out."""
+        """Return the steps with new indices of realisations; steps with negative indices are omitted."""
         owner = numbers[self.owner]
         some = owner >= 0
         if some.all():
@@ -75,7 +75,7 @@ class RecordedSteps(NamedTuple):
 
     @classmethod
     def joined(cls, paths: Iterable[RecordedSteps | None]) -> RecordedSteps | None:
-        """Join several; None where there is none."""
+        """Join several records; return None without records."""
         found = [path for path in paths if path is not None]
         found = [path for path in found if len(path.owner)] or found[:1]
         if len(found) == 1:
@@ -98,18 +98,18 @@ class StepRecorder:
         self.begin, self.since, self.latest = 0, 0, -1
 
     def of(self, member: int) -> StepRecorder:
-        """Make the recorder of one of the realisations, which goes on elsewhere; what was recorded stays together."""
+        """Make the recorder of one realisation that continues elsewhere; the recorder shares earlier records."""
         other = copy(self)
         other.owner, other.room = self.owner[member : member + 1].copy(), min(self.room, LEAST)
         other._restart()
         return other
 
     def take(self) -> None:
-        """Take the steps that were recorded, and make room for others."""
+        """Collect the recorded steps, and empty the buffer."""
         end = int(self.recorded[0])
         if end == self.begin:
             return
-        if self.latest == len(self.taken) - 1 >= 0:  # nothing was taken elsewhere since
+        if self.latest == len(self.taken) - 1 >= 0:  # no other steps were taken since then
             self.taken.pop()
         else:
             self.since = self.begin
@@ -121,13 +121,13 @@ class StepRecorder:
             self._restart()
 
     def passed(self, member: int, ends: Array, states: Array) -> None:
-        """Record what somebody else has led a member through: states (1, 8, width) at `PLACES`, ends (1, 2)."""
+        """Record a step that was integrated elsewhere: states (1, 8, width) at `PLACES`, ends (1, 2)."""
         if self.room:
             self.taken.append(RecordedSteps(self.owner[member : member + 1], ends, np.zeros(1, dtype=bool), states))
 
     @property
     def found(self) -> RecordedSteps | None:
-        """All steps that were recorded; None: none is."""
+        """Return all recorded steps; None without steps."""
         if not self.room:
             return None
         none = np.zeros((0, len(PLACES), self.width))
@@ -140,16 +140,16 @@ class StepHistory:
     """Steps of realisations, in ascending order of realisation and time."""
 
     owner: Index  # (P,): realisation of each step; ascending
-    row: Index  # (P,): row of its states
+    row: Index  # (P,): row of the states of each step
     begin: Array  # (P,): start of validity, s
     end: Array  # (P,): end of validity, s
-    last: Array  # (P,): end of its polynomial, s; not before end
-    kept: Mask  # (P,): whether contacts last: interpolated states would not satisfy them
-    states: Array  # (row, 8, width): at the nodes of the polynomial
+    last: Array  # (P,): end of the polynomial, s; not before `end`
+    kept: Mask  # (P,): whether contacts last; interpolated states would violate them
+    states: Array  # (row, 8, width): states at the nodes of the polynomial
 
     @cached_property
     def structure(self) -> c.MotionStruct:
-        """As the driver takes it."""
+        """Return the C structure for the driver."""
         integers = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.owner, self.row)]
         times = [np.ascontiguousarray(x, dtype=float) for x in (self.begin, self.end, self.last)]
         rest = [self.kept.astype(np.int8), np.ascontiguousarray(self.states, dtype=float), PLACES, _WEIGHTS]
@@ -159,17 +159,17 @@ class StepHistory:
         return found
 
     def states_of(self, steps: Index, low: Array, high: Array) -> tuple[Array, Array]:
-        """States (E, 8, width) and times (E, 8) at the places of parts of steps (E,), from one part to another."""
+        """Return states (E, 8, width) and times (E, 8), s, at places of parts of steps (E,) from `low` to `high`."""
         states, times = np.empty((len(steps), *self.states.shape[1:])), np.empty((len(steps), len(PLACES)))
         given = [np.ascontiguousarray(x) for x in (steps, low, high)]
         load_driver().part_states(ctypes.addressof(self.structure), len(steps), *map(address, (*given, states, times)))
         return states, times
 
     def observed(self, outputs: Program, block: Array, values: Array, steps: Index, low: Array, high: Array) -> Array:
-        """Evaluate expressions at the places of parts of steps (E,): shape (E, result, 8).
+        """Evaluate expressions at the places of parts of steps (E,), shape (E, result, 8).
 
-        `outputs` is a program of a state, the time, zero, parameters and inputs; those of the realisations are in
-        `block` (K, parameter) and `values` (K, input).
+        `outputs` is a program of a state, the time, zero, parameters and inputs. `block` (K, parameter) and `values`
+        (K, input) are the parameters and inputs of the realisations.
         """
         found = np.empty((len(steps), len(outputs.results), len(PLACES)))
         arrays = [np.ascontiguousarray(x, dtype=float) for x in (block, values, low, high)]
@@ -182,38 +182,38 @@ class StepHistory:
 
 
 class Need(NamedTuple):
-    """Quantity that is resolved for an expression."""
+    """Quantity to resolve for an expression."""
 
-    # 0: its largest value, 1: its smallest, 2: its smallest so far, 3: its integral, 4: time at which it is zero
+    # 0: largest value, 1: smallest value, 2: running minimum, 3: integral, 4: time of a zero
     kind: int
-    slack: float  # tolerances of the polynomials by which a value may miss an extreme and still count as one
+    slack: float  # allowed difference between a value and an extreme, in tolerances of the polynomials
     column: int  # index of the expression
 
 
 class PartTable:
-    """Parts of steps on which polynomials are fitted to `outputs` expressions, and which are bisected as required.
+    """Parts of steps with polynomials that are fitted to `outputs` expressions; parts are bisected as required.
 
-    The error of a polynomial may be `share` times the largest value.  One table serves realisations one after the
-    other: it reuses its memory, which is expensive to allocate.
+    The allowed error of a polynomial is `share` times the largest value. One table serves realisations consecutively,
+    because its memory is expensive to allocate.
     """
 
-    step: Index  # (E,): step of which each is a part
+    step: Index  # (E,): step of each part
     depth: Index
     next: Index
     whole: Index
     beside: Index
     low: Array  # (E,): begin within the polynomial of the step
     high: Array  # (E,): end within the polynomial of the step
-    begin: Array  # (E,): s
-    end: Array  # (E,): s
-    values: Array  # (E, O, 8): at the nodes
-    coefficients: Array  # (E, O, 8): of Chebyshev series
-    error: Array  # (E, O): estimate for the polynomial; zero where bisection does not reduce it
+    begin: Array  # (E,): begin, s
+    end: Array  # (E,): end, s
+    values: Array  # (E, O, 8): values at the nodes
+    coefficients: Array  # (E, O, 8): coefficients of Chebyshev series
+    error: Array  # (E, O): estimated error of the polynomial; zero if bisection does not reduce it
     most: Array  # (E, O): upper bound of the polynomial
     least: Array  # (E, O): lower bound of the polynomial
-    highest: Array  # (E, O): largest value; NaN where a value is not finite
-    lowest: Array  # (E, O): smallest value; NaN where a value is not finite
-    mean: Array  # (E, O): of the polynomial
+    highest: Array  # (E, O): largest value; NaN if a value is not finite
+    lowest: Array  # (E, O): smallest value; NaN if a value is not finite
+    mean: Array  # (E, O): mean of the polynomial
 
     def __init__(self, outputs: int, needs: Sequence[Need], share: float) -> None:
         kinds, columns = (np.array([need[k] for need in needs], dtype=np.int64) for k in (0, 2))
@@ -222,7 +222,7 @@ class PartTable:
         self.known = np.zeros(len(needs))
 
     def begin_with(self, course: StepHistory, step: Index, low: Array, high: Array) -> None:
-        """Begin with parts of steps (E,), in order."""
+        """Start with parts of steps (E,), in order."""
         self.course, self.count, self.seen = course, len(step), 0
         self._reserve(0)
         some, owner = slice(self.count), course.owner[step]
@@ -234,7 +234,7 @@ class PartTable:
         self.open, self.allowed = np.ones_like(self.first), np.zeros((len(self.first), self.outputs))
 
     def _reserve(self, used: int) -> None:
-        """Let there be room for all parts to be divided by three; so many are kept."""
+        """Reserve memory for a threefold division of all parts."""
         if self.room >= 4 * self.count:
             return
         self.room = 8 * self.count
@@ -250,12 +250,12 @@ class PartTable:
 
     @property
     def new(self) -> tuple[Index, Array, Array]:
-        """Parts whose values are wanted: step, low and high."""
+        """Return the parts without values: step, low and high."""
         some = slice(self.seen, self.count)
         return self.step[some], self.low[some], self.high[some]
 
     def refine(self, values: Array) -> bool:
-        """Take the values (E, output, 8) of new parts; tell whether there are more."""
+        """Set the values (E, output, 8) of new parts; return whether there are more new parts."""
         self.values[self.seen : self.count] = values
         self._reserve(self.count)
         structure, begun, self.seen = self._structure(), self.seen, self.count
@@ -276,7 +276,7 @@ class PartTable:
 
     @property
     def order(self) -> Index:
-        """Numbers of the parts that count, in order."""
+        """Return the indices of the valid parts, in order."""
         found, structure = np.empty(self.count, dtype=np.int64), self._structure()
         return found[: load_driver().list_parts(ctypes.addressof(structure), address(found))]
 
@@ -286,15 +286,15 @@ class FittedPolynomials:
     """Polynomials of one expression on parts of steps."""
 
     column: int  # index of the expression
-    order: Index  # (E,): numbers of the parts
-    begin: Array  # (P,): s
-    end: Array  # (P,): s
-    values: Array  # (P, O, 8): of all expressions, at the nodes
-    coefficients: Array  # (P, O, 8): of their Chebyshev series
+    order: Index  # (E,): indices of the parts
+    begin: Array  # (P,): begin, s
+    end: Array  # (P,): end, s
+    values: Array  # (P, O, 8): values of all expressions at the nodes
+    coefficients: Array  # (P, O, 8): coefficients of the Chebyshev series
 
     @cached_property
     def structure(self) -> c.FittedStruct:
-        """As the driver takes it."""
+        """Return the C structure for the driver."""
         arrays = self.values, self.coefficients, self.begin, self.end, _FINE, PLACES
         kept = [np.ascontiguousarray(x, dtype=float) for x in arrays]
         found = c.FittedStruct(self.values.shape[1], self.column, *map(address, kept))
@@ -302,9 +302,9 @@ class FittedPolynomials:
         return found
 
     def peaks(self, sign: float, which: Index) -> tuple[Array, Array]:
-        """Find where, from -1 to 1, and what the largest values of `sign` times some parts (N,) are: (N,) each.
+        """Return positions, from -1 to 1, and values of the maxima of `sign` times parts (N,): (N,) each.
 
-        Where it is constant, that is at the first place; NaN where a value is not finite.
+        The position of a constant is the first place; results are NaN if a value is not finite.
         """
         place, value = np.empty((2, len(which)))
         which = self.order[which]
@@ -314,9 +314,9 @@ class FittedPolynomials:
         return place, value
 
     def cumulative_minimum(self, first: Index, times: Array) -> Array:
-        """Find the smallest values so far at ascending times (T,), of realisations whose first parts are given: (R, T).
+        """Return running minima (R, T) at ascending times (T,), s, of realisations with given first parts.
 
-        At the last of the times, that of all parts.
+        The value at the last time is the minimum over all parts.
         """
         ends, times = np.append(first, len(self.order)).astype(np.int64), np.ascontiguousarray(times, dtype=float)
         found = np.empty((len(first), len(times)))

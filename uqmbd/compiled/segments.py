@@ -1,6 +1,6 @@
-"""Samples of what is expanded from landmark to landmark, evaluated at given times.
+"""Evaluate samples of segment-wise expansions, between event or phase markers, at given times.
 
-In NumPy the same takes ten times as long: a value needs the coefficients of its own segment, gathered one by one.
+NumPy takes ten times as long, because it gathers the coefficients of the segment separately for each value.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ __all__ = ["SegmentTable"]
 
 
 BLOCK = 4
-"""Chebyshev polynomials that the driver takes at once, and times."""
+"""Number of Chebyshev polynomials, and of times, that the driver evaluates at once."""
 
 ROOM = 136
-"""Times of a sample that the driver keeps until it puts them into rows, and four more."""
+"""Size of the buffer of the driver, in times of a sample; it includes four additional times."""
 
 SLACK = 1e-12
-"""Part of the largest time by which a last edge, a sum of terms, may miss a time that it is meant to be."""
+"""Allowed rounding error of the last edge, a sum of terms, relative to the largest time."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentTable:
-    """Coefficients in the order in which they are evaluated; see :meth:`of`."""
+    """Coefficients in the order of their evaluation; see :meth:`of`."""
 
-    edges: Array  # (S + 1, P): of the times at which segments begin and end
+    edges: Array  # (S + 1, P): terms of the begin and end times of segments
     used: Index  # (S, C): groups of four Chebyshev polynomials of an output in a segment
     counts: Index  # (S, C, B): number of leading terms of four polynomials that are not zero
     starts: Index  # (S, C): index of the first coefficient of an output in a segment
@@ -60,7 +60,7 @@ class SegmentTable:
         return cls(np.ascontiguousarray(edges.T, dtype=float), used, counts, starts, kept.ravel())
 
     def edges_at(self, basis: Array) -> Array:
-        """Return the edges (K, S + 1) of samples from the terms at them (K, P); none is before the one before it."""
+        """Return the non-decreasing edges (K, S + 1) of samples from the values of their terms (K, P)."""
         basis = self._basis(basis)
         found = np.empty((len(basis), len(self.edges)))
         work = aligned(basis.shape[1])
@@ -70,8 +70,8 @@ class SegmentTable:
     def evaluate(self, basis: Array, times: Array, outputs: slice, found: Array, rows: Index) -> None:
         """Evaluate outputs of K samples, with terms `basis` (K, P), at increasing times (T,), s.
 
-        They are written to rows `rows` (K,) of `found` (R, outputs, T): NaN at times after the last edge of a sample,
-        up to rounding; times before the first edge take the value there.
+        The values are written to rows `rows` (K,) of `found` (R, outputs, T). They are NaN at times after the last edge
+        of a sample, up to rounding; times before the first edge have the value at this edge.
         """
         basis = self._basis(basis)
         rows = np.ascontiguousarray(rows, dtype=np.int64)
@@ -83,7 +83,7 @@ class SegmentTable:
             raise ValueError(f"{len(basis)} samples were given rows {rows.shape} of {len(found)}")
         if not found.size:
             return
-        # times that may be read at once
+        # padding, because the driver reads several times at once
         padded = np.append(times, np.full(BLOCK, times[-1])).astype(float)
         reach = padded[-1] - padded[0]
         rate = count / reach if reach > 0 else 0.0
@@ -103,7 +103,7 @@ class SegmentTable:
 
     @cached_property
     def _driven(self) -> SegmentsStruct:
-        """The table as the driver takes it; it lives no longer than this."""
+        """Return the C structure for the driver; it is valid as long as this object."""
         sizes = len(self.used), self.used.shape[1], self.edges.shape[1], self.counts.shape[2]
         arrays = self.edges, self.used, self.counts, self.starts, self.coefficients
         return SegmentsStruct(*sizes, *map(address, arrays))

@@ -1,4 +1,4 @@
-"""Tables of splines inside kernels: their numbers are constants of the kernel, which the driver looks up."""
+"""Spline tables in kernels: the numbers are constants of the kernel, and the driver performs the lookup."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["IntervalTable", "Tables", "table_constants"]
 class IntervalTable(Protocol):
     """Table of numbers by interval: `edges` (n,), ascending, and `rows` (n + 1, 1 + M, number).
 
-    A row holds the numbers below the table, in an interval, or above the table; the first number is the begin of the
-    interval.  They are a constant and the factors of M terms.  The table repeats with `period` from its first knot
-    ``rows[0, 0, 0]`` on; 0: it is not periodic.
+    A row contains the numbers below the table, in an interval, or above the table: a constant and the factors of M
+    terms. The first number is the begin of the interval. The table repeats with `period`, starting at its first knot
+    ``rows[0, 0, 0]``; 0: not periodic.
     """
 
     @property
@@ -33,15 +33,15 @@ class IntervalTable(Protocol):
         """See above."""
 
     def look_up(self, x: Array, terms: Array | None = None) -> Array:
-        """Look up arguments (K,) with terms (K, M) by NumPy, shape (K, number), which a kernel is compared with."""
+        """Look up arguments (K,) with terms (K, M) in NumPy, shape (K, number): the reference for kernels."""
 
 
 Tables = Mapping[str, IntervalTable]
-"""Tables by the names of the functions that look them up; the name tells the numbers."""
+"""Tables by the names of their lookup functions; the name determines the numbers."""
 
 
 def table_constants(name: str, table: IntervalTable) -> str:
-    """Write the numbers of a table as constants of a module: byte by byte, which LLVM reads faster than numbers."""
+    """Write the numbers of a table as module constants, as bytes, which LLVM reads faster than numbers."""
     text = ""
     for kind, array in (("edges", table.edges), ("rows", table.rows)):
         numbers = np.ascontiguousarray(array, dtype=float).tobytes()

@@ -1,8 +1,7 @@
 """LLVM IR of one straight-line function, as text.
 
-The text is written directly: `llvmlite.ir` does the same and checks types as well, but takes 12 to 17 us for an
-operation; this module takes 1.1 to 1.6 us (measured, 4,000 operations). LLVM checks the text anyway. Equal operations
-on equal values are written once.
+This module writes text in 1.1 to 1.6 us per operation; `llvmlite.ir`, which also checks types, takes 12 to 17 us
+(measured with 4,000 operations). LLVM checks the text in both cases. Equal operations on equal values are written once.
 """
 
 from __future__ import annotations
@@ -16,24 +15,24 @@ from uqmbd.compiled.tables import IntervalTable, table_constants
 __all__ = ["LANES", "Masks", "FunctionWriter"]
 
 LANES = 8
-"""Realisations in a row."""
+"""Number of realisations in a row."""
 
 LONG = 800
-"""Lines from which a function is written for the processor's own vectors, in a loop over the parts of a row.
+"""Minimum number of lines of a function with the native vectors of the processor, in a loop over the parts of a row.
 
-Whole rows are up to 1.3 times faster in short functions, where operations wait for each other. In long functions they
-are no faster, since values leave the registers, and take twice as long to compile."""
+Whole rows are up to 1.3 times faster in short functions, because operations wait for each other. In long functions they
+are not faster, because values leave the registers, and their compilation takes twice as long."""
 
 BLOCK = 400
-"""Lines of a block: the time that LLVM takes to schedule a block grows faster than its length.
+"""Number of lines of a block: the scheduling time of LLVM grows faster than the length of a block.
 
 Blocks halve the compile time of the longest functions, with code of the same speed (measured)."""
 
 
 class FunctionWriter:
-    """The body of one function: its lines, in which KIND and MASK stand for the types of vectors.
+    """Body of one function: lines with KIND and MASK as placeholders of vector types.
 
-    Whether these are whole rows is known only when all is written.
+    The vector types, whole rows or parts, are chosen after all lines are written.
     """
 
     def __init__(self) -> None:
@@ -41,11 +40,11 @@ class FunctionWriter:
         self.called: dict[str, int] = {}  # number of arguments of each function of the C library
         self.intrinsics: dict[str, int] = {}
         self.tables: dict[str, IntervalTable] = {}
-        self._room = 0  # vectors that are passed to the function that looks up tables, and taken from it
+        self._room = 0  # number of vectors that are passed to and from the lookup function
         self._known: dict[str, str] = {}
 
     def made(self, operation: str) -> str:
-        """Return the name of the value of an operation, which is written once."""
+        """Return the name of the value of an operation; equal operations are written once."""
         name = self._known.get(operation)
         if name is None:
             name = self._known[operation] = f"%v{len(self._known)}"
@@ -88,15 +87,15 @@ class FunctionWriter:
         return self.made(f"fneg contract KIND {a}")
 
     def compare(self, how: str, a: str, b: str) -> str:
-        """Return a mask: where a comparison holds, by its name in LLVM."""
+        """Return the mask of a comparison, by its name in LLVM."""
         return self.made(f"fcmp {how} KIND {a}, {b}")
 
     def select(self, mask: str, a: str, b: str) -> str:
-        """Return `a` where the mask holds, else `b`."""
+        """Return `a` where the mask is true, else `b`."""
         return self.made(f"select MASK {mask}, KIND {a}, KIND {b}")
 
     def intrinsic(self, name: str, *values: str) -> str:
-        """Return the value of a function that LLVM has."""
+        """Return the value of an LLVM intrinsic."""
         self.intrinsics[name] = len(values)
         listed = ", ".join(f"KIND {x}" for x in values)
         return self.made(f"call KIND @llvm.{name}.vWIDTHf64({listed})")
@@ -108,7 +107,7 @@ class FunctionWriter:
         return self.made(f"call KIND @lanes.{name}({listed})")
 
     def look_up(self, name: str, table: IntervalTable, values: Sequence[str]) -> list[str]:
-        """Return the numbers of a table at an argument, which terms follow where it has any."""
+        """Return the numbers of a table at an argument, optionally with further terms."""
         knots, terms, numbers = len(table.edges), table.rows.shape[1] - 1, table.rows.shape[2]
         self.tables[name] = table
         self._room = max(self._room, len(values), numbers)
@@ -137,7 +136,7 @@ class FunctionWriter:
         return result
 
     def text(self, name: str, native: int) -> str:
-        """Return the LLVM module of the function, for a processor that computes `native` lanes at once."""
+        """Return the LLVM module of the function for a processor with `native` lanes."""
         width = native if len(self.lines) > LONG else LANES
         whole = width == LANES
         x, y = ("x", "y") if whole else ("rows", "results")
@@ -174,10 +173,10 @@ class FunctionWriter:
         return text + "".join(table_constants(*entry) for entry in self.tables.items())
 
     def _blocks(self) -> list[str]:
-        """Return the lines, cut into blocks by branches that LLVM must believe in."""
+        """Return the lines, split into basic blocks by branches that LLVM cannot remove."""
         edges = [0]
         for k, line in enumerate(self.lines, 1):
-            # not between a product and the sum that it may be contracted with
+            # do not split between a product and a sum, which may be contracted
             if k - edges[-1] >= BLOCK and len(self.lines) - k >= BLOCK and " = fmul" not in line:
                 edges.append(k)
         found = ["%never = icmp eq ptr %x, null\n"] if len(edges) > 1 else []
@@ -188,7 +187,7 @@ class FunctionWriter:
 
     @staticmethod
     def _lanes(name: str, count: int, width: int) -> str:
-        """Write a function of vectors that calls one of the C library in each lane."""
+        """Write a vector function that calls a C library function in each lane."""
         lines = [f"declare double @{name}({', '.join(['double'] * count)}) nounwind"]
         names = [f"%a{k}" for k in range(count)]
         listed = ", ".join(f"KIND {a}" for a in names)
@@ -203,10 +202,10 @@ class FunctionWriter:
 
 
 class Masks:
-    """Truth values by name, and the values that may not be real numbers, whose comparisons may be undefined."""
+    """Masks by name, with those of undefined comparisons between values that may not be real."""
 
     def __init__(self) -> None:
-        # for each mask the mask of where it is certainly false; None: its negation
+        # for each mask, the mask of lanes in which it is certainly false; None: its negation
         self.surely_false: dict[str, str | None] = {}
         # values that may not be real numbers
         self.partial: set[str] = set()
@@ -215,19 +214,19 @@ class Masks:
         return name in self.surely_false
 
     def noted(self, name: str, false: str | None = None) -> str:
-        """Note a mask, and where it surely does not hold unless that is wherever it does not hold."""
+        """Record a mask, and its certain complement if it differs from the plain complement."""
         self.surely_false[name] = false
         return name
 
     def defined(self, *names: str) -> bool:
-        """Return whether masks hold, or surely do not, everywhere."""
+        """Return whether masks are defined, true or false, everywhere."""
         return all(self.surely_false[name] is None for name in names)
 
     def false(self, w: FunctionWriter, name: str) -> str:
-        """Return where a mask surely does not hold."""
+        """Return the mask of lanes in which a mask is certainly false."""
         return self.surely_false[name] or w.made(f"xor MASK {name}, splat (i1 true)")
 
 
 def _double(value: float) -> str:
-    """Write a number to the bit."""
+    """Write a number exactly."""
     return f"0x{struct.pack('>d', value).hex().upper()}"

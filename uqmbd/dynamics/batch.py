@@ -1,4 +1,4 @@
-"""A batch of realisations: the interface of an ensemble for integration, contacts, statics and observation."""
+"""Batch of realisations: interface of an ensemble for integration, contacts, statics and observation."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Sampler(Protocol):
     times: Array
 
     def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
-        """States right after an instant."""
+        """Return the states right after an instant, and reasons of failures."""
 
     def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
-        """Find how velocities jump where speeds are commanded."""
+        """Return the jumps of velocities due to commanded speeds, and reasons of failures."""
 
 
 class Batch(Protocol):
-    """K realisations of one model; `uqmbd.extend.Ensemble` implements it, and documents its attributes."""
+    """K realisations of one model; `uqmbd.extend.Ensemble` implements and documents the attributes."""
 
     model: Model
     values: Array
@@ -54,16 +54,16 @@ class Batch(Protocol):
         """Return the batch of some realisations."""
 
     def sampling(self, times: Array) -> Sampler | None:
-        """Return the samples of its controllers over output times; None: it has no controllers."""
+        """Return the samples of the controllers over output times, s; None if there are no controllers."""
 
     def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
-        """Unknowns ``y`` of states."""
+        """Return the unknowns ``y`` of states."""
 
     def expand(self, y: Array) -> tuple[Array, Array, Array]:
-        """Find all coordinates, auxiliary states and velocities of unknowns ``y``."""
+        """Return all coordinates, auxiliary states and velocities of unknowns ``y``."""
 
     def residual(self, time: float, y: Array, yp: Array) -> Array:
-        """Stabilised index-2 residual."""
+        """Return the stabilised index-2 residual."""
 
     def jacobian(self, time: float, y: Array, yp: Array, c: float) -> Array:
-        """Values of ``dr/dy + c dr/dy'``."""
+        """Return the values of ``dr/dy + c dr/dy'``."""

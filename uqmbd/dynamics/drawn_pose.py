@@ -1,4 +1,4 @@
-"""The drawn pose: known points of bodies, the size of the mechanism, and how far assembly moves its bodies."""
+"""Drawn pose: known points of bodies, size of the mechanism, and displacements of bodies by the assembly."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from uqmbd.typing import Array
 __all__ = ["Move", "apart", "extent_of", "drawn_points", "moved", "moves", "size_of"]
 
 MOVED = 0.01
-"""A body that assembly moves by less than this, in sizes of the drawn mechanism, is drawn where it is meant."""
+"""Displacement by the assembly, relative to the size of the drawn mechanism, that counts as zero."""
 
 TILTED = np.radians(1)
-"""One that it turns by less than this, rad, as well."""
+"""Rotation by the assembly, rad, that counts as zero."""
 
 
 @dataclass(frozen=True)
 class Move:
-    """Displacement of a body by assembly from its drawn pose, at the means of the inputs."""
+    """Displacement of a body from its drawn pose by the assembly, at the means of the inputs."""
 
     body: str
     distance: float  # of the frame's origin, m
@@ -39,19 +39,19 @@ class Move:
 
 
 def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
-    """Compare poses, one of each, shape (coordinate,); one move for each body."""
+    """Compare a drawn and an assembled pose, (coordinate,) each; return one move for each body."""
     d, found = model.dimension, []
     pairs = zip(drawn.reshape(-1, model.size), assembled.reshape(-1, model.size), strict=True)
     for name, (before, after) in zip(model.bodies, pairs, strict=True):
         e, f = (x[d:] / (np.linalg.norm(x[d:]) or 1.0) for x in (before, after))
-        apart, together = sorted((float(np.linalg.norm(e - f)), float(np.linalg.norm(e + f))))  # of either sign
+        apart, together = sorted((float(np.linalg.norm(e - f)), float(np.linalg.norm(e + f))))  # either sign
         turn = 4 * math.atan2(apart, together)
         found.append(Move(name, float(np.linalg.norm(after[:d] - before[:d])), turn))
     return tuple(found)
 
 
 def drawn_points(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
-    """Known points of each body as drawn, m, at the means; a point without a finite place is left out."""
+    """Return known, finite points of each body in the drawn pose, m, at the means."""
     poses: dict[str, Sequence[sympy.Expr]] = {name: body.pose.q for name, body in mechanism.bodies.items()}
     poses["ground"] = mechanism.ground.q
     frames: dict[str, Frame] = {}
@@ -60,40 +60,40 @@ def drawn_points(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
         if mark.kind == "direction":
             continue
         try:
-            if mark.body not in frames:  # numbers first: SymPy takes long to turn expressions
+            if mark.body not in frames:  # convert to numbers first, because SymPy rotates expressions slowly
                 frames[mark.body] = Frame(mechanism.space, [nominal(x) for x in poses[mark.body]])
             place = [float(x) for x in frames[mark.body].point([nominal(x) for x in mark.local])]
-        except StudyError:  # no finite number at the means: told elsewhere
+        except StudyError:  # not finite at the means; reported elsewhere
             continue
         found.setdefault(mark.body, []).append((mark, np.array(place)))
     return found
 
 
 def extent_of(places: Sequence[Array]) -> float:
-    """Return the diagonal of the box around places, m; 0 of none."""
+    """Return the diagonal of the box around points, m; 0 without points."""
     return float(np.linalg.norm(np.ptp(np.array(places), axis=0))) if places else 0.0
 
 
 def size_of(mechanism: Mechanism) -> float:
-    """Largest extent of the mechanism as drawn, m, at the means: of all points that are known of its bodies."""
+    """Return the largest extent of the drawn mechanism, m, at the means, from all known points of its bodies."""
     return extent_of([place for found in drawn_points(mechanism).values() for _, place in found])
 
 
 def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tuple[Move, ...]:
-    """Return the bodies that assembly moved noticeably at the means; moves by start conditions are intended."""
+    """Return bodies noticeably moved by the assembly at the means; moves by start conditions are intended."""
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
     free = replace(model, conditions=None)
     q, _ = positions(free, drawn, model.time, parameters, model.layout.independent_holonomic)
     found = [m for m in moves(model, drawn[0], q[0]) if m.turn > TILTED or m.distance > 1e-9]
     limit = 0.0
-    if found:  # which takes SymPy long
+    if found:  # this is slow in SymPy
         limit = MOVED * (size_of(mechanism) if size is None else size)
     return tuple(m for m in found if m.turn > TILTED or m.distance > max(limit, 1e-9))
 
 
 def apart(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
-    """Return groups of bodies that no component connects with each other or the ground."""
+    """Return groups of bodies without connections by components to each other or the ground."""
     group = {name: {name} for name in ("ground", *mechanism.bodies)}
     for component in mechanism.components.values():
         names = [str(getattr(component.attached[role], "name", "ground")) for role in component.bodies]

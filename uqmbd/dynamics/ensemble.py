@@ -1,6 +1,6 @@
-"""The ensemble: K realisations of one model, the numerical heart that every propagator shares.
+"""Ensemble of K realisations of one model, the common numerical core of all propagators.
 
-Length: it is one class, whose methods are the whole protocol of integrators.
+Length: the module contains one class, and its methods are the complete protocol of integrators.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ __all__ = ["Ensemble", "referenced"]
 
 
 class Ensemble:
-    """K realisations of a model: parameters are evaluated once, then residuals and Jacobians for all together.
+    """K realisations of a model, with parameters evaluated once, and joint evaluation of residuals and Jacobians.
 
     Parameters
     ----------
     model : Model
-        Compiled.
+        Compiled model.
     values : array, shape (K, input)
         Inputs of each realisation, in the order of ``model.inputs``.
     start : Start, optional
-        Initial states, if they are known already.
+        Initial states, if known. Default: computed by the ensemble.
 
     Examples
     --------
-    Two wheels that turn at 6 and at 7 rad/s:
+    Two wheels rotate at 6 rad/s and 7 rad/s:
 
     >>> import chaospy
     >>> import numpy as np
@@ -76,7 +76,7 @@ class Ensemble:
         if self._given_start is not None:
             return self._given_start
         if self.model.start_at == "equilibrium":
-            # stated velocities belong to the equilibrium, not to the drawn pose
+            # given velocities apply to the equilibrium, not to the drawn pose
             drawn = assemble(replace(self.model, statements=(), conditions=None), self.parameters, self.model.time)
             return equilibrium_start(Ensemble(self.model, self.values, start=drawn))
         return assemble(self.model, self.parameters, self.model.time)
@@ -88,9 +88,9 @@ class Ensemble:
         return np.concatenate([self.parameters[:, self.model.breaks], added], axis=1)
 
     def pace(self, times: Array, rtol: float = 1e-6) -> tuple[Interval, ...]:
-        """Lay out an integration: where steps end, and how long they may be, for every integrator alike.
+        """Return the integration intervals for all integrators: ends of steps, and longest steps.
 
-        Intervals end at times at which something jumps, and at knots of tables over time that count at the tolerance.
+        Intervals end at times of possible jumps, and at knots of tables over time that matter at the tolerance.
 
         Parameters
         ----------
@@ -102,8 +102,9 @@ class Ensemble:
         Returns
         -------
         tuple of (end, longest, jumps)
-            Intervals of the integration, one after the other: until when all is smooth, s, the longest step, s, and
-            whether something may jump at the end; at a knot, where a third derivative jumps, nothing does.
+            Consecutive intervals of the integration. ``end`` is the end of the smooth interval, s, and ``longest`` the
+            longest step, s. ``jumps`` is whether a quantity may jump at the end. At a knot only a third derivative
+            jumps, and ``jumps`` is false.
         """
         return pace(self, np.asarray(times, dtype=float), rtol, knots=True)
 
@@ -118,9 +119,10 @@ class Ensemble:
         Returns
         -------
         Sampling or None
-            None: the mechanism has no controllers.  Its ``times`` (N,) are those at which states change;
-            ``after(number, states, members)`` gives the states right after one of them, and reasons of those who
-            cannot go on; ``jumps(time, states, members)`` how velocities follow speeds that are commanded.
+            Samples; None if the mechanism has no controllers.  The attribute ``times`` (N,) contains the times of
+            changes of states, s.  ``after(number, states, members)`` returns the states right after one of these times,
+            and the reasons of realisations that cannot continue.  ``jumps(time, states, members)`` returns the jumps
+            of velocities due to commanded speeds.
         """
         return Sampling(self, times) if self.model.controls else None
 
@@ -131,18 +133,19 @@ class Ensemble:
         return Ensemble(self.model, self.values[members], start=self.start.select(members))
 
     def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
-        """Unknowns ``y`` of states.
+        """Return the unknowns ``y`` of states.
 
         Parameters
         ----------
         q, s, v : array, shape (K, ...)
-            All coordinates, auxiliary states and velocities.
+            Coordinates, auxiliary states and velocities.
         multipliers : array, shape (K, rank)
-            Of all kept equations; only those that are in ``y`` are used.
+            Multipliers of all kept equations; only those in ``y`` are used.
 
         Returns
         -------
         array, shape (K, n)
+            Unknowns ``y``.
         """
         layout = self.model.layout
         y = np.zeros((len(q), layout.unknowns))
@@ -152,7 +155,7 @@ class Ensemble:
         return y
 
     def expand(self, y: Array) -> tuple[Array, Array, Array]:
-        """Find all coordinates, auxiliary states and velocities of unknowns ``y``, shape (K, ..., n)."""
+        """Return all coordinates, auxiliary states and velocities ``(q, s, v)`` of unknowns ``y`` (K, ..., n)."""
         layout = self.model.layout
         where = layout.slices
         q = np.zeros((*y.shape[:-1], layout.coordinates))
@@ -169,22 +172,23 @@ class Ensemble:
 
     @cached_property
     def gradient_lengths(self) -> Array:
-        """Lengths of the gradients of all equations at the start, shape (K, equation); 1 where there is none."""
+        """Lengths of the gradients of all equations at the start, shape (K, equation); 1 without a gradient."""
         return gradient_lengths(self.model, self.start, self.block)
 
     def residual(self, time: float, y: Array, yp: Array) -> Array:
-        """Stabilised index-2 residual.
+        """Return the stabilised index-2 residual.
 
         Parameters
         ----------
         time : float
-            s.
+            Time, s.
         y, yp : array, shape (K, n)
             Unknowns ``(q, s, v, lambda, mu)`` and their rates.
 
         Returns
         -------
         array, shape (K, n)
+            Residual.
         """
         arguments = self.model.layout.index2_arguments(time, y, yp, self.frozen)
         return self.model.evaluators["residual"](arguments, self.block)
@@ -198,21 +202,21 @@ class Ensemble:
         return self.model.pattern
 
     def jacobian(self, time: float, y: Array, yp: Array, c: float) -> Array:
-        """Values of ``dr/dy + c dr/dy'`` on the structural pattern `pattern`, shape (K, nnz).
+        """Return values of ``dr/dy + c dr/dy'`` on the structural pattern `pattern`, shape (K, nnz).
 
         Parameters
         ----------
         time : float
-            s.
+            Time, s.
         y, yp : array, shape (K, n)
-            Unknowns, as `pack` makes them, and their rates.
+            Unknowns, from `pack`, and their rates.
         c : float
-            Factor of the derivative by the rates, 1/s.
+            Factor of the derivative with respect to the rates, 1/s.
 
         Returns
         -------
         array, shape (K, nnz)
-            Entry by entry of the pattern.
+            Entries in the order of the pattern.
         """
         arguments = self.model.layout.index2_arguments(time, y, yp, self.frozen, c)
         return self.model.evaluators["jacobian"](arguments, self.block)
@@ -220,41 +224,42 @@ class Ensemble:
     def outputs(self, times: Array, states: Array) -> Array:
         """Evaluate the outputs along trajectories, consistent with the equations of motion at each time.
 
-        Outputs that are angles are unwrapped over the times (`OutputMap.unwrap`); what is observed in pieces of time
-        is unwrapped once more when it is joined.
+        Angles are unwrapped over the times (`OutputMap.unwrap`). If outputs are observed in separate intervals, they
+        must be unwrapped again after joining.
 
         Parameters
         ----------
         times : array, shape (T,) or (K, T)
-            Of all realisations, or of each, s.
+            Times, s, of all realisations or of each.
         states : array, shape (K, T, 2 coordinate + state)
-            All coordinates, auxiliary states and velocities; accelerations and reactions are solved for.
+            Coordinates, auxiliary states and velocities; accelerations and reactions are computed.
 
         Returns
         -------
         array, shape (K, output, T)
+            Outputs, in their units.
         """
         return observe_along(self, self.model.outputs, times, states)
 
     @property
     def events(self) -> tuple[tuple[str, str, bool], ...]:
-        """Component and label of each event, and whether it is an impact; other events change nothing."""
+        """Component and label of each event, and whether it is an impact; other events do not change the motion."""
         return tuple((component, label, bool(directions)) for component, label, directions in self.model.events)
 
     def rates(self, time: Array | float, states: Array) -> Array:
-        """Return the rates of states by the equations of motion (index 1), as an explicit integrator needs them.
+        """Return the rates of states from the equations of motion (index 1), for explicit integrators.
 
         Parameters
         ----------
         time : float, or array, shape (K,)
-            s.
+            Time, s.
         states : array, shape (K, 2 coordinate + state)
             Coordinates, auxiliary states and velocities, consistent with the constraints.
 
         Returns
         -------
         array, shape (K, 2 coordinate + state)
-            NaN where the equations are singular.
+            Rates of the states; NaN if the equations are singular.
         """
         q, s, v = self.model.layout.split(states)
         a, _, rates = accelerations(self.model, q, s, v, time, self.block)
@@ -266,33 +271,33 @@ class Ensemble:
         Parameters
         ----------
         time : float, or array, shape (K,)
-            s.
+            Time, s.
         states : array, shape (K, 2 coordinate + state)
-            As for `rates`.
+            States, as for `rates`.
 
         Returns
         -------
         tuple of array, shapes (K, coordinate) and (K, kept)
-            Accelerations of all coordinates, and the multipliers of the kept `equations`; NaN where the equations are
+            Accelerations of all coordinates, and multipliers of the kept `equations`; NaN if the equations are
             singular.
         """
         return accelerations(self.model, *self.model.layout.split(states), time, self.block)[:2]
 
     def equations_of_motion(self, time: Array | float, states: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the numbers of ``M a + D^T lambda = f`` and ``D a = g`` for the kept `equations`.
+        """Return the matrices and vectors of ``M a + D^T lambda = f`` and ``D a = g`` for the kept `equations`.
 
         Parameters
         ----------
         time : float, or array, shape (K,)
-            s.
+            Time, s.
         states : array, shape (K, 2 coordinate + state)
-            As for `rates`; they need not be on the constraints.
+            States, as for `rates`; they need not satisfy the constraints.
 
         Returns
         -------
         tuple of array
-            M (K, coordinate, coordinate): the mass matrix. f (K, coordinate): the forces, with those of inertia.
-            D (K, kept, coordinate): the Jacobian of the constraints. g (K, kept).
+            M (K, coordinate, coordinate): mass matrix. f (K, coordinate): forces, including velocity-dependent inertia.
+            D (K, kept, coordinate): Jacobian of the constraints. g (K, kept): right-hand side.
         """
         model = self.model
         found = model.evaluate("acceleration", state_arguments(time, *model.layout.split(states)), self.block)
@@ -301,34 +306,34 @@ class Ensemble:
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """Names of the kept constraint equations, in the order of multipliers: redundant ones are left out."""
+        """Names of the kept constraint equations, without redundant ones, in the order of multipliers."""
         return tuple(self.model.equations[k] for k in self.model.layout.kept)
 
     @property
     def unknowns(self) -> dict[str, slice]:
         """Parts of the unknowns ``y`` of `residual`, by letter: ``q``, ``s``, ``v``, and multipliers ``l``, ``m``.
 
-        ``q`` and ``v`` are the coordinates that no constraint freezes, and ``l`` and ``m`` the kept equations without
-        those that freeze one.
+        ``q`` and ``v`` belong to the coordinates that no constraint freezes. ``l`` and ``m`` belong to the kept
+        equations that freeze no coordinate.
         """
         return dict(self.model.layout.slices)
 
     def on_constraints(self, time: Array | float, states: Array) -> Array:
-        """Project states that are nearly on the constraints onto them, in position and velocity, by the least change.
+        """Project states near the constraints onto them, in position and velocity, by the least change.
 
-        Arguments and result are those of `rates`; the error is quadratic in that of the states.
+        The error of the result is quadratic in the error of the states.
 
         Parameters
         ----------
         time : float, or array, shape (K,)
-            s.
+            Time, s.
         states : array, shape (K, 2 coordinate + state)
-            As for `rates`.
+            States, as for `rates`.
 
         Returns
         -------
         array, shape (K, 2 coordinate + state)
-            Corrected.
+            Projected states.
 
         Raises
         ------
@@ -345,40 +350,40 @@ class Ensemble:
         return found
 
     def guards(self, time: Array | float, states: Array) -> Array:
-        """Guards of all `events`, shape (K, event): gaps of impacts, m; an event happens where one falls through zero.
+        """Return guards of all `events`, shape (K, event): gaps, m, for impacts; a falling zero crossing is an event.
 
         Arguments are those of `rates`.
 
         Parameters
         ----------
         time : float, or array, shape (K,)
-            s.
+            Time, s.
         states : array, shape (K, 2 coordinate + state)
-            As for `rates`.
+            States, as for `rates`.
 
         Returns
         -------
         array, shape (K, event)
-            In the order of `events`.
+            Guards, in the order of `events`.
         """
         if not self.model.events:
             return np.zeros((len(states), 0))
         return self._contacts.guards(np.broadcast_to(np.asarray(time, dtype=float), (len(states),)), states, self.block)
 
     def after_impact(self, time: Array | float, states: Array, closed: Mask) -> Array:
-        """States right after impacts, by the laws of restitution and friction; other than velocities nothing changes.
+        """Return states right after impacts, from the laws of restitution and friction; only velocities change.
 
         Parameters
         ----------
         time, states
-            Right before, as for `rates`.
+            Time and states right before the impact, as for `rates`.
         closed : array of bool, shape (K, event)
-            Gaps that are closed; bodies there that approach each other collide.
+            Whether each gap is closed; bodies that approach each other at a closed gap collide.
 
         Returns
         -------
         array, shape (K, 2 coordinate + state)
-            NaN where no impulses satisfy the laws.
+            States right after the impact; NaN if no impulses satisfy the laws.
         """
         times = np.broadcast_to(np.asarray(time, dtype=float), (len(states),))
         after, n = states.copy(), self.model.layout.coordinates
@@ -389,19 +394,19 @@ class Ensemble:
         return after
 
     def event_times(self, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
-        """Name the times of events, for the ``scalars`` of `uqmbd.extend.Trajectories`.
+        """Return the times of events by name, for the ``scalars`` of `uqmbd.extend.Trajectories`.
 
         Outputs use them as `uqmbd.Component.event_time`.
 
         Parameters
         ----------
         happened : mapping of int to sequence of (float, int, str)
-            By realisation, in the order of time: when, which of `events`, and its label.
+            Events of each realisation in the order of time: time, index in `events`, and label.
 
         Returns
         -------
         dict of str to array, shape (K,)
-            NaN where a realisation has no such event.
+            Event times, s; NaN for realisations without the event.
         """
         return event_times(self, happened)
 
@@ -411,24 +416,24 @@ class Ensemble:
 
     @typechecked
     def energies(self, times: Array, states: Array) -> Array:
-        """Kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as of `outputs`.
+        """Return kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as for `outputs`.
 
         Parameters
         ----------
         times : array, shape (T,)
-            s.
+            Times, s.
         states : array, shape (K, T, 2 coordinate + state)
-            As for `outputs`.
+            States, as for `outputs`.
 
         Returns
         -------
         array, shape (K, 2, T)
-            J, kinetic first.
+            Energies, J, kinetic first.
 
         Raises
         ------
         uqmbd.StudyError
-            If shapes do not fit.
+            If the shapes of the arguments are invalid.
         """
         shape = (len(self.block), states.shape[1] if states.ndim == 3 else 0, self.model.layout.width)
         if states.shape != shape or times.shape not in (shape[1:2], shape[:2]):
@@ -442,9 +447,9 @@ class Ensemble:
 def referenced(model: Model, means: Array) -> Model:
     """Return the model with the start angles of its outputs near those at the means (input,).
 
-    The angle at the means belongs to the model, so that the turns of a realisation depend on the realisation alone:
-    neither on the other realisations of a batch nor on the worker.  If the mechanism cannot start at the means, angles
-    start within half a turn of zero.
+    The model contains the angle at the means. The turns of a realisation are therefore independent of the other
+    realisations of a batch and of the worker.  If the mechanism cannot start at the means, angles start within half a
+    turn of zero.
     """
     turns, counted = model.outputs.turns, model.outputs.counted
     if not turns.any():

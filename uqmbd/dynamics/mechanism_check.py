@@ -1,4 +1,4 @@
-"""Checks of a mechanism that need no integration."""
+"""Checks of a mechanism without integration."""
 
 from __future__ import annotations
 
@@ -21,30 +21,34 @@ class Check:
     Attributes
     ----------
     bodies : tuple of str
+        Names of the bodies.
     components : tuple of (name, type, number of constraint equations)
+        Name, type and number of constraint equations of each component.
     coordinates, equations, rank, mobility : int
-        Equations include the unit norm of each quaternion; the mobility is the number of degrees of freedom of the
-        positions: ``mobility = coordinates - rank`` of the equations of positions.
+        Numbers of coordinates and of constraint equations, rank of the equations, and number of degrees of freedom of
+        the positions. The equations include the unit norm of each quaternion. For equations of positions, ``mobility =
+        coordinates - rank``.
     redundant : tuple of str
         Equations that follow from the others.
     not_unique : tuple of str
-        Reactions that these leave undetermined, as in ``A.reaction_force[0]``.
+        Reactions that are undetermined because of redundant equations, such as ``A.reaction_force[0]``.
     inputs : tuple of (name, distribution, units)
+        Name, distribution and units of each random variable.
     unused_inputs : tuple of str
-        Declared, but entering nothing.
+        Declared but unused random variables.
     unit_lengths : int
-        As many of the equations are the unit lengths of the half-angle pairs or quaternions of bodies.
+        Number of unit-norm equations of half-angle pairs or quaternions of bodies.
     apart : tuple of tuple of str
         Groups of bodies that no component connects with each other or the ground.
     moved : tuple of Move
-        Bodies that assembly displaced from their drawn pose by more than 1 % of the size of the mechanism, or turned by
-        more than 1 degree.
+        Bodies that assembly displaced by more than 1 % of the size of the mechanism from their drawn pose, or rotated
+        by more than 1 degree.
     conditions : tuple of (condition, kind)
-        What holds at the start only, of ``position`` or ``velocity``.
+        Start conditions, each with its kind: ``position`` or ``velocity``.
     controllers : tuple of (name, timing, measured, commands)
-        What each samples and commands, in words.
+        Name, timing, measurements and commands of each controller, as text.
     units : tuple of str
-        What is wrong with units, a sentence each.
+        Errors in units, one sentence each.
 
     Examples
     --------
@@ -70,10 +74,10 @@ class Check:
     apart: tuple[tuple[str, ...], ...] = ()
     moved: tuple[Move, ...] = ()
     velocity_equations: int = 0
-    """Number of equations that bind velocities alone (`VelocityConstraint`)."""
+    """Number of equations that constrain velocities only (`VelocityConstraint`)."""
     velocity_mobility: int = 0
-    """Degrees of freedom of the velocities, ``coordinates - rank`` of all equations: fewer than those of the positions
-    where equations bind velocities alone."""
+    """Degrees of freedom of the velocities, ``coordinates - rank`` of all equations; fewer than those of the positions
+    if equations constrain velocities only."""
     conditions: tuple[tuple[str, str], ...] = ()
     controllers: tuple[tuple[str, str, str, str], ...] = ()
     units: tuple[str, ...] = ()
@@ -81,23 +85,24 @@ class Check:
 
 @typechecked
 def check(mechanism: Mechanism, time: float = 0.0) -> Check:
-    """Assemble a mechanism at the means of its inputs, and count.
+    """Assemble a mechanism at the means of its inputs, and count its equations and degrees of freedom.
 
     Parameters
     ----------
     mechanism : Mechanism
-        What to check.
+        Mechanism to check.
     time : float
         Initial time, s.
 
     Returns
     -------
     Check
+        Counts and findings of the mechanism.
 
     Raises
     ------
     uqmbd.AssemblyError
-        If it cannot be assembled.
+        If the mechanism cannot be assembled.
 
     Examples
     --------
@@ -138,7 +143,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
 
 
 def _controller(controller: Controller) -> tuple[str, str, str, str]:
-    """Return the name of a controller, its timing, its measured quantities, and its commands."""
+    """Return name, timing, measured quantities and commands of a controller as text."""
     delay = f", commands act {controller.delay:g} s later" if controller.delay else ""
     commands = [f"{name} ({units})" if units else name for name, units in controller.commands.items()]
     return (

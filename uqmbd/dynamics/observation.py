@@ -1,4 +1,4 @@
-"""Observation: outputs and energies of states, consistent with the equations of motion."""
+"""Observation of outputs and energies in states, consistent with the equations of motion."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["energies", "observe", "observe_along", "observe_singly", "output_pro
 
 
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
-    """Evaluate outputs along trajectories (K, T, width), angles unwrapped over the times: shape (K, output, T).
+    """Evaluate outputs along trajectories (K, T, width), with angles unwrapped over times: shape (K, output, T).
 
-    Times are those of all, (T,), or each one's own, (K, T).
+    Times, s, are common to all realisations, (T,), or separate for each, (K, T).
     """
     members, count = states.shape[:2]
     times = np.asarray(times, dtype=float).ravel()
@@ -27,7 +27,7 @@ def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array)
         found = _by_program(program, batch.model, outputs, flat, Columns(times), *owners)
     else:
         found = observe(batch, outputs, flat, np.resize(times, members * count), np.repeat(np.arange(members), count))
-    # times side by side: whoever reads all of them takes several times as long otherwise
+    # times must be contiguous: otherwise reading all times takes several times as long
     response = np.ascontiguousarray(found.reshape(members, count, -1).transpose(0, 2, 1))
     return outputs.unwrap(response) if outputs.turns.any() else response
 
@@ -69,9 +69,9 @@ def _one_by_one(
 
 
 def output_program(model: Model, outputs: OutputMap) -> Program | None:
-    """Return outputs as one program of (state, t, 0, parameters, inputs); None: they have to be observed one by one.
+    """Return outputs as one program of (state, t, 0, parameters, inputs); None: observe states one by one.
 
-    Where they need accelerations, its last result is how well these satisfy their system: poor above `RESIDUAL` ** 2.
+    If outputs need accelerations, the last result is the residual of their system: poor above `RESIDUAL` ** 2.
     """
     if not _compiled(model):
         return None
@@ -84,13 +84,13 @@ def output_program(model: Model, outputs: OutputMap) -> Program | None:
 
 
 def prepare(model: Model) -> None:
-    """Compile the further kernels of an observation, so that samples compile nothing."""
+    """Compile the other kernels of an observation, so that samples need no compilation."""
     if _compiled(model) and model.quaternions().size:
         _unit(model.quaternions().shape[1])
 
 
 def _compiled(model: Model) -> bool:
-    """Return whether outputs are one program: its elimination is compiled, and no persistent contact changes forces."""
+    """Return whether outputs are one program: elimination is compiled, and persistent contacts change no forces."""
     return not model.events and model.system is not None and model.system.programs is not None
 
 
@@ -119,7 +119,7 @@ def _rows(columns: Columns, which: Index) -> Array:
 
 
 def _program(model: Model, outputs: OutputMap) -> Program:
-    """Write outputs, and how well accelerations satisfy their system, of (state, t, 0, parameters, inputs)."""
+    """Write outputs and the residual of accelerations as a program of (state, t, 0, parameters, inputs)."""
     layout, programs = model.layout, model.system.programs
     n, width = layout.coordinates, layout.width
     ends = np.cumsum([width + 2, model.block_parameters, len(model.inputs)])
@@ -138,7 +138,7 @@ def _program(model: Model, outputs: OutputMap) -> Program:
 
 
 def _unit(size: int) -> Kernel:
-    """Compile a vector of unit length in the direction of one of `size` numbers."""
+    """Compile the normalisation of a vector of `size` numbers to unit length."""
 
     def make() -> Kernel:
         import symengine as se
@@ -151,7 +151,7 @@ def _unit(size: int) -> Kernel:
 
 
 def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
-    """Correct accelerations and multipliers for persistent contacts; their forces (S, direction)."""
+    """Correct accelerations and multipliers for persistent contacts; return contact forces (S, direction), N."""
     evaluator = ContactEvaluator(model)
     forces = np.zeros((len(states), evaluator.directions))
     n, kept = model.layout.coordinates, model.layout.kept
@@ -161,7 +161,7 @@ def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a
 
 
 def energies(batch: Batch, times: Array, states: Array) -> Array:
-    """Kinetic and potential energy along trajectories (K, T, width), J, at times as of `observe_along`: (K, 2, T)."""
+    """Return kinetic and potential energy along trajectories (K, T, width), J, (K, 2, T); see `observe_along`."""
     flat = states.reshape(-1, states.shape[2])
     arguments = state_arguments(np.resize(times, len(flat)), flat)
     parameters = np.repeat(batch.block, states.shape[1], axis=0)

@@ -1,4 +1,4 @@
-"""Parameters of a model that are not finite at the means of the inputs, as text."""
+"""Messages on parameters of a model that are not finite at the means of the inputs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uqmbd.randomness import RandomVariable
 __all__ = ["not_finite"]
 
 LENGTH = 200
-"""Characters of an expression that are shown."""
+"""Largest number of characters of an expression in a message."""
 
 
 def not_finite(
@@ -25,14 +25,14 @@ def not_finite(
     expressions: Sequence[sympy.Expr],
     values: NDArray[np.float64],
 ) -> str:
-    """Return a message that names a parameter that is not finite, its owner, and the inputs.
+    """Return a message on a parameter that is not finite, with its owner and the inputs.
 
     The values (P,) of the expressions (P,) are those at the means of the inputs; at least one is not finite.  The
     parameters of the instances come first.  An example is
     ``body 'rod': its drawn pose is nan at the means: angle = asin(x); x = 2``.
     """
     wrong = np.flatnonzero(~np.isfinite(values))
-    # a pose first: counters of angles are made from it
+    # report a pose first, because counters of angles depend on it
     k = int(next(iter(np.intersect1d(wrong, model.drawn)), wrong[0]))
     owner, what, expression = _origin(mechanism, model, instances, k, expressions[k])
     inputs = mechanism.inputs
@@ -49,7 +49,7 @@ def not_finite(
 def _origin(
     mechanism: Mechanism, model: Model, instances: Sequence[Instance], k: int, expression: sympy.Expr
 ) -> tuple[str, tuple[str, str], sympy.Expr]:
-    """Return the owner of parameter `k`, its description and name, and the expression as the user wrote it."""
+    """Return the owner of parameter `k`, its description and name, and the expression of the user."""
     first = 0
     for instance in instances:
         last = first + len(instance.parameters)
@@ -67,7 +67,7 @@ def _origin(
         pose = ("its drawn pose", mechanism.space.coordinates[coordinate])
         turned = as_symbolic(body.pose.angle)
         if coordinate >= model.dimension and mechanism.space.turns and model.dimension == 2 and turned.free_symbols:
-            # the half-angle pair is not what was written
+            # the half-angle pair is not the user's expression
             return f"body {body.name!r}", (pose[0], "angle"), turned
         return f"body {body.name!r}", pose, expression
     for statement in model.statements:

@@ -1,7 +1,7 @@
-"""What other packages take: results as trees of ArviZ and frames of pandas.
+"""Conversion of results for other packages: trees of ArviZ and frames of pandas.
 
-Each module brings its package when it is used.  What uqmbd takes from others (distributions, expansions and rules of
-chaospy) is where it belongs: in `uqmbd.randomness` and in collocation.
+Each module imports its package at the first use.  Distributions of chaospy are used in `uqmbd.randomness`, and its
+expansions and rules in collocation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The points of bodies in the description of a mechanism that can be drawn."""
+"""Points of bodies for figures, from the description of a mechanism."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from uqmbd.randomness import RandomVariable
 __all__ = ["Mark", "collect_skeleton"]
 
 QUARTER_TURNS = {2: ((1, 0), (1, 1)), 3: ((1, 0, 0, 0), (1, 1, 0, 0), (1, 0, 1, 0), (1, 0, 0, 1))}
-"""Quaternions, of any length, that turn every axis onto every other."""
+"""Quaternions, not normalised, of the rotations of every axis onto every other axis."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A point or a direction that is fixed in a body."""
+    """Point or direction fixed in a body."""
 
     kind: str  # "point", "direction", "com" (centre of mass) or "observed" (a point that an output records)
-    body: str  # its name, or "ground"
-    component: str  # name of the component that it belongs to, or empty
+    body: str  # name of the body, or "ground"
+    component: str  # name of the owning component, or empty
     role: str  # name of the component's parameter, or of the output
-    # in the frame of the body, m (a direction: of any length); contains random variables only
+    # coordinates in the frame of the body, m, as expressions in random variables; a direction has any length
     local: tuple[sympy.Expr, ...]
-    radius: sympy.Expr = sympy.S.Zero  # of the sphere or wheel about a point, m; 0 for most
+    radius: sympy.Expr = sympy.S.Zero  # radius of the sphere or wheel about a point, m; 0 for most points
 
 
 def collect_skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
     """Collect the known shape of each body: joint points, ends of springs, centres of mass, observed points.
 
-    Components with parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector`` are drawn; a parameter
-    belongs to the body argument that it names (`Parameter.body`).  Points that depend on time are taken at `time`, s.
+    Marks are component parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector``, in the frame of the
+    body argument that `Parameter.body` names.  Time-dependent points are evaluated at `time`, s.
     """
     found = [mark for component in mechanism.components.values() for mark in _marks(component, mechanism, time)]
     for body in mechanism.bodies.values():
@@ -69,19 +69,19 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
 
 
 def _radius(component: Component, point: str) -> sympy.Expr:
-    """Radius about a point; 0: there is none."""
+    """Return the radius about a point, m; 0 if the point has no radius."""
     value = as_symbolic(component.values.get(component.radius_of(point)) or 0)
     return value if _settled(value) else sympy.S.Zero
 
 
 def _points(value: list[Any], time: float) -> tuple[sympy.Expr, ...] | None:
-    """Point at a time; None where it depends on the motion."""
+    """Return a point at a time, s; None if the point depends on the motion."""
     entries = tuple(as_symbolic(x).xreplace({t: sympy.Float(time)}) for x in value)
     return entries if all(_settled(x) for x in entries) else None
 
 
 def _still(value: Any, time: float) -> sympy.Expr:
-    """Entry of a direction; one that depends on time or motion counts as one, unless it is zero for good."""
+    """Return an entry of a direction; use 1 for an entry that depends on time or motion, unless it is always zero."""
     entry = as_symbolic(value)
     return entry if _settled(entry) else sympy.S.One
 
@@ -91,7 +91,7 @@ def _settled(value: sympy.Expr) -> bool:
 
 
 def _observed(mechanism: Mechanism) -> Iterator[Mark]:
-    """Yield points whose position an output records: ``body.point(local)[k]``, recovered from the expression."""
+    """Yield points with recorded positions, ``body.point(local)[k]``, recovered from the expressions of outputs."""
     for output in mechanism.outputs.values():
         owners = {s.owner for s in output.expression.free_symbols if isinstance(s, StateSymbol)}
         body = next(iter(owners), None)
@@ -102,7 +102,7 @@ def _observed(mechanism: Mechanism) -> Iterator[Mark]:
 
 
 def _point_of(expression: sympy.Expr, body: Body) -> tuple[sympy.Expr, ...] | None:
-    """Point of a body of which an expression is a world coordinate, or None."""
+    """Return the point of a body with a world coordinate equal to an expression, or None."""
     space = body.space
     d = space.dimension
     places = [k for k in range(d) if expression.coeff(body.q[k]) == 1]

@@ -1,4 +1,4 @@
-"""All findings on the units of a mechanism; each is also a warning at the line of its cause."""
+"""Collect findings on the units of a mechanism; each finding is also a warning at the line of its cause."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["find_unit_problems"]
 
 
 def find_unit_problems(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return sentences on units of outputs, requirements, start conditions, parameters and random variables."""
+    """Return sentences on wrong units of outputs, requirements, start conditions, parameters and random variables."""
     unseen = unseen_numbers(mechanism)
     stated = [
         (f"output {o.name!r}", o.expression, o.units)

@@ -1,8 +1,8 @@
-"""What `uqmbd new` writes: a study, or the package of a plugin, from templates.
+"""Templates of `uqmbd new` for a study and for the package of a plugin.
 
-The templates are rendered by Jinja, which renders the reports, too.  A tool for templates would be one more thing to
-install, for thirty lines here: Copier's updates of what was written and Cookiecutter's questions are of no use to
-examples that are written once and then changed.
+Jinja renders the templates, like the reports.  A template tool would be another dependency, and would replace only
+thirty lines.  The examples are written once and then edited, so that Copier's updates and Cookiecutter's questions are
+not needed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`uqmbd new study`: a script that runs, to start from."""
+"""Command `uqmbd new study`, which writes an executable example script."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["new_study"]
 def new_study(name: str, folder: Path = Path(), *, typings: bool = False, force: bool = False) -> list[Path]:
     """Write a study script.
 
-    `name`: of the script, without ``.py``, and of its study; `folder`: where it is written; made if it does not
-    exist; `typings`: whether a hint for checkers of types is written beside it, too,
-    ``typings/chaospy/__init__.pyi``; `force`: whether files that are there are overwritten. Return what was written,
-    the script first. Raise StudyError if there can be no script of this name, or a file is there already.
+    `name` is the name of the study and of the script without ``.py``. `folder` is created if it does not exist.
+    `typings` also writes the stub file ``typings/chaospy/__init__.pyi`` for type checkers to `folder`. `force` allows
+    overwriting existing files. Return the paths of the written files, the script first. Raise StudyError if a script
+    cannot have this name, or a file exists already and `force` is False.
     """
     check_study_name(name)
     check_module(name, name, folder)

@@ -1,4 +1,4 @@
-"""Templates to files, none of which is overwritten unasked."""
+"""Writing of templates to files; existing files are replaced only on request."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["rendered", "write"]
 
 TEMPLATES = Path(__file__).parent / "templates"
 SUFFIX = ".jinja"
-"""Of what is rendered; other files are copied as they are."""
+"""Suffix of files that are rendered; other files are copied unchanged."""
 
 
 def rendered(folder: str, names: Mapping[str, Any], *, replaced: Mapping[str, str] | None = None) -> dict[Path, str]:
     """Render all files of a folder of templates.
 
-    `folder`: below the folder of all templates; `names`: what the templates know; `replaced`: parts of paths that
-    stand for others. Return texts by path, relative to where they are written.
+    `folder` is relative to the folder of all templates. `names` are the variables of the templates. `replaced` maps
+    parts of paths to new names. Return texts by path, relative to the target folder.
     """
     from jinja2 import Environment, StrictUndefined
 
-    # delimiters that neither Python nor GitHub's workflows know
+    # delimiters that neither Python nor GitHub's workflows use
     environment = Environment(
         block_start_string="<%",
         block_end_string="%>",
@@ -36,7 +36,7 @@ def rendered(folder: str, names: Mapping[str, Any], *, replaced: Mapping[str, st
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=False,  # noqa: S701 - Python, TOML and Markdown, of names that were checked
+        autoescape=False,  # noqa: S701 - the output is Python, TOML and Markdown with checked names
     )
     texts = {}
     for source in _files(TEMPLATES / folder):
@@ -54,7 +54,7 @@ def rendered(folder: str, names: Mapping[str, Any], *, replaced: Mapping[str, st
 def write(texts: Mapping[Path, str], folder: Path, *, force: bool) -> list[Path]:
     """Write texts into a folder, and return the paths.
 
-    Raise StudyError if a file is there already and `force` is False: nothing is written then.
+    Raise StudyError, without writing, if a file exists already and `force` is False.
     """
     paths = [folder / path for path in texts]
     there = [str(path) for path in paths if path.exists() or path.is_symlink()]
@@ -63,14 +63,14 @@ def write(texts: Mapping[Path, str], folder: Path, *, force: bool) -> list[Path]
         raise StudyError(f"{', '.join(there)} {exist} already, and nothing was written; use --force to overwrite.")
     for path, text in zip(paths, texts.values(), strict=True):
         path.parent.mkdir(parents=True, exist_ok=True)
-        # without --force one that has come since is an error, too
+        # without --force, a file that was created since the check is also an error
         with open(path, "w" if force else "x", encoding="utf-8", newline="\n", opener=no_link) as file:
             file.write(text)
     return paths
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Those of a folder and below it, in the order of their names."""
+    """Yield the files in a folder and its subfolders, sorted by name."""
     for path in sorted(folder.iterdir()):
         if path.is_dir():
             if path.name != "__pycache__":

@@ -1,4 +1,4 @@
-"""Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
+"""Plugins: hooks that a plugin package can implement, and search, loading and isolation of the packages.
 
 A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of nine
 hooks, each of which returns classes::
@@ -14,8 +14,9 @@ hooks, each of which returns classes::
 
 Modules that offer commands are named in the entry-point group ``uqmbd.commands``: see `uqmbd.extend.Command`.
 
-A plugin that fails is a `uqmbd.extend.PluginWarning` with its name and the reason; the others are not affected. The
-environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributions (by comma) that are not loaded.
+A plugin that fails causes a `uqmbd.extend.PluginWarning` with its name and the reason; other plugins are not affected.
+The environment variable ``UQMBD_DISABLE_PLUGINS`` contains names of entry points or distributions that are not loaded,
+separated by commas.
 """
 
 from __future__ import annotations

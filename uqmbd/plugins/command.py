@@ -1,4 +1,4 @@
-"""Commands of the command line that plugins offer."""
+"""Commands of the command line from plugins."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ __all__ = ["Command", "command_line"]
 
 
 class Command(Protocol):
-    """What a command of the command line has: a class that a plugin offers by the hook ``uqmbd_commands``.
+    """Protocol of a command of the command line; a plugin offers the class by the hook ``uqmbd_commands``.
 
-    It is made without arguments, when it is listed or run, and need not derive from this one.  Its module is named in
-    the entry-point group ``uqmbd.commands`` and imports nothing heavy: `uqmbd --help` waits for it.  What `run` needs
-    it imports when it runs.
+    The command line creates an instance without arguments to list or run the command.  The class need not be derived
+    from this protocol.  The entry-point group ``uqmbd.commands`` names its module.  The module must not import large
+    libraries, because `uqmbd --help` imports it; the method `run` imports them.
 
-    The parameters of `run` are arguments and options, annotated as typer wants them.  It returns nothing and prints
-    its result.  A `uqmbd.StudyError` is shown as a message and ends the program with the status 2, any other
-    `uqmbd.UqmbdError` with 1, and ``raise SystemExit(status)`` with another one.  ``--debug`` is an option of all
-    commands, and shows the traceback.
+    The parameters of `run` are arguments and options with annotations for typer.  The method `run` returns None and
+    prints its result.  The command line shows a `uqmbd.UqmbdError` as a message.  It ends the program with the status 2
+    for a `uqmbd.StudyError`, and with 1 for other errors of this type.  ``raise SystemExit(status)`` sets another
+    status.  All commands have the option ``--debug``, which shows the traceback.
 
-    A parameter of the type `uqmbd.Workers` without a default, after a ``*``, becomes the options ``--workers``,
-    ``--dask`` and ``--mpi``: ``with workers.start(script) as executor:`` yields what `Study.run`,
-    `uqmbd.extend.pool` and others take as workers.
+    The options ``--workers``, ``--dask`` and ``--mpi`` replace a parameter of the type `uqmbd.Workers` without a
+    default, after a ``*``.  The statement ``with workers.start(script) as executor:`` yields an object that
+    `Study.run`, `uqmbd.extend.pool` and other functions accept as workers.
 
     Attributes
     ----------
     name : str
-        What is typed after ``uqmbd``: small letters, digits and hyphens.
+        Name of the command after ``uqmbd``: small letters, digits and hyphens.
     help : str
-        What it does, shown by ``uqmbd --help`` (as far as it fits into a line) and ``uqmbd NAME --help``.
+        Description, shown by ``uqmbd --help`` (shortened to a line) and ``uqmbd NAME --help``.
 
     Examples
     --------
@@ -46,25 +46,25 @@ class Command(Protocol):
     help: str
 
     def run(self, *arguments: Any, **options: Any) -> None:
-        """Do the work.
+        """Run the command.
 
         Parameters
         ----------
         *arguments, **options
-            As its signature declares them: with them the command line calls it.
+            Arguments and options of the command line, as declared by the signature of the subclass.
         """
 
 
 def command_line(command: type[Command]) -> Any:
-    """Make what `typer` runs of a command.
+    """Convert a command to a command object of `typer`.
 
-    Raise Exception whatever the class raises when it is made, or typer where it cannot take an annotation.
+    Raise an exception of the class, or of typer if it does not accept an annotation.
     """
     import typer
 
     from uqmbd.clusters import with_worker_options
 
-    # help without rich, as that of the other commands
+    # format the help without rich, like the help of the other commands
     app = typer.Typer(
         rich_markup_mode=None,
         pretty_exceptions_enable=False,

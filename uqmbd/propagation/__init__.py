@@ -1,4 +1,4 @@
-"""Propagation: problem, propagators, studies, and the work behind them."""
+"""Propagation: problems, propagators, studies, and the execution of realisations."""
 
 from __future__ import annotations
 

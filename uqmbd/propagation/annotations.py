@@ -1,4 +1,4 @@
-"""Options of methods: what the annotations of their fields allow, for programs and the command line alike."""
+"""Check options of methods against the annotations of their fields, for scripts and the command line."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["Bounds", "MethodClass", "check_options", "option_types", "plain"]
 
 
 class MethodClass(Protocol):
-    """Method as a class: its registered name; its fields are its options."""
+    """Class of a method with its registered name; the fields of the class are the options."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
     name: ClassVar[str]
 
 
 def check_options(kind: type, options: dict[str, Any]) -> None:
-    """Raise StudyError where an option is none of the values that its field in the dataclass declares.
+    """Raise StudyError for an option whose value does not fit the annotation of its field in the dataclass.
 
-    The method itself checks options that hold objects of a class, as it knows which to suggest.
+    Options that contain objects of a class are checked by the method, which can suggest suitable classes.
     """
     declared = option_types(kind)
     for name, value in options.items():
@@ -33,13 +33,13 @@ def check_options(kind: type, options: dict[str, Any]) -> None:
 
 
 def _names_a_class(annotation: Any) -> bool:
-    """Test whether objects of a class, other than texts and numbers, are among the alternatives of an annotation."""
+    """Return whether an annotation allows instances of a class other than texts and numbers."""
     return any(isinstance(x, type) and x.__module__ != "builtins" for x in members(annotation))
 
 
 @lru_cache(maxsize=64)
 def option_types(kind: type) -> dict[str, Any]:
-    """Return the annotations of the fields of a dataclass; one that only a type checker can resolve is left out."""
+    """Return the field annotations of a dataclass, except annotations that only type checkers can resolve."""
     found: dict[str, Any] = {}
     for field in dataclasses.fields(kind):
         owner = next(base for base in kind.__mro__ if field.name in vars(base).get("__annotations__", {}))
@@ -50,7 +50,7 @@ def option_types(kind: type) -> dict[str, Any]:
 
 
 def plain(value: Any, annotation: Any) -> Any:
-    """Return an option that fits its annotation as a plain number, or a tuple of these, where it has bounds.
+    """Return an option as a Python number, or a tuple of numbers, if it fits its annotation with bounds.
 
     >>> from typing import Annotated
     >>> import numpy as np

@@ -16,7 +16,7 @@ __all__ = ["as_numpoly"]
 def as_numpoly(germs: Sequence[Germ], multi_index: Index, coefficients: Array) -> Any:
     """Return a sum of products of orthonormal polynomials as a polynomial of chaospy, of the shape (...).
 
-    Germ k is the variable ``qk``; `multi_index` (P, d) holds the degrees of the terms, `coefficients` is (P, ...).
+    Germ k is the variable ``qk``; `multi_index` (P, d) contains the degrees of the terms, `coefficients` is (P, ...).
 
     >>> germ = Germ.classical("x", "legendre")
     >>> p = as_numpoly([germ], np.array([[0], [1]]), np.array([2.0, 1.0]))

@@ -1,4 +1,4 @@
-"""Random matrices of maximum entropy, positive definite, in independent random variables (Soize 2000)."""
+"""Positive definite random matrices of maximum entropy, as functions of independent random variables (Soize 2000)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def random_factor(name: str, dispersion: float) -> RandomVariable:
 
 
 def random_root(name: str, dispersion: float, size: int) -> sympy.Matrix:
-    """Return an upper triangular n x n matrix ``L`` of independent entries, so that ``L^T L`` is random with mean 1.
+    """Return an upper triangular n x n matrix ``L`` of independent entries, so that ``L^T L`` has the mean 1.
 
-    n = `size` is at least 2. The dispersion sqrt(E |L^T L - 1|^2 / n) is the given one, positive and below the square
-    root of ``(n + 1) / (n - 1)``. With ``s = dispersion / sqrt(n + 1)``, entries above the diagonal are normal of
-    standard deviation ``s``; those on it, numbered from zero, are ``s`` times chi distributed of ``(n + 1) /
-    dispersion^2 - i`` degrees of freedom. Names of the variables are `name` and the numbers of row and column, from
-    one.
+    n = `size` is at least 2. `dispersion` = sqrt(E |L^T L - 1|^2 / n) must be positive, and below the square root of
+    ``(n + 1) / (n - 1)``. With ``s = dispersion / sqrt(n + 1)``, entries above the diagonal are normal with standard
+    deviation ``s``. Diagonal entries, numbered from zero, are ``s`` times chi-distributed variables with ``(n + 1) /
+    dispersion^2 - i`` degrees of freedom. Names of the variables consist of `name` and the numbers of row and column,
+    from one.
 
     >>> random_root("x", 0.5, 2)
     Matrix([

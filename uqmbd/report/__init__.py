@@ -1,4 +1,4 @@
-"""What people look at: figures of results, and a self-contained HTML report."""
+"""Figures of results, and a self-contained HTML report."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Find an old name with a warning, until 0.2."""
+    """Return an object by its old name, with a deprecation warning, until version 0.2."""
     if name != "style":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     text = "uqmbd.report.style is uqmbd.report.series_style now; the old name is removed in version 0.2."

@@ -1,4 +1,4 @@
-"""Sections of the report that the installed plugins offer."""
+"""Sections of the report from installed plugins."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ __all__ = ["installed_sections"]
 
 @typechecked
 def installed_sections() -> list[Section]:
-    """Make the sections that plugins offer, as `write_report` takes them.
+    """Make the sections of installed plugins for `write_report`.
 
     Returns
     -------
     list of Section
-        In the order of registration.
+        Sections in the order of registration.
 
     Warns
     -----
     uqmbd.extend.PluginWarning
-        For each section that cannot be made, and is left out.
+        For each section that cannot be made; this section is omitted.
 
     Examples
     --------

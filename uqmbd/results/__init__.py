@@ -1,4 +1,4 @@
-"""Results as xarray data: the schema that every propagator fills, statistics, assessment, and storage."""
+"""Results as xarray data: the schema of all propagators, statistics, assessment, and storage."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ _MOVED = frozenset(
 
 
 def __getattr__(name: str) -> Any:
-    """Return a name that was public here, with a warning, until 0.2."""
+    """Return an object that was public here, with a deprecation warning, until version 0.2."""
     import warnings
 
     import uqmbd

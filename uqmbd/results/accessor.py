@@ -1,7 +1,8 @@
 """Methods ``.uqmbd`` of xarray data: one output with its unit, a variable for each output, the surrogate.
 
-It is registered when `uqmbd.results` is imported, hence by all that makes or reads results.  Where a file was opened by
-xarray alone, ``import uqmbd.results`` is needed: ``import uqmbd`` imports neither xarray nor anything that needs it.
+Importing `uqmbd.results` registers the accessor, so every function that makes or reads results registers it. For a file
+opened by xarray alone, ``import uqmbd.results`` is needed, because ``import uqmbd`` imports neither
+xarray nor modules that need it.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ class Accessor:
     Parameters
     ----------
     data : xarray.DataTree, xarray.Dataset or xarray.DataArray
+        Results of uqmbd.
 
     Examples
     --------
@@ -46,13 +48,14 @@ class Accessor:
         Parameters
         ----------
         name : str
-            Of an output.
+            Name of the output.
         input : str, optional
-            Of an input, for variables that have one.
+            Name of an input, which selects its part of variables along ``input``.
 
         Returns
         -------
         xarray.Dataset, or xarray.DataArray of one
+            The output, or a DataArray if `data` is one.
         """
         found: xr.Dataset | xr.DataArray = output(self._data, name, input=input)
         return found
@@ -67,13 +70,13 @@ class Accessor:
         Parameters
         ----------
         output : str, optional
-            Only this one.
+            Name of the only output to read. Default: all.
         times : sequence of int, optional
-            Only these times, by their numbers.
+            Indices of the times to read. Default: all.
 
         Raises
         ------
         uqmbd.StudyError
-            If it is no node of a method with a surrogate.
+            If the data is not the node of a method with a surrogate.
         """
         return surrogate(self._data, output, times)

@@ -1,6 +1,6 @@
-"""The conformance kit: what plugin authors run against their own classes.
+"""Conformance kit: tests that plugin authors run for their classes.
 
-Every check raises `AssertionError` with a text that says what is wrong, so that it can be called from any test::
+Every check raises `AssertionError` with a text that states the error, so any test can call a check::
 
     from uqmbd.testing import check_component
 

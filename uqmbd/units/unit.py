@@ -1,4 +1,4 @@
-"""A unit: a power of each base quantity, and its size in the SI."""
+"""Unit with a power for each base quantity, and its size in the SI."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Dimension = tuple[Fraction, ...]
 """Exponents of the base quantities, in the order of `BASES`."""
 
 PURE: Dimension = (Fraction(0),) * len(BASES)
-"""That of pure numbers, and of angles."""
+"""Dimension of pure numbers and of angles."""
 
 _WORDS: dict[tuple[Fraction | int, ...], str] = {
     (1, 1, -2): "N", (2, 1, -2): "N m", (-1, 1, -2): "Pa", (2, 1, -3): "W", (0, 1, -2): "N/m", (0, 1, -1): "N s/m",
     (1, 1, -1): "N s",
 }  # fmt: skip
-"""Names of mechanical dimensions, where they are shorter than products of base units."""
+"""SI units of mechanical dimensions with shorter names than the products of base units."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Unit:
     """Dimension and size of a unit."""
 
     dimension: Dimension = PURE  # exponents of the base quantities
-    factor: float = 1.0  # size in the SI unit of that dimension: 0.001 for a millimetre, pi/180 for a degree
+    factor: float = 1.0  # size in the SI unit of this dimension: 0.001 for a millimetre, pi/180 for a degree
 
     def __mul__(self, other: Unit) -> Unit:
         return Unit(

@@ -1,4 +1,4 @@
-"""The command `uqmbd calibrate`; the entry point of commands names this module, which imports nothing heavy."""
+"""Command `uqmbd calibrate`; the entry point of commands is this module, so it has no slow imports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One output of one record, and how likely its values are given predictions of them."""
+"""Values of one output in one record, and their likelihood given predictions."""
 
 from __future__ import annotations
 
@@ -14,42 +14,43 @@ __all__ = ["FREEDOM", "Block", "NormalEquations"]
 
 
 FREEDOM = 4.0
-"""Degrees of freedom of robust noise: a value at ten standard deviations is 1e-4 as dense as one at none, not 1e-22."""
+"""Degrees of freedom of robust noise: the density at ten standard deviations is 1e-4 of the maximum, not 1e-22."""
 
 NormalEquations = tuple[Index, Array, Array]
-"""Columns of the vector of unknowns, gradient (K, c) and Gauss-Newton Hessian (K, c, c) of the misfit by them."""
+"""Columns of the vector of unknowns, and gradient (K, c) and Gauss-Newton Hessian (K, c, c) of the misfit for them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """Values of one output in one record.
 
-    The values are a prediction, a bias, and noise: ``values = prediction + modes @ b + e``.  The coefficients b are
-    standard normal; they are integrated out where the noise is normal, and sampled where it is robust.
+    The model of the values is ``values = prediction + modes @ b + e``, with bias coefficients b and noise e. The
+    coefficients are standard normal; the likelihood integrates over them for normal noise, and they are sampled for
+    robust noise.
     """
 
-    # record, output, units: of what
+    # record, output, units: name of the record, name of the output, and its units
     record: str
     output: str
     units: str
-    times: Array  # (n,): s; empty for an output without a time
-    values: Array  # (n,): what was measured
-    row: int  # which output of the study over time, or without a time
-    columns: Index  # (n,): which of the times of the study; zeros for an output without a time
-    noise: float | None  # standard deviation of e; None: it is one of the unknown levels
-    level: int  # which one
-    modes: Array  # (n, k): of the bias
-    robust: bool  # whether e has the density of Student's t
-    first: int  # where b begins in the vector of unknowns, of robust noise
-    variance: Array  # (n,): what predictions are uncertain by, besides
+    times: Array  # (n,): s; empty for a scalar output
+    values: Array  # (n,): measured values
+    row: int  # index of the output among the outputs over time, or among the scalar outputs
+    columns: Index  # (n,): indices of the times of the study; zeros for a scalar output
+    noise: float | None  # standard deviation of e; None: an unknown noise level
+    level: int  # index of the unknown noise level
+    modes: Array  # (n, k): modes of the bias
+    robust: bool  # whether e has a Student's t distribution
+    first: int  # for robust noise, index of the first coefficient b in the vector of unknowns
+    variance: Array  # (n,): additional variance of the predictions
 
     @property
     def timeless(self) -> bool:
-        """Whether the output has no time."""
+        """Whether the output is a scalar output, without a time."""
         return not self.times.size
 
     def part(self, rows: Index) -> Block:
-        """Return some of its values."""
+        """Return the block of some of the values."""
         times = self.times if self.timeless else self.times[rows]
         about = {name: getattr(self, name)[rows] for name in ("values", "columns", "modes", "variance")}
         return replace(self, times=times, **about)
@@ -61,14 +62,14 @@ class Block:
         return unknowns.noise(vectors)[:, self.level]
 
     def misfit(self, prediction: Array, vectors: Array) -> Array:
-        """Return prediction and bias, if that is sampled, minus values (K, n)."""
+        """Return predictions minus values (K, n), with the bias added if its coefficients are sampled."""
         found = prediction - self.values
         if self.robust and self.modes.shape[1]:
             found = found + vectors[:, self._coefficients] @ self.modes.T
         return np.asarray(found)
 
     def log_likelihood(self, misfit: Array, sigma: Array) -> Array:
-        """Return the logarithm of the density of the values (K,), from misfits (K, n) and deviations (K,)."""
+        """Return the log-likelihood (K,) of the values, from misfits (K, n) and standard deviations (K,)."""
         variance = sigma[:, None] ** 2 + self.variance
         squares = misfit**2 / variance
         found = -0.5 * np.log(variance).sum(axis=1)
@@ -85,7 +86,7 @@ class Block:
         return np.asarray(found)
 
     def each(self, misfit: Array, sigma: Array) -> Array:
-        """Return the logarithm of the density of each value (K, n), a bias that is integrated out left at its mean."""
+        """Return the log-likelihood (K, n) of each value, with the mean of a bias that is not sampled."""
         variance = sigma[:, None] ** 2 + self.variance
         if self.robust:
             constant = gammaln((FREEDOM + 1) / 2) - gammaln(FREEDOM / 2) - 0.5 * np.log(FREEDOM * np.pi)
@@ -95,7 +96,7 @@ class Block:
         return np.asarray(-0.5 * (rest**2 / variance + np.log(2 * np.pi * variance)))
 
     def bias(self, misfit: Array, sigma: Array) -> Array:
-        """Return the mean of minus the bias (K, n) given the misfits, where it is integrated out; else zeros."""
+        """Return the mean of minus the bias (K, n) given the misfits; zeros if its coefficients are sampled."""
         if self.robust or not self.modes.shape[1]:
             return np.zeros_like(misfit)
         variance = sigma[:, None] ** 2 + self.variance
@@ -103,7 +104,7 @@ class Block:
         return np.asarray(solved @ self.modes.T)
 
     def drawn(self, prediction: Array, sigma: Array, vectors: Array, generator: np.random.Generator) -> Array:
-        """Return values (K, n) as they may have been measured: predictions with bias and noise."""
+        """Return random values (K, n) from the model of the measurement: predictions with bias and noise."""
         found = prediction + self.misfit(np.zeros_like(prediction), vectors) + self.values
         if not self.robust and self.modes.shape[1]:
             found = found + generator.standard_normal((len(found), self.modes.shape[1])) @ self.modes.T
@@ -136,7 +137,7 @@ class Block:
         return columns, gradient, hessian
 
     def level_information(self, spread: float) -> float:
-        """Return the expected information on the normal variable of its noise level, whose log deviates by `spread`."""
+        """Return the expected information on the normal variable of its noise level; `spread`: deviation of the log."""
         share = FREEDOM / (FREEDOM + 3) if self.robust else 1.0
         return 2.0 * share * len(self.values) * spread**2
 
@@ -145,7 +146,7 @@ class Block:
         return np.arange(self.first, self.first + self.modes.shape[1])
 
     def _inner(self, variance: Array) -> Array:
-        """Return the identity plus modes weighted by one over the variance (K, k, k): Woodbury's inner matrix."""
+        """Return Woodbury's inner matrix (K, k, k): the identity plus modes weighted by one over the variance."""
         if np.all(variance == variance[:1]):
             variance = variance[:1]
         inner = np.einsum("nk,xn,nl->xkl", self.modes, 1.0 / variance, self.modes, optimize=True)

@@ -1,7 +1,7 @@
-"""The most probable values, from many starts at once.
+"""Maxima of the posterior density, from many starts at once.
 
-Levenberg and Marquardt's method for a stack of starts: the surrogate is evaluated for all of them in one call.
-`scipy.optimize.least_squares` takes one start after another, and calls the surrogate for each of its steps.
+The Levenberg-Marquardt method runs for a stack of starts, so one call evaluates the surrogate for all of them.
+`scipy.optimize.least_squares` runs one start after another, with separate calls of the surrogate for each step.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ __all__ = ["REACH", "Peaks", "climb", "distinct"]
 
 
 REACH = 5.0
-"""Standard deviations of the prior beyond which nothing is looked for at first."""
+"""Initial limit of the search, in standard deviations of the prior."""
 
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Results of climbs to maxima."""
+    """Maxima found from a stack of starts."""
 
     vectors: Array  # (K, N)
     cost: Array  # (K,): minus the log-density
@@ -42,12 +42,12 @@ def climb(
 ) -> Peaks:
     """Climb from starts (K, N) to maxima of the posterior density.
 
-    `target`: whose density; `starts` (K, N); `steps`: at most; `difference` (D,): steps of central differences;
-    `reach`: standard deviations of the prior beyond which nothing is looked for; `within`: standard deviations of the
-    prior by which an input may move from its start: a trust region.
+    `target`: posterior; `starts` (K, N); `steps`: largest number of steps; `difference` (D,): steps of central
+    differences; `reach`: limit of the search, in standard deviations of the prior; `within`: trust region, the largest
+    change of an input from its start, in standard deviations of the prior.
     """
     at = target.with_levels(starts).copy()
-    # a start beyond the reach stays admissible
+    # a start beyond the reach is still admissible
     lower = np.minimum(np.maximum(starts - within, -reach), starts)
     upper = np.maximum(np.minimum(starts + within, reach), starts)
     damping = np.full(len(at), 1e-2)
@@ -79,10 +79,10 @@ def climb(
 
 
 def distinct(peaks: Peaks, dimension: int, most: int, within: float = np.inf) -> Peaks:
-    """Return the best of those that are apart by more than one deviation of either, in the order of their cost.
+    """Return the best maxima whose distances exceed one deviation about either of two, in order of their cost.
 
-    `dimension`: of the unknown inputs; levels and coefficients do not count; `most`: how many; `within`: cost above
-    the best one up to which they are kept.
+    `dimension`: number of unknown inputs, which alone determine distances; `most`: largest number of maxima;
+    `within`: largest cost above the lowest cost.
     """
     kept: list[int] = []
     for k in np.argsort(peaks.cost, kind="stable").tolist():

@@ -1,7 +1,7 @@
-"""A surrogate that real realisations correct where the posterior is.
+"""Correction of a surrogate by realisations of the mechanism in the region of the posterior.
 
-The surrogate over the prior, or nothing, plus a polynomial through realisations about the posterior.  Which of them,
-and of which degree, is chosen by the errors that are left where one realisation is left out.
+The prediction is the surrogate over the prior, or zero, plus a polynomial fit to realisations near the posterior.
+Leave-one-out errors of these realisations select the base and the degree of the polynomial.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ __all__ = ["CorrectedPredictions", "corrected", "enough", "tangent"]
 
 
 OVER = (1.4, 1.4, 1.4, 2.5)
-"""Realisations for each term, at least, by the degree of the polynomials: cubic ones go astray where none is near."""
+"""Least number of realisations for each term, by degree: cubic polynomials have large errors far from realisations."""
 
 EXACT = 1e-3
-"""Square of the error of the log-likelihood below which nothing is gained."""
+"""Squared error of the log-likelihood below which no further improvement is sought."""
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPredictions:
-    """Predictions of a case: a base, and a polynomial about a centre."""
+    """Predictions for the records of a machine: a base surrogate plus a polynomial about a centre."""
 
     base: Predictor | None  # the surrogate over the prior
-    free: Index  # which inputs are unknown
-    # centre, scale: (f,) and (f, f), local coordinates are ``scale @ (normals - centre)``
+    free: Index  # indices of the unknown inputs
+    # centre, scale: (f,) and (f, f); local coordinates are ``scale @ (normals - centre)``
     centre: Array
     scale: Array
-    terms: Index  # (P, f): degrees
-    coefficients: Array  # (P, N): of all blocks, one after another
-    splits: Index  # where blocks begin, but the first
-    # (K, N): of realisations where they are left out, weighted so that their products sum to a covariance
+    terms: Index  # (P, f): degrees of the polynomial terms
+    coefficients: Array  # (P, N): concatenated for all blocks
+    splits: Index  # first columns of the second and later blocks
+    # (K, N): leave-one-out errors of realisations, with weights such that their products sum to a covariance
     errors: Array
 
     @property
@@ -63,12 +63,12 @@ def corrected(
     scale: Array,
     measure: Callable[[Array], Array],
 ) -> CorrectedPredictions:
-    """Fit a correction.
+    """Fit a correction of a base surrogate to realisations.
 
-    `base`: predictions over the prior; `points` (K, d): standard normal variables of realisations; `values` (K, n):
-    what they gave, for each block; NaN where one failed; `free`: which inputs are unknown; `centre`, `scale` (f,) and
-    (f, f): of the posterior: ``scale @ (normals - centre)`` is about standard normal; `measure`: from errors (K, N)
-    of all blocks to how much each matters (K,).
+    `base`: predictions over the prior; `points` (K, d): standard normal variables of realisations; `values`: responses
+    (K, n) of each block, NaN for a failed realisation; `free` (f,): indices of the unknown inputs; `centre` (f,) and
+    `scale` (f, f): local coordinates ``scale @ (normals - centre)``, about standard normal in the posterior;
+    `measure`: function that weighs errors (K, N) of all blocks as (K,).
     """
     real = np.concatenate(list(values), axis=1)
     local = (points[:, free] - centre) @ scale.T
@@ -81,7 +81,7 @@ def corrected(
     splits = np.cumsum([v.shape[1] for v in values])[:-1]
     predicted = np.concatenate(base(points[near]), axis=1)
     usable = bool(np.isfinite(predicted).all())
-    # as dense as the posterior, with tails; where none is near the nearest ones count
+    # weights are wider than the posterior density; if no realisation is near, the nearest ones count most
     weights = np.exp(-0.25 * (distance[near] ** 2 - np.min(distance[near]) ** 2)) + 0.02
     best: tuple[float, CorrectedPredictions] | None = None
     for degree, over in enumerate(OVER):
@@ -96,7 +96,7 @@ def corrected(
             scaled = left * np.sqrt(weights / weights.sum())[:, None]
             found = CorrectedPredictions(own, free, centre, scale, terms, coefficients, splits, scaled)
             score = float(np.average(measure(left), weights=weights)) if len(near) > 1 else 0.0
-            # a simpler one is taken unless the other is clearly better
+            # prefer the simpler correction unless the other has a clearly smaller error
             if best is None or (score < 0.8 * best[0] and best[0] > EXACT):
                 best = score, found
     assert best is not None
@@ -106,11 +106,11 @@ def corrected(
 def tangent(
     base: Predictor, point: Array, values: Sequence[Array], free: Index, centre: Array, scale: Array
 ) -> CorrectedPredictions:
-    """Correct a base so that it has given values at a point, and given differences along each free input.
+    """Correct a base to given values at a point and given differences along each unknown input.
 
-    `base`: predictions over the prior; `point` (d,): standard normal variables; `values` (1 + f, n): of each block:
-    at the point, and with each free input moved by one local coordinate; `free` (f,): which inputs are unknown;
-    `centre`, `scale` (f,) and (f, f): the point's free inputs, and the diagonal scale of local coordinates.
+    `base`: predictions over the prior; `point` (d,): standard normal variables; `values`: responses (1 + f, n) of each
+    block, at the point and with each unknown input moved by one local coordinate; `free` (f,): indices of the unknown
+    inputs; `centre` (f,) and `scale` (f, f): unknown inputs at the point, and diagonal scale of local coordinates.
     """
     points = np.repeat(point[None], len(free) + 1, axis=0)
     points[np.arange(1, len(free) + 1), free] += 1.0 / np.diag(scale)
@@ -128,12 +128,12 @@ def tangent(
 
 
 def enough(inputs: int, degree: int = 2) -> int:
-    """Return how many realisations a polynomial takes."""
+    """Return the number of realisations that a polynomial fit needs."""
     return int(np.ceil(OVER[degree] * len(uqmbd.extend.index_set(inputs, degree, "total")))) + 2
 
 
 def _fitted(basis: Array, target: Array, weights: Array) -> tuple[Array, Array]:
-    """Return coefficients (P, N) of weighted least squares, and the errors (K, N) at rows that are left out."""
+    """Return weighted least-squares coefficients (P, N) and leave-one-out errors (K, N)."""
     q, r = np.linalg.qr(basis * weights[:, None])
     coefficients = np.linalg.lstsq(basis * weights[:, None], target * weights[:, None], rcond=1e-10)[0]
     leverage = np.minimum((q**2).sum(axis=1), 1.0 - 1e-6)
@@ -141,7 +141,7 @@ def _fitted(basis: Array, target: Array, weights: Array) -> tuple[Array, Array]:
 
 
 def _basis(local: Array, terms: Index) -> Array:
-    """Return Hermite polynomials of local coordinates (K, P)."""
+    """Return Hermite polynomials (K, P) of local coordinates (K, f)."""
     highest = int(terms.max(initial=0))
     values = np.ones((len(local), len(terms)))
     for k in range(terms.shape[1]):

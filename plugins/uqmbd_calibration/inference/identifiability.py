@@ -1,4 +1,4 @@
-"""Expected information of a record on the inputs, relative to the prior: Fisher information."""
+"""Expected Fisher information of records on the inputs, relative to the prior."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ __all__ = ["Direction", "combination", "directions", "expected_covariance"]
 
 
 POINTS = 8
-"""Points of the prior over which is averaged."""
+"""Number of points of the prior for the average."""
 
 LITTLE = 0.5
-"""Expected variance, over that of the prior, above which a direction counts as unidentified."""
+"""Ratio of expected variance to prior variance above which a direction counts as unidentified."""
 
 SMALL = 0.15
-"""Part of a direction, over its largest, that is not named."""
+"""Ratio of a weight to the largest weight of a direction below which its input is not named."""
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A combination of inputs."""
+    """Linear combination of inputs."""
 
-    name: str  # ``stiffness_1 - stiffness_2``, each over its standard deviation
-    weights: Array  # (D,): of the standard normal variables of the inputs, of norm one
-    variance: float  # that is left of it, over that of the prior
+    name: str  # ``stiffness_1 - stiffness_2``, each divided by its standard deviation
+    weights: Array  # (D,): of the standard normal variables of the inputs, with norm one
+    variance: float  # ratio of the remaining variance to the prior variance
 
 
 def expected_covariance(target: Posterior, levels: Array, seed: int) -> Array:
-    """Return the covariance (D, D) that is expected of the inputs, over the prior, in its standard deviations.
+    """Return the expected covariance (D, D) of the inputs over the prior, in standard deviations of the prior.
 
-    `target`: by the surrogate over the prior; `levels` (M,): normal variables of the noise levels.
+    `target`: posterior by the surrogate over the prior; `levels` (M,): normal variables of the noise levels.
     """
     inputs, unknowns = len(target.unknowns.inputs), target.unknowns
     points = np.zeros((POINTS, unknowns.dimension))
@@ -49,13 +49,13 @@ def expected_covariance(target: Posterior, levels: Array, seed: int) -> Array:
 
 
 def directions(covariance: Array, names: Sequence[str]) -> tuple[Direction, ...]:
-    """Return the combinations that are not identified, those of which least is known first."""
+    """Return the unidentified combinations of inputs, largest remaining variance first."""
     values, vectors = np.linalg.eigh(covariance)
     found = []
     for k in np.argsort(-values, kind="stable").tolist():
         if values[k] > LITTLE:
             weights = vectors[:, k]
-            # the first that is named counts upwards, however the last bits of equal ones fall
+            # the first named input has a positive sign, so that rounding does not decide between equal weights
             named = np.abs(weights) >= SMALL * np.abs(weights).max()
             weights = weights * np.sign(weights[np.argmax(named)])
             found.append(Direction(combination(weights, names), weights, float(values[k])))
@@ -63,7 +63,7 @@ def directions(covariance: Array, names: Sequence[str]) -> tuple[Direction, ...]
 
 
 def combination(weights: Array, names: Sequence[str]) -> str:
-    """Name a combination of inputs.
+    """Return the name of a combination of inputs.
 
     >>> combination(np.array([0.70710678, -0.70710678, 0.001]), ["k1", "k2", "m"])
     '0.71 k1 - 0.71 k2'

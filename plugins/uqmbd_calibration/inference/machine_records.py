@@ -1,4 +1,4 @@
-"""One machine at one operating point: its records, and the places of its inputs among the unknowns."""
+"""Records of one machine at one operating point, and the indices of its inputs among the unknowns."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ __all__ = ["MachineRecords"]
 class MachineRecords:
     """Records of one machine at one operating point."""
 
-    point: OperatingPoint  # the mechanism
-    columns: Index  # (d,): for each input of the study where it stands in the vector of unknowns; -1: it is known
-    blocks: tuple[Block, ...]  # what was measured
+    point: OperatingPoint  # mechanism at the operating point
+    columns: Index  # (d,): index of each input of the study in the vector of unknowns; -1 for a known input
+    blocks: tuple[Block, ...]  # measured values
 
     @property
     def free(self) -> Index:
-        """Places of the unknown inputs."""
+        """Indices of the unknown inputs."""
         return np.flatnonzero(self.columns >= 0)
 
     def normals(self, vectors: Array) -> Array:
-        """Return the standard normal variables (K, d) of the inputs, from vectors of unknowns."""
+        """Return the standard normal variables (K, d) of the inputs, from vectors of unknowns (K, N)."""
         found = np.zeros((len(vectors), len(self.columns)))
         found[:, self.free] = vectors[:, self.columns[self.free]]
         return found
 
     def part(self, rows: list[Index]) -> MachineRecords:
-        """Return the case of some values of each block."""
+        """Return the records with only some values of each block."""
         kept = [(block, r) for block, r in zip(self.blocks, rows, strict=True) if len(r)]
         return replace(self, blocks=tuple(block.part(r) for block, r in kept))

@@ -1,4 +1,4 @@
-"""The posterior density of all unknowns, given predictors of the records."""
+"""Posterior density of all unknowns, given predictors of the records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Linearised", "Posterior", "Predictor"]
 
 
 Predictor = Callable[[Array], list[Array]]
-"""Function of standard normal variables of the inputs (K, d) that predicts (K, n) of each block of a case."""
+"""Function that maps standard normal variables of the inputs (K, d) to predictions (K, n) of each block of a case."""
 
 STEP = 1e-3
 """Step of central differences, in standard deviations of the prior."""
@@ -23,27 +23,27 @@ STEP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The misfit about some points: minus log-density, and its normal equations."""
+    """Linearisation of the misfit at some points: minus the log-density, and its normal equations."""
 
     cost: Array  # (K,): minus the log-density
     gradient: Array  # (K, N)
-    hessian: Array  # (K, N, N): by Gauss and Newton, the prior included
+    hessian: Array  # (K, N, N): Gauss-Newton Hessian, with the prior
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Prior times likelihood, in the standard normal space of the unknowns."""
 
-    unknowns: Unknowns  # what the columns of a vector are
-    cases: tuple[MachineRecords, ...]  # with their records
-    predictors: tuple[Predictor, ...]  # one for each
+    unknowns: Unknowns  # meaning of the columns of a vector
+    cases: tuple[MachineRecords, ...]  # records of each machine at each operating point
+    predictors: tuple[Predictor, ...]  # one for each case
 
     def predictions(self, vectors: Array) -> list[list[Array]]:
         """Return predictions (K, n) of each block of each case."""
         return [p(case.normals(vectors)) for p, case in zip(self.predictors, self.cases, strict=True)]
 
     def log_likelihood(self, vectors: Array, predictions: list[list[Array]] | None = None) -> Array:
-        """Return the log-likelihood (K,); minus infinity where a prediction is not finite."""
+        """Return the log-likelihood (K,); minus infinity if a prediction is not finite."""
         found = np.zeros(len(vectors))
         given = self.predictions(vectors) if predictions is None else predictions
         for case, predicted in zip(self.cases, given, strict=True):
@@ -57,7 +57,7 @@ class Posterior:
         return np.asarray(self.log_likelihood(vectors) - 0.5 * (vectors**2).sum(axis=1))
 
     def with_levels(self, vectors: Array, predictions: list[list[Array]] | None = None) -> Array:
-        """Return vectors with the most probable noise levels for their inputs."""
+        """Return vectors (K, N) with the most probable noise levels for their inputs."""
         if not self.unknowns.levels:
             return vectors
         found = vectors.copy()
@@ -88,8 +88,8 @@ class Posterior:
     def linearised(self, vectors: Array, steps: Array | float = STEP, *, expected: bool = False) -> Linearised:
         """Return cost, gradient and Hessian at some vectors.
 
-        `vectors` (K, N); `steps` (D,): of central differences by the unknown inputs; `expected`: whether the Hessian
-        is that of values which are as predicted, as before there is a record.
+        `vectors` (K, N); `steps` (D,): central differences of the unknown inputs; `expected`: whether the Hessian is
+        for values equal to the predictions, as before any measurement.
         """
         count, wide = vectors.shape
         inputs = len(self.unknowns.inputs)
@@ -119,5 +119,5 @@ class Posterior:
         return Linearised(np.where(np.isfinite(cost), cost, np.inf), gradient, hessian)
 
     def part(self, cases: tuple[MachineRecords, ...], predictors: tuple[Predictor, ...]) -> Posterior:
-        """Return that of other data."""
+        """Return the posterior density of other data."""
         return Posterior(self.unknowns, cases, predictors)

@@ -1,8 +1,8 @@
 """Maxima of the posterior density by the surrogate over the prior.
 
-Long records of motions that turn or swing have many maxima: phases match but for whole turns.  The beginning of a
-record has few.  So a climb follows windows that grow, from points that are spread over the prior, and each window adds
-starts of its own.
+A long record of a rotation or an oscillation has many maxima, because phases may differ by whole turns. The beginning
+of a record has few maxima. The search therefore climbs on growing time windows, from points that are spread over the
+prior, and adds new starts in each window.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ __all__ = ["Builder", "search", "spread_over_prior"]
 
 
 Builder = Callable[[tuple[MachineRecords, ...]], Posterior]
-"""Function of cases with some of their values that returns the posterior density by the surrogate over the prior."""
+"""Function that returns the posterior density by the surrogate over the prior, for cases with some of their values."""
 
 WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
-"""Parts of the time that records last."""
+"""Fractions of the duration of the records."""
 
 THINNED = 200
-"""Values of a block that a search uses."""
+"""Number of values of a block that a search uses."""
 
 POOL, STARTS, KEPT = 2048, 24, 12
-"""Points of the prior that are evaluated, climbs that begin in each window, and maxima that go on to the next."""
+"""Points of the prior that are evaluated, starts in each window, and maxima that continue in the next window."""
 
 APART = 0.2
 """Distance between starts of one window, in standard deviations of the prior."""
@@ -44,10 +44,10 @@ def spread_over_prior(dimension: int, count: int, seed: int) -> Array:
 
 
 def search(build: Builder, cases: tuple[MachineRecords, ...], dimension: int, width: int, seed: int) -> Peaks:
-    """Return maxima over all the time, the best one first.
+    """Return maxima for all values, the best one first.
 
-    `build`: makes the posterior density of some of the values; `dimension`: of the unknown inputs; `width`: of the
-    vector of unknowns.
+    `build`: function that returns the posterior density for some of the values; `dimension`: number of unknown inputs;
+    `width`: length of the vector of unknowns.
     """
     generator = np.random.default_rng(seed)
     pool = np.zeros((POOL, width))
@@ -74,7 +74,7 @@ def _ends(cases: tuple[MachineRecords, ...]) -> tuple[float, float]:
 
 
 def _windows(cases: tuple[MachineRecords, ...], dimension: int) -> list[float]:
-    """Return the ends of windows, s: those that hold enough values, and the last."""
+    """Return the ends of windows, s: all windows with enough values, and infinity for the last one."""
     begin, end = _ends(cases)
     ends = [begin + part * (end - begin) for part in WINDOWS[:-1]] if end > begin else []
     counts = [sum(len(_within(block, until)) for case in cases for block in case.blocks) for until in ends]
@@ -88,7 +88,7 @@ def _within(block: object, until: float) -> Index:
 
 
 def _rows(block: object, until: float, generator: np.random.Generator) -> Index:
-    """Return the selected values of a window: one, at random, of each of equal parts."""
+    """Return the selected rows of a window: one random row in each of `THINNED` equal parts."""
     rows = _within(block, until)
     if len(rows) <= THINNED:
         return rows
@@ -97,7 +97,7 @@ def _rows(block: object, until: float, generator: np.random.Generator) -> Index:
 
 
 def _apart(pool: Array, density: Array) -> list[int]:
-    """Return the best points that are apart."""
+    """Return the indices of the best points whose distances are large enough."""
     kept: list[int] = []
     for k in np.argsort(-density, kind="stable").tolist():
         if not np.isfinite(density[k]):

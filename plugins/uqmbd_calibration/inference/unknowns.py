@@ -1,4 +1,4 @@
-"""Unknowns: a standard normal variable for each input, each coefficient of a bias, and each noise level."""
+"""Unknowns: a standard normal variable for each input, each bias coefficient, and each noise level."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ __all__ = ["LEVEL_SPREAD", "Level", "UnknownInput", "Unknowns"]
 
 
 LEVEL_SPREAD = 3.0
-"""Standard deviation of the logarithm of an unknown noise level: a factor of twenty up and down."""
+"""Standard deviation of the logarithm of an unknown noise level: a factor of about twenty up and down."""
 
 
 @dataclass(frozen=True)
 class UnknownInput:
-    """An unknown input, of all machines or of one."""
+    """Unknown input of all machines or of one machine."""
 
-    name: str  # ``stiffness``, or ``stiffness[rig 2]`` of one machine
-    input: int  # which of the inputs of the study
-    machine: str = ""  # empty: of all
+    name: str  # ``stiffness``, or ``stiffness[rig 2]`` for one machine
+    input: int  # index of the input in the study
+    machine: str = ""  # name of the machine; empty for all machines
 
 
 @dataclass(frozen=True)
 class Level:
-    """A noise level that is to be found: lognormal a priori."""
+    """Unknown noise level with a lognormal prior."""
 
-    # output, units: whose noise
+    # output, units: output with this noise, and its units
     output: str
     units: str
-    median: float  # a tenth of the spread of the recorded values
+    median: float  # a tenth of the standard deviation of the recorded values
 
     @property
     def name(self) -> str:
-        """Name in the results."""
+        """Name of the level in the results."""
         return f"noise[{self.output}]"
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All that is unknown, as one vector of independent standard normal variables: inputs, coefficients, levels."""
+    """Vector of all unknowns as independent standard normal variables: inputs, coefficients, noise levels."""
 
     inputs: tuple[UnknownInput, ...]
     coefficients: int
@@ -54,7 +54,7 @@ class Unknowns:
 
     @property
     def first_level(self) -> int:
-        """Place of the first level."""
+        """Index of the first level."""
         return len(self.inputs) + self.coefficients
 
     def noise(self, vectors: Array) -> Array:

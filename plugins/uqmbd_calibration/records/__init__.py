@@ -1,4 +1,4 @@
-"""Records of mechanisms: outputs that were measured, their times, their units and their noise."""
+"""Records of mechanisms: measured outputs with their times, units and noise."""
 
 from __future__ import annotations
 

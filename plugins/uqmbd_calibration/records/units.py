@@ -1,4 +1,4 @@
-"""Units as texts: two spellings of the same units, and nothing of conversion."""
+"""Comparison of units given as texts, without conversion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _RAISED = re.compile("[⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 
 
 def same_units(one: str, other: str) -> bool:
-    """Return whether two texts mean the same units: ``m/s²``, ``m/s**2`` and ``m/s^2`` do.
+    """Return whether two texts are the same units; ``m/s²``, ``m/s**2`` and ``m/s^2`` are.
 
     >>> same_units("m/s²", "m/s^2"), same_units("N·m", "N  m"), same_units("mm", "m"), same_units("mN", "m N")
     (True, True, False, False)

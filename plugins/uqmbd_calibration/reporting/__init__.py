@@ -1,4 +1,4 @@
-"""Calibrations in the report."""
+"""Report section and first screen of calibrations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers of a calibration in words: with two digits of their standard deviations."""
+"""Numbers of a calibration as text, with two digits of their standard deviations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["interval", "mean_and_deviation"]
 
 
 def mean_and_deviation(mean: Any, sd: Any) -> str:
-    """Write a mean and a standard deviation.
+    """Return a mean and a standard deviation as text.
 
     >>> mean_and_deviation(0.549283, 0.000449)
     '0.54928 ± 0.00045'
@@ -21,19 +21,19 @@ def mean_and_deviation(mean: Any, sd: Any) -> str:
 
 
 def interval(one: xr.Dataset) -> str:
-    """Write the 95 % interval of an input of a summary."""
+    """Return the 95 % interval of an input of a summary as text."""
     return f"{_number(one['lower'], one['sd'])} to {_number(one['upper'], one['sd'])}"
 
 
 def _number(value: Any, sd: Any) -> str:
-    """Write a number with two digits of its standard deviation."""
+    """Return a number as text, with two digits of its standard deviation."""
     digits = _digits(value, sd)
     shown = f"{float(value):.6g}" if digits is None else f"{float(value):.{digits}f}"
     return shown.replace("-", "\N{MINUS SIGN}")
 
 
 def _digits(value: Any, sd: Any) -> int | None:
-    """Return the digits after the point; None where they would be many, or the standard deviation is unknown."""
+    """Return the number of decimals; None if there are too many, or the standard deviation is unknown."""
     width = float(sd)
     if not width > 0 or not np.isfinite(width):
         return None

@@ -1,4 +1,4 @@
-"""Test whether a record may come from the model: its residuals, as a whole and by parts of the time."""
+"""Test of a record against the model by its residuals, in total and by intervals of time."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ DOUBT = 1e-3
 """p-value of a record below which the model or the noise is doubtful."""
 
 SEGMENTS, LEAST = 12, 8
-"""Parts of the time that are tested, and the least number of values in each."""
+"""Number of tested time intervals, and least number of values in each interval."""
 
 FAR = 4.0
-"""Standard deviations beyond which a value is called an outlier."""
+"""Standard deviations beyond which a value is an outlier."""
 
 STRAY = 10.0
-"""The same for unknown noise or many outliers: deviations relative to the median of all."""
+"""Outlier limit for unknown noise or many outliers, in deviations derived from the median of all values."""
 
 FEW, SHOWN = 0.05, 10
-"""Share of the values, or one of them, up to which outliers are named, and how many are."""
+"""Largest share of outliers that are listed (one outlier is always listed), and largest number in the list."""
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
     """Residuals of one output of a record."""
 
-    block: Block  # of which values
-    raw: Array  # (n,): values minus predictions and bias, over the standard deviation of the noise
-    predicted: Array  # (n,): prediction and bias
-    # (n,): `raw` as quantiles of a standard normal distribution, where the noise is robust; else the same
+    block: Block  # measured values
+    raw: Array  # (n,): values minus predictions and bias, divided by the standard deviation of the noise
+    predicted: Array  # (n,): predictions plus bias
+    # (n,): for robust noise, `raw` as quantiles of a standard normal distribution; otherwise equal to `raw`
     normal: Array
-    taken: float  # how many values a bias that is integrated out is fitted to
+    taken: float  # degrees of freedom of a bias that the likelihood integrates over
 
 
 def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> Residuals:
-    """Return residuals from a prediction (n,) at a vector of unknowns, or the mean of several ones (K, n), and a level.
+    """Return residuals for a prediction (n,), or the mean of predictions (K, n), a vector of unknowns and a level.
 
-    The mean of predictions may be likely where that at the mean is not: of a product of inputs, all products are.
+    The mean of predictions can be likely although the prediction at the mean is not, as for a known product of inputs.
     """
     misfit = block.misfit(np.atleast_2d(prediction), np.atleast_2d(vector)).mean(axis=0, keepdims=True)
     level = np.array([sigma])
@@ -54,7 +54,7 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
     normal = stats.norm.ppf(np.clip(stats.t.cdf(raw, FREEDOM), 1e-15, 1 - 1e-15)) if block.robust else raw
     taken = 0.0
     if not block.robust and block.modes.shape[1]:
-        # what the bias takes of the squares of residuals: of each of its own functions its part of the variance
+        # degrees of freedom of the bias: sum of the shares of its modes in the variance
         own = np.maximum(np.linalg.eigvalsh(block.modes.T @ block.modes), 0.0)
         taken = float((own / (sigma**2 + own)).sum())
     return Residuals(block, raw, block.values + rest[0], normal, taken)
@@ -63,12 +63,12 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
 def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     """Return the evidence of residuals against the model.
 
-    `parameters`: how many unknowns were fitted to these values. Return ``record``, ``output``, ``values``;
-    ``chi_square``, the probability of residuals that are at least as large, where the noise is known; ``correlation``
-    of neighbours with the probability ``correlation_p``; ``segments``, each with its ends in s and its probability;
-    ``p``, that of all, corrected for their number; ``where``, the times that are strange; ``outliers``, how many values
-    are far away, and ``strays``, the farthest of them if they are few. Each has its time in s or number, its value and
-    its deviations; ``doubted``.
+    `parameters`: number of unknowns fitted to these values. Return a mapping with ``record``, ``output`` and
+    ``values``; ``chi_square``, the probability of residuals at least as large, for known noise; ``correlation`` of
+    neighbours and its probability ``correlation_p``; ``segments``, each with its ends, s, and its probability; ``p``,
+    the p-value corrected for the number of tests; ``where``, the times of unexplained segments; ``outliers``, the
+    number of outliers; ``strays``, a list of the largest outliers if they are few, each with its time in s or its
+    number, its value and its deviations; and ``doubted``.
     """
     block, z = found.block, found.normal
     count = len(z)
@@ -95,7 +95,7 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     away = np.abs(found.raw)
     few = max(FEW * count, 1)
     if not known or np.count_nonzero(away > FAR) > few:
-        # a noise level, and inputs, that are found from the values are such that outliers make others large, too
+        # outliers increase an estimated noise level and shift estimated inputs, so other deviations also become large
         usual = float(np.median(away)) / stats.norm.ppf(0.75)
         standing_out = away > STRAY * usual
         if not known:
@@ -119,7 +119,7 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
 
 
 def _segments(times: Array, z: Array, size: float, *, known: bool) -> list[dict[str, float]]:
-    """Return parts of the time, each with the p-value of the mean or size of its residuals."""
+    """Return intervals of time, each with the p-value of the mean or size of its residuals."""
     number = int(np.clip(len(z) // LEAST, 1, SEGMENTS))
     scale = 1.0 if known or size <= 0 else size
     found = []
@@ -140,7 +140,7 @@ def _segments(times: Array, z: Array, size: float, *, known: bool) -> list[dict[
 
 
 def _joined(parts: list[dict[str, float]]) -> list[list[float]]:
-    """Return times (begin, end) of parts, joined where they follow one another."""
+    """Return times (begin, end) of intervals; adjacent intervals are merged."""
     found: list[list[float]] = []
     last = -1.0
     for part in parts:

@@ -1,4 +1,4 @@
-"""The groups of ArviZ, as a tree of datasets."""
+"""ArviZ groups of a calibration, as a tree of datasets."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ __all__ = ["tree_of"]
 
 
 PREDICTED = 200
-"""Draws whose predictions are stored."""
+"""Number of draws with stored predictions."""
 
 PRIOR = 2**12
-"""Draws of the prior."""
+"""Number of draws of the prior."""
 
 MOST = 2_000_000
-"""Numbers of the log-likelihood that are stored."""
+"""Largest number of stored values of the log-likelihood."""
 
 
 def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any]) -> xr.DataTree:
     """Return the tree of a calibration.
 
-    `found`: posterior and predictions; `seed`: of draws of the noise; `about`: further attributes of its root.
+    `found`: posterior and predictions; `seed`: seed of the noise draws; `about`: additional attributes of the root.
     """
     target, draws, unknowns = found.inferred.target, found.inferred.draws, found.arrangement.unknowns
     generator = np.random.default_rng(seed)
@@ -92,7 +92,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
 
 
 def _named(target: Posterior) -> list[tuple[str, Block]]:
-    """Return the blocks with names: that of the output, and of the record where several have it."""
+    """Return the blocks with the names of their outputs; add the record to the name if several records contain it."""
     blocks = [block for case in target.cases for block in case.blocks]
     outputs = [block.output for block in blocks]
     return [(b.output if outputs.count(b.output) == 1 else f"{b.output}[{b.record}]", b) for b in blocks]
@@ -109,7 +109,7 @@ def _series(
     units: str | None = None,
     long_name: str = "",
 ) -> xr.Dataset:
-    """Return a dataset of arrays (..., n), one for each block, at its times."""
+    """Return a dataset of arrays (..., n), one for each block, at the times of the block."""
     variables: dict[str, Any] = {}
     coords: dict[str, Any] = {}
     for (name, block), values in zip(named, data, strict=True):
@@ -144,7 +144,7 @@ def _residuals(target: Posterior, vectors: Array, centre: Array) -> list[Residua
 
 
 def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
-    """Return unknown inputs and noise levels of draws (chain, draw, N), in their units."""
+    """Return the unknown inputs and noise levels of draws (chain, draw, N), in their units."""
     (chains, count), flat = vectors.shape[:2], vectors.reshape(-1, vectors.shape[2])
     unknowns = found.arrangement.unknowns
     physical, noise = found.arrangement.physical(flat), unknowns.noise(flat)
@@ -159,7 +159,7 @@ def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
 
 
 def _doubted(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
-    """Return for each unknown input (D,) whether a record that informs it contradicts the model."""
+    """Return for each unknown input (D,) whether the model contradicts a record that informs the input."""
     doubted = np.zeros(len(found.arrangement.unknowns.inputs), dtype=bool)
     names = {one["record"] for one in model if one["doubted"] and not one["robust"]}
     for case in found.arrangement.cases:
@@ -169,13 +169,13 @@ def _doubted(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
 
 
 def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.Dataset, doubted: Array) -> xr.Dataset:
-    """Return a table by unknown: prior, posterior, and how well it was sampled."""
+    """Return a table of the unknowns: prior, posterior, and convergence of the chains."""
     unknowns, draws = found.arrangement.unknowns, found.inferred.draws
     names = list(posterior.data_vars)
     after = np.stack([posterior[name].values.ravel() for name in names])
     before = np.stack([prior[name].values.ravel() for name in names])
     levels = np.arange(len(names)) >= len(unknowns.inputs)
-    # the prior of a noise level is so wide that its moments say nothing
+    # the prior of a noise level is too wide for useful moments
     spread = np.where(levels, np.nan, before.std(axis=1))
     where = [*range(len(unknowns.inputs)), *range(unknowns.first_level, unknowns.dimension)]
     columns = {

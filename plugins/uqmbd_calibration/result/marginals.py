@@ -1,8 +1,9 @@
-"""The posterior as dependent random variables: smooth marginal distributions, and a Gaussian copula.
+"""Posterior as dependent random variables, with smooth marginal distributions and a Gaussian copula.
 
-The posterior of each input is an increasing function of a standard normal variable, and the correlations of these are
-those of the ranks.  The function is the simplest one that the draws have: an increasing cubic, which the prior's own
-function follows where the prior of the input is independent, or a curve through quantiles of the draws.
+Each input is an increasing function of a standard normal variable. The rank correlations of the draws determine the
+correlations of these variables. The function is the simplest one that agrees with the draws: an increasing cubic, or a
+curve through quantiles of the draws. For an input with an independent prior, the transform of the prior to the input
+is applied to the cubic.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ __all__ = ["CURVED", "GRID", "joint_distribution", "marginals_of"]
 
 
 GRID = np.linspace(-8.0, 8.0, 1601)
-"""Standard normal variable at which marginals are tabulated."""
+"""Values of the standard normal variable at which marginals are tabulated."""
 
 KNOTS = np.linspace(-3.0, 3.0, 13)
-"""Standard normal variables at which a curve interpolates quantiles."""
+"""Values of the standard normal variable at which a curve interpolates quantiles."""
 
 CURVED = 0.5
-"""Curvature of a pair above which a Gaussian copula is not its posterior."""
+"""Curvature of a pair above which a Gaussian copula is not accurate."""
 
 MOMENTS, AWAY = 0.03, 0.1
-"""Difference of mean and deviation, and mean distance of quantiles, in deviations, up to which a cubic is taken."""
+"""Limits for a cubic: differences of mean and deviation, and mean distance of quantiles, in deviations."""
 
 
 def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
@@ -68,10 +69,10 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
 
 
 def curvature(normal: Array) -> Array:
-    """Return how far pairs of normal variables (K, d) are from a Gaussian copula, (d, d), by their joint moments.
+    """Return the deviation of pairs of normal variables (K, d) from a Gaussian copula, (d, d), by their joint moments.
 
-    The larger of two moments. The first is the mean of the square of one times the other, which is zero for a copula.
-    The second is what the mean of the product of both squares lacks, for pairs that hardly correlate.
+    The result is the larger of two moments. The first is the mean of the square of one variable times the other, zero
+    for a copula. The second is the error of the mean product of squares, for pairs with a correlation below 0.5.
 
     >>> x, y = np.random.default_rng(0).standard_normal((2, 4000))
     >>> round(float(curvature(np.stack([x, y], axis=1))[0, 1]), 1)
@@ -88,8 +89,8 @@ def curvature(normal: Array) -> Array:
 
 
 def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
-    """Return the first table that is within bounds and close to the draws, else a curve through their quantiles."""
-    # an infinite support has finite bounds too, far out: draws beyond say which
+    """Return the first table within bounds and close to the draws, or a curve through their quantiles if none is."""
+    # an infinite support has finite bounds, too, far from the mean; draws beyond the bounds identify it
     lower = lower if lower <= values.min() else -np.inf
     upper = upper if upper >= values.max() else np.inf
     mean, sd = values.mean(), max(float(values.std()), 1e-300)
@@ -102,13 +103,13 @@ def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upp
 
 
 def through_quantiles(values: Array, lower: float = -np.inf, upper: float = np.inf) -> Array:
-    """Return an increasing curve through quantiles of values, at `GRID`, which stays within bounds.
+    """Return an increasing curve through quantiles of values, at `GRID`, which does not leave the bounds.
 
     >>> table = through_quantiles(np.linspace(0, 1, 10001), 0.0, 1.0)
     >>> [round(float(np.interp(z, GRID, table)), 2) for z in (-8.0, -1.0, 0.0, 1.0, 8.0)]
     [0.0, 0.16, 0.5, 0.84, 1.0]
     """
-    # as many draws beyond the last knot as tell its quantile
+    # the quantile of the last knot needs enough draws beyond it
     reach = min(3.0, -float(ndtri(min(10.0 / len(values), 0.4))))
     knots = KNOTS * reach / KNOTS[-1]
     quantiles = np.quantile(values, ndtr(knots))
@@ -119,19 +120,19 @@ def through_quantiles(values: Array, lower: float = -np.inf, upper: float = np.i
         slope = max(float(inner(end, 1)), 0.0)
         left = bound - inner(end)
         beyond = slope * (GRID[rows] - end)
-        # straight, and where there is a bound nearer and nearer to it
+        # extrapolate linearly, or with exponential approach to a finite bound
         found[rows] += left * -np.expm1(-beyond / left) if np.isfinite(left) and left else beyond * bool(left)
     return np.asarray(found)
 
 
 def increasing_cubic(normal: Array, values: Array) -> Array:
-    """Fit an increasing cubic of a normal variable to values, and return it at `GRID`."""
+    """Return an increasing cubic of a normal variable, fitted to values, at `GRID`."""
     inner = np.abs(normal) < 3.0
     for degree in (3, 2, 1):
         coefficients = np.polynomial.polynomial.polyfit(normal[inner], values[inner], degree)
         found = np.polynomial.polynomial.polyval(GRID, coefficients)
         if np.all(np.diff(found[np.abs(GRID) <= 6.0]) > 0):
-            # beyond what draws tell it goes on straight
+            # extrapolate linearly beyond the draws
             return np.asarray(_straight(found))
     return np.asarray(values.mean() + max(values.std(), 1e-12) * GRID)
 

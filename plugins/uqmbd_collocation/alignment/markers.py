@@ -1,4 +1,4 @@
-"""Landmarks: events, and equal phases of a clock, at which realisations are compared instead of at equal times."""
+"""Markers for the comparison of realisations instead of equal times: events, and equal phases of a clock."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ __all__ = [
 TURN = 2 * np.pi
 
 PER_TURN = 4
-"""Landmarks of a turn."""
+"""Number of markers of a turn."""
 
 STANDING = 8
-"""Output times of a segment in which the clock stands still."""
+"""Number of output times in a segment in which the clock stands still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +40,16 @@ class Marks:
     """Markers of the realisations of an element."""
 
     phases: Array  # (S,) rad, increasing, of the markers after the start
-    tail: float = 0.0  # s after the last phase that are compared at equal times, where the clock comes to rest
-    parts: int = 0  # segments of the tail
+    tail: float = 0.0  # time span after the last phase, compared at equal times, s; positive if the clock comes to rest
+    parts: int = 0  # number of segments of the tail
 
     @property
     def count(self) -> int:
-        """Segments."""
+        """Number of segments."""
         return len(self.phases) + self.parts
 
     def farther(self, late: float, pace: float) -> Marks:
-        """Return them so much farther, s, with segments that take some time each, s, but twice as many at most."""
+        """Return markers for additional `late` s, with segments of `pace` s; the number of markers at most doubles."""
         if self.parts:
             return replace(self, tail=self.tail + late)
         more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, len(self.phases))
@@ -60,12 +60,12 @@ class Marks:
 class MarkedRealisations:
     """Realisations from marker to marker."""
 
-    edges: Array  # (K, S + 1) times of the markers, s; NaN where a realisation does not reach one
+    edges: Array  # (K, S + 1) times of the markers, s; NaN if a realisation does not reach the marker
     response: Array  # (K, S, O, N) outputs at `uqmbd.extend.AlignedElement.points` of each segment
 
 
 Cut = Callable[[Array], tuple[MarkedRealisations, uqmbd.extend.Realisations]]
-"""Function of inputs (K, d) that returns realisations from landmark to landmark, and their status."""
+"""Function of inputs (K, d) that returns realisations from marker to marker, and their status."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,9 @@ class MarkerRule:
 def phase_markers(
     found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, marks: Marks, outputs: int, points: int
 ) -> MarkedRealisations:
-    """Divide realisations where they pass the phases of `marks`, and at equal steps of time after the last of these.
+    """Divide realisations at the phases of `marks`, and after the last phase at equal steps of time.
 
-    The times of `found` resolve the motion; the first `outputs` of its rows are outputs of the study.
+    The times of `found` resolve the motion, and the first `outputs` rows of `found` are outputs of the study.
     """
     where = AlignedElement.points(points)
     edges = np.empty((len(phases.values), marks.count + 1))
@@ -100,7 +100,7 @@ def phase_markers(
 
 
 def time_markers(found: uqmbd.extend.Dense, edges: Array, outputs: int, points: int) -> MarkedRealisations:
-    """Cut realisations, which are fine, at the same times (S + 1,), s; see `phase_markers`."""
+    """Divide successful realisations at the same times (S + 1,), s; see `phase_markers`."""
     moments = edges[:-1, None] + AlignedElement.points(points) * np.diff(edges)[:, None]
     response = np.empty((len(found.values), len(edges) - 1, outputs, points))
     for k in range(len(response)):
@@ -110,14 +110,14 @@ def time_markers(found: uqmbd.extend.Dense, edges: Array, outputs: int, points: 
 
 
 def marks_behind(starts: Array, last: float) -> Array:
-    """Return phases of markers (S,), rad: multiples of a part of a turn, after all starts (K,), up to `last`, rad."""
+    """Return marker phases (S,), rad: multiples of a part of a turn, after all start phases (K,), up to `last`, rad."""
     step = TURN / PER_TURN
     first = np.floor(starts.max() / step + 0.5) + 1
     return np.asarray(np.arange(first, np.ceil(last / step) + 1) * step)
 
 
 def everywhere(space: uqmbd.extend.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
-    """Return values (K, N) at germs (K, d), and those of a polynomial of order 2 through them at others (M, d)."""
+    """Return values at germs (K, d), then values of a polynomial of order 2 through them at `spread` (M, d)."""
     terms = uqmbd.extend.index_set(space.dimension, 2)
     terms = terms if len(germs) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
     fit = np.linalg.lstsq(space.evaluate(germs, terms), known, rcond=1e-10)[0]

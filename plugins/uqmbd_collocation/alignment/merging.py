@@ -1,4 +1,4 @@
-"""One sequence of landmarks from two kinds: events, and between them equal phases that all realisations pass there."""
+"""Merging of events with equal phases that all realisations pass between the same events."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ __all__ = ["Merged", "merged"]
 
 
 NEAR = 0.1
-"""Part of the distance of two marks: one that is nearer to an event in some realisation is dropped."""
+"""Smallest distance of a phase from an event in all realisations, relative to the distance between phases."""
 
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """Markers of an element: the ends of its segments between events, and phases in each of them."""
+    """Markers of an element: ends of its segments between events, and phases in each segment."""
 
-    phases: tuple[Array, ...]  # for each segment between events its marker phases, rad, increasing; may be empty
-    dropped: int  # phases that realisations pass in different segments, or too near to an event
+    phases: tuple[Array, ...]  # marker phases of each segment between events, rad, increasing; may be empty
+    dropped: int  # number of phases that are omitted: in different segments, or too near to an event
     ending: bool = False  # whether the last segment ends at the last of its phases instead of an event
 
     @property
     def kept(self) -> int:
-        """Phases that are landmarks."""
+        """Number of phases that are markers."""
         return sum(map(len, self.phases))
 
     def labels(self, events: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the ends of the segments, from those of the segments between events: empty for a phase."""
+        """Return the ends of all segments, from the ends of segments between events; empty for a phase."""
         found = list[str]()
         for phases, event in zip(self.phases, events, strict=True):
             found += [*("",) * len(phases), event]
         return tuple(found[:-1] if self.ending else found)
 
     def farther(self, late: float, pace: float) -> Merged:
-        """Return them so much farther, s, with segments that take some time each, s, but twice as many at most."""
+        """Return markers for additional `late` s, with segments of `pace` s; the number of markers at most doubles."""
         *others, last = self.phases
         more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, self.kept)
         behind = last[-1] + (1 + np.arange(more)) * TURN / PER_TURN
@@ -45,11 +45,11 @@ class Merged:
 
 
 def merged(edges: Array, reached: float = np.inf) -> Merged:
-    """Merge marks at multiples of a part of a turn with events at phases `edges` (K, S + 1), rad, increasing.
+    """Merge phases at multiples of a part of a turn with events at phases `edges` (K, S + 1), rad, increasing.
 
-    A mark is a marker where it is in the same segment between events in all realisations; otherwise it is dropped in
-    all of them, so that all have the same sequence of markers. If no event ends the last segment, it ends at the mark
-    `reached`, rad, which all realisations reach.
+    A phase is a marker if it is in the same segment between events in all realisations. Otherwise the phase is omitted
+    in all realisations, so that all have the same sequence of markers. If no event ends the last segment, the segment
+    ends at the phase `reached`, rad, which all realisations reach.
     """
     step = TURN / PER_TURN
     ends = edges.copy()

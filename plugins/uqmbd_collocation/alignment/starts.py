@@ -1,4 +1,4 @@
-"""Phases at which oscillations start, unwrapped so that they are continuous in the inputs."""
+"""Phases at which oscillations start, unwrapped to be continuous in the inputs."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ __all__ = ["Starts"]
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Start phases of some realisations; others start within half a turn of their neighbour."""
+    """Start phases of some realisations; any other realisation starts within half a turn of its nearest neighbour."""
 
-    points: KDTree  # their inputs, each over its range
-    scale: Array  # (d,) the ranges
-    phases: Array  # (K,) rad
+    points: KDTree  # inputs, each divided by its range
+    scale: Array  # (d,) ranges of the inputs
+    phases: Array  # (K,) start phases, rad
 
     @classmethod
     def of(cls, values: Array, phases: Array) -> Starts:
-        """Return start phases (K,), rad, unwrapped so that they are continuous over inputs (K, d).
+        """Return start phases (K,), rad, unwrapped to be continuous over inputs (K, d).
 
-        Neighbours along the minimum spanning tree of the inputs differ by less than half a turn.
+        Neighbours in the minimum spanning tree of the inputs differ by less than half a turn.
         """
         scale = np.where(np.ptp(values, axis=0) > 0, np.ptp(values, axis=0), 1.0)
         points = values / scale
         found = np.array(phases, dtype=float)
-        # the tree takes a distance of zero for none
+        # the tree treats a distance of zero as no edge
         tree = minimum_spanning_tree(cdist(points, points) + 1e-9)
         order, before = breadth_first_order(tree, len(points) // 2, directed=False)
         for k in order[1:]:
@@ -39,5 +39,5 @@ class Starts:
         return cls(KDTree(points), scale, found)
 
     def near(self, values: Array) -> Array:
-        """Return phases near which realisations at inputs (K, d) start, rad, shape (K,)."""
+        """Return approximate start phases of realisations at inputs (K, d), rad, shape (K,)."""
         return np.asarray(self.phases[self.points.query(values / self.scale)[1]])

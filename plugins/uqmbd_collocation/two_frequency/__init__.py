@@ -1,4 +1,4 @@
-"""Motions that are sums of harmonics of one or two frequencies, compared by these and by amplitudes."""
+"""Collocation of frequencies and amplitudes, for sums of harmonics of one or two frequencies."""
 
 from __future__ import annotations
 

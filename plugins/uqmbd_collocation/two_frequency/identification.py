@@ -1,7 +1,8 @@
-"""Frequencies and harmonics that realisations have in common, found in one of them and followed to the others.
+"""Identification of common frequencies and harmonics, from one realisation to all others.
 
-The same combination of frequencies must have the same place in all realisations: the fit starts from the nearest known
-one. It proceeds from a short window, in which frequencies may be inaccurate, to the whole one, in which they are sharp.
+The same combination of frequencies must have the same index in all realisations, so each fit starts from the series of
+the nearest fitted realisation. Fits start with a short window, which tolerates inaccurate frequencies, and end with the
+whole window, which gives accurate frequencies.
 """
 
 from __future__ import annotations
@@ -21,43 +22,43 @@ __all__ = ["QUASI_PERIODIC", "Identified", "FrequencyCombinations", "follow", "i
 
 
 QUASI_PERIODIC = 0.01
-"""Residual of a motion that counts as quasi-periodic, over the scale of an output."""
+"""Largest residual of a quasi-periodic motion, relative to the scale of an output."""
 
 GOAL = 3e-6
-"""Residual at which no harmonics are added any more."""
+"""Residual below which no more harmonics are added."""
 
 NEGLIGIBLE = 0.03
-"""Size of a harmonic over the residual, or over `GOAL`, below which it is left out."""
+"""Smallest ratio of a retained harmonic to the residual, or to `GOAL` if the residual is below `GOAL`."""
 
 ORDERS = (1, 2, 3, 5, 7, 9, 11, 13, 15, 19, 23, 31)
 """Orders of harmonics that are tried."""
 
 MANY = 300
-"""Harmonics of a series at most."""
+"""Largest number of harmonics of a series."""
 
 USEFUL = 0.7
-"""Factor by which the residual falls where an order is worth its harmonics."""
+"""Largest ratio of new to old residual for which a higher order is useful."""
 
 CROWDED = 0.25
-"""Numbers of a series over those that a signal of its length and highest frequency can hold, at most."""
+"""Largest ratio of unknowns to degrees of freedom; these follow from length and highest frequency of a signal."""
 
 ALIKE = 30.0
-"""Residual over the largest of those that are known, beyond which other frequencies are tried."""
+"""Other frequencies are tried if a residual exceeds the largest known residual by more than this factor."""
 
 LINES = 10
-"""Lines of a spectrum that determine the base."""
+"""Number of spectral lines that determine the base."""
 
 MAIN = 0.03
-"""Size of a line over that of the strongest beyond which it serves short windows."""
+"""Lines of at least this ratio to the strongest line are used in short windows."""
 
 APART = 3.0
-"""Distance of main lines, from each other and from zero, over the resolution of the first window."""
+"""Smallest distance of main lines from each other and from zero, in units of the resolution of the first window."""
 
 PROBES = 3
-"""Realisations, in addition to the middle one, that select the harmonics."""
+"""Number of realisations, in addition to the middle one, that select the harmonics."""
 
 ATTEMPTS = 8
-"""Pairs of lines that are tried as the base of a realisation."""
+"""Number of pairs of lines that are tried as the base of a realisation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,27 +71,27 @@ class FrequencyCombinations:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """Realisations as series."""
+    """Realisations as harmonic series."""
 
     kind: FrequencyCombinations
-    series: tuple[HarmonicSeries, ...]  # of each realisation; of a few only where these are not quasi-periodic
+    series: tuple[HarmonicSeries, ...]  # of each realisation; if the first few are not quasi-periodic, only of these
 
     @property
     def residuals(self) -> Array:
-        """Largest residual of each realisation (K,), over the scale of the output."""
+        """Largest residual of each realisation (K,), relative to the scale of the output."""
         return np.array([float(one.residual.max(initial=0.0)) for one in self.series])
 
     @property
     def bad(self) -> Mask:
-        """Realisations (K,) that are not quasi-periodic."""
+        """Mask (K,) of realisations that are not quasi-periodic."""
         return np.asarray(~(self.residuals <= QUASI_PERIODIC))
 
 
 def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
-    """Find base frequencies and harmonics of K realisations at the same times.
+    """Return base frequencies and harmonics of K realisations at the same times.
 
-    `places` (K, d) are inputs over their spread. Return the result with the least share of realisations that are not
-    quasi-periodic; None where no line was found.
+    `places` (K, d): inputs divided by their spread. The result has the smallest share of realisations that are not
+    quasi-periodic. If no line was found, the result is None.
     """
     best: Identified | None = None
     begin = int(np.argmin(np.sum((places - places.mean(axis=0)) ** 2, axis=1)))
@@ -103,11 +104,11 @@ def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
                 best = found
         if best is None or best.bad.all():
             break
-        # two frequencies that are commensurate in the middle are distinguished elsewhere
+        # frequencies that are commensurate in the middle realisation can be distinguished in another one
         begin = int(np.argmax(best.residuals))
     if best is None or not best.bad.all():
         return best
-    # nobody is quasi-periodic where the middle is not, but a few others are heard
+    # if the middle realisation is not quasi-periodic, stop, but try a few others for more complete error messages
     others = [k for k in range(0, len(signals), max(1, len(signals) // PROBES)) if k != begin][:PROBES]
     alone = [_alone(signals[k], base)[1] for k in others for base in _bases(signals[k])[-1:]]
     return Identified(best.kind, (*best.series[:1], *alone))
@@ -120,9 +121,9 @@ def follow(
     known: Sequence[HarmonicSeries],
     known_places: Array,
 ) -> list[HarmonicSeries]:
-    """Fit series of a kind to K realisations at scaled inputs `places` (K, d), each from the nearest known one.
+    """Fit series of a kind to K realisations at scaled inputs `places` (K, d), each from the nearest known series.
 
-    `known` holds at least one series, at scaled inputs `known_places` (N, d).
+    `known` contains at least one series, at scaled inputs `known_places` (N, d).
     """
     done, where = list(known), [*known_places]
     found: dict[int, HarmonicSeries] = {}
@@ -145,12 +146,12 @@ def _bases(signals: Signals) -> list[Base]:
 
 
 def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Base) -> Identified:
-    """Fit all realisations, starting from one with a known base."""
+    """Fit all realisations, starting from realisation `begin`, whose base is known."""
     kind, first = _alone(signals[begin], base)
     if first.residual.max(initial=0.0) > QUASI_PERIODIC:
         return Identified(kind, (first,))
     if len(signals) > 1:
-        # those farthest away may need other harmonics
+        # the most distant realisations may need other harmonics
         others = np.argsort(-np.linalg.norm(places - places[begin], axis=1), kind="stable")[:PROBES]
         short = follow([signals[k] for k in others], places[others], kind, [first], places[begin : begin + 1])
         parts = [kind.lattice]
@@ -164,7 +165,7 @@ def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Bas
 
 
 def _alone(signals: Signals, base: Base) -> tuple[FrequencyCombinations, HarmonicSeries]:
-    """Find main lines and harmonics of a realisation with a known base, and fit it."""
+    """Return main lines, harmonics and series of a realisation with a known base."""
     series = fit_series(signals, base.frequencies, base.lattice)
     size = np.sqrt(np.mean(series.sizes() ** 2, axis=1))
     order = np.argsort(-size)
@@ -176,9 +177,9 @@ def _alone(signals: Signals, base: Base) -> tuple[FrequencyCombinations, Harmoni
 
 
 def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
-    """Return the combinations (H, M) that a realisation needs: those of the lowest order that leaves a small residual.
+    """Return the combinations (H, M) that a realisation needs, from the lowest order with a small residual.
 
-    `frequencies` (M,) are those of the base, rad/s; the combinations `least` (C, M) are always included.
+    `frequencies` (M,): base frequencies, rad/s; `least` (C, M): combinations that are always included.
     """
     nyquist = np.pi / signals.times[1]
     series = refine(signals, frequencies, least)
@@ -187,13 +188,13 @@ def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
         lattice = np.unique(np.concatenate([_one_sign(least), ball(order, len(frequencies))]), axis=0)
         values = np.abs(lattice @ series.frequencies)
         lattice = lattice[(values < 0.8 * nyquist) & (values > 0)]
-        # what lines up to the highest of the series can tell apart
+        # number of lines that the window resolves up to the highest frequency of the series
         held = 2 * signals.length * float(np.abs(lattice @ series.frequencies).max(initial=0.0)) / (2 * np.pi)
         if 2 * len(lattice) > CROWDED * held or len(lattice) > MANY:
             break
         series = refine(signals, best.frequencies, lattice)
         useful = series.residual.max(initial=0.0) < USEFUL * best.residual.max(initial=0.0)
-        # what is there in any case makes no difference
+        # ignore orders that add nothing to the combinations always included
         useless = 0 if useful else useless + (order > np.abs(least).sum(axis=1).max())
         if series.residual.max(initial=0.0) < best.residual.max(initial=0.0):
             best = series
@@ -213,7 +214,7 @@ def _one_sign(lattice: Index) -> Index:
 
 
 def _guesses(place: Array, places: Array, frequencies: Array) -> list[Array]:
-    """Return frequencies that are likely at a place (d,): of a plane through all known ones, and of the nearest."""
+    """Return likely frequencies at inputs (d,): from a plane through all known points, and the nearest point."""
     nearest = frequencies[np.argmin(np.linalg.norm(places - place, axis=1))]
     found = [nearest]
     if len(places) > places.shape[1] + 1:
@@ -224,7 +225,7 @@ def _guesses(place: Array, places: Array, frequencies: Array) -> list[Array]:
 
 
 def _followed(signals: Signals, guesses: list[Array], kind: FrequencyCombinations, goal: float) -> HarmonicSeries:
-    """Fit a series from frequencies that are roughly known; where that leaves more than a goal, from pairs of lines."""
+    """Fit a series from approximate frequencies, or from pairs of lines if the residual stays above a goal."""
     best = _sharpened(signals, guesses[0], kind)
     others = iter(guesses[1:])
     for further in (False, True):
@@ -237,7 +238,7 @@ def _followed(signals: Signals, guesses: list[Array], kind: FrequencyCombination
 
 
 def _sharpened(signals: Signals, guess: Array, kind: FrequencyCombinations) -> HarmonicSeries:
-    """Fit frequencies in windows that double, then all harmonics in the whole one."""
+    """Fit frequencies in windows of doubling length, then all harmonics in the whole window."""
     lines = np.sort(np.abs(kind.main @ guess))
     closest = float(np.diff(np.concatenate([[0.0], lines])).min())
     length = APART * 2 * np.pi / max(closest, 1e-12 * float(lines.max()))
@@ -249,7 +250,7 @@ def _sharpened(signals: Signals, guess: Array, kind: FrequencyCombinations) -> H
 
 
 def _from_lines(signals: Signals, guess: Array, kind: FrequencyCombinations) -> list[Array]:
-    """Return base frequencies whose main combinations are lines of the spectrum, the nearest to a guess first."""
+    """Return base frequencies whose main combinations are lines of the spectrum, nearest to the guess first."""
     lines = strongest_lines(signals, LINES).frequencies
     rows = [0]
     for k in range(1, len(kind.main)):

@@ -1,4 +1,4 @@
-"""Lines of a spectrum as combinations of base frequencies, and the combinations that a series needs."""
+"""Spectral lines as combinations of base frequencies, and the combinations that a series needs."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ HIGHEST = {1: 24, 2: 8}
 """Largest order |k1| + |k2| of an informative line for a base of one frequency, and of two."""
 
 NEAR = 0.2
-"""Distance of a line from a combination, over the resolution 2 pi / length, at which it is taken for it."""
+"""Largest distance of a line from its combination, in units of the resolution 2 pi / length."""
 
 OFF = 10.0
-"""Weight of that distance, in orders; smaller ones count by their square: of similar bases the nearer is chosen."""
+"""Cost of distance `NEAR`, in orders; smaller distances count by their square to prefer the closer of similar bases."""
 
 MISSED = 1000
-"""Weight of a line that is no combination, in orders."""
+"""Cost of a line that is not a combination, in orders."""
 
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Base frequencies of which lines are combinations."""
+    """Base frequencies whose combinations are the lines."""
 
     frequencies: Array  # (M,) rad/s, increasing
-    lattice: Index  # (C, M) the lines that are combinations, the strongest first
+    lattice: Index  # (C, M) lines that are combinations, the strongest first
 
 
 def ball(order: int, dimension: int) -> Index:
-    """Return combinations (H, M) up to an order |k1| + ... without zero, one of each pair that differs by the sign.
+    """Return nonzero combinations (H, M) up to an order |k1| + ..., and only one of each pair of opposite sign.
 
     >>> ball(2, 2).tolist()
     [[0, 1], [0, 2], [1, -1], [1, 0], [1, 1], [2, 0]]
@@ -48,11 +48,11 @@ def ball(order: int, dimension: int) -> Index:
 
 
 def bases(lines: SpectralLines, resolution: float) -> list[Base]:
-    """Return the simplest base of one frequency, where all lines are multiples, then that of two, if there is one.
+    """Return the simplest base of one frequency with all lines as multiples, and the simplest base of two, if any.
 
-    The simplest has the least sum of orders of all lines. Its frequencies are lines, differences of two, or halves of
-    these. A base frequency need not be a line (the height of a pendulum has even combinations only). `resolution` is 2
-    pi / length, rad/s.
+    The simplest base has the smallest sum of orders of all lines. Each frequency of a base is a line, a difference of
+    two lines, or half of one of these. A base frequency need not be a line: the height of a pendulum has only even
+    combinations. `resolution`: 2 pi / length, rad/s.
     """
     f = lines.frequencies
     pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]
@@ -72,20 +72,20 @@ def bases(lines: SpectralLines, resolution: float) -> list[Base]:
             continue
         frequencies = np.sort(groups[best[1]])
         lattice = _combinations(f, frequencies, terms, NEAR * resolution)
-        # a frequency that no line asks for is none of the motion
+        # a frequency that no line needs is not a frequency of the motion
         if np.linalg.matrix_rank(lattice) == dimension:
             found.append(Base(frequencies, lattice))
     return found
 
 
 def _costs(lines: Array, values: Array, order: Index, tolerance: float) -> Array:
-    """Costs (L, C) of combinations for each line: their orders, and how far off they are."""
+    """Return costs (L, C) of combinations for each line, from their orders and distances."""
     off = np.abs(lines[:, None] - np.abs(values)) / tolerance
     return np.where(off <= 1, order + OFF * off**2, MISSED)
 
 
 def _combinations(lines: Array, base: Array, terms: Index, tolerance: float) -> Index:
-    """Return the combination (C, M) of each line, of the least cost, without those that have none."""
+    """Return the combination (C, M) of least cost for each line that is a combination; omit other lines."""
     cost = _costs(lines, terms @ base, np.abs(terms).sum(axis=1), tolerance)
     chosen = terms[cost.argmin(axis=1)[cost.min(axis=1) < MISSED]]
     _, first = np.unique(chosen, axis=0, return_index=True)
@@ -94,7 +94,7 @@ def _combinations(lines: Array, base: Array, terms: Index, tolerance: float) -> 
 
 
 def _different(values: Array, tolerance: float) -> Array:
-    """Return values of which no two are nearer than a tolerance, in their order."""
+    """Return values in their order; omit each value whose distance to an earlier one is within the tolerance."""
     kept: list[float] = []
     for value in values:
         if all(abs(value - other) > tolerance for other in kept):

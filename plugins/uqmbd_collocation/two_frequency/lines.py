@@ -1,4 +1,4 @@
-"""The strongest spectral lines of signals: numerical analysis of fundamental frequencies.
+"""Strongest spectral lines of signals: numerical analysis of fundamental frequencies.
 
 References
 ----------
@@ -21,13 +21,13 @@ __all__ = ["SpectralLines", "strongest_lines"]
 
 
 PADDED = 4
-"""Values of the discrete spectrum for each independent one."""
+"""Ratio of the lengths of the zero-padded and the original signal."""
 
 CLOSEST = 1.5
-"""Least distance of a line from others, and from zero, over the resolution 2 pi / length."""
+"""Least distance of a new maximum from known lines, and from zero, relative to the resolution 2 pi / length."""
 
 WEAKEST = 1e-4
-"""Size of a line over the strongest below which there are none."""
+"""Least ratio of a line to the strongest line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +39,13 @@ class SpectralLines:
 
 
 def strongest_lines(signals: Signals, count: int) -> SpectralLines:
-    """Return at most `count` lines: maxima of the spectrum of the residual of earlier lines, refitted each time.
+    """Return the strongest lines, at most `count`.
 
-    Lines that are nearer to each other, or to zero, than the resolution 2 pi / length are not told apart: none is added
-    that comes so near to another.
+    Each new line is the maximum in the spectrum of the residual, after subtraction of the earlier lines. After each new
+    line, all lines are fitted again.
+
+    The analysis cannot separate lines nearer to each other, or to zero, than the resolution 2 pi / length. The search
+    ends before it adds such a line.
     """
     resolution = 2 * np.pi / signals.length
     found: list[float] = []
@@ -55,7 +58,7 @@ def strongest_lines(signals: Signals, count: int) -> SpectralLines:
         sizes = _sizes(signals, np.array(tried))
         if sizes[-1] < WEAKEST * sizes.max():
             break
-        # all lines and their sizes together: what one of them misses is no line beside it
+        # fit all lines together with their amplitudes; otherwise the residual of a line would appear as another line
         joint = refine(signals, np.array(tried), np.eye(len(tried), dtype=np.int64))
         lines = np.sort(np.abs(joint.frequencies))
         if np.diff(np.concatenate([[0.0], lines])).min() < resolution:
@@ -70,12 +73,12 @@ def strongest_lines(signals: Signals, count: int) -> SpectralLines:
 
 
 def _smooth(signals: Signals) -> Array:
-    """Constants and drifts (N, O)."""
+    """Return the least-squares fit by a constant and a linear drift for each output, shape (N, O)."""
     return _explained(signals, np.zeros(0))
 
 
 def _explained(signals: Signals, frequencies: Array) -> Array:
-    """Least squares by lines (N, O)."""
+    """Return the least-squares fit by lines, a constant and a linear drift, shape (N, O)."""
     series = fit_series(signals, frequencies, np.eye(len(frequencies), dtype=np.int64))
     return series.at(signals.times)
 
@@ -86,7 +89,7 @@ def _sizes(signals: Signals, frequencies: Array) -> Array:
 
 
 def _highest(signals: Signals, left: Array, known: Array, resolution: float) -> float | None:
-    """Frequency of the highest value of the discrete spectrum apart from known lines and zero."""
+    """Return the frequency of the maximum of the discrete spectrum away from known lines and zero, rad/s."""
     length = PADDED * len(signals.times)
     step = signals.times[1]
     power = np.sum(np.abs(np.fft.rfft(left * signals.window[:, None], length, axis=0)) ** 2, axis=1)
@@ -98,7 +101,7 @@ def _highest(signals: Signals, left: Array, known: Array, resolution: float) -> 
 
 
 def _refined(signals: Signals, left: Array, guess: float, resolution: float) -> float:
-    """Maximum of the windowed spectrum near a guess."""
+    """Return the frequency of the maximum of the windowed spectrum near a guess, rad/s."""
     weighted = left * signals.window[:, None]
 
     def lower(frequency: float) -> float:

@@ -1,7 +1,8 @@
-"""Quasi-periodic series fitted to signals: frequencies by Gauss and Newton's method, amplitudes by least squares.
+"""Quasi-periodic series fitted to signals: frequencies by the Gauss-Newton method, amplitudes by least squares.
 
-:func:`scipy.optimize.least_squares` on the same residuals forms the whole design matrix again for each difference
-quotient; the derivative by a frequency is known here (variable projection), which takes a fifth of the time.
+The derivative of the residuals by a frequency is analytical (variable projection). The analytical derivative takes a
+fifth of the time of :func:`scipy.optimize.least_squares`, which computes the whole design matrix again for each
+difference quotient.
 
 References
 ----------
@@ -21,25 +22,25 @@ __all__ = ["HarmonicSeries", "Signals", "fit_series", "refine"]
 
 
 RIDGE = 1e-5
-"""Weight of the amplitudes, over that of the residuals: where two frequencies meet, only their sum is known."""
+"""Weight of the amplitudes relative to the residuals: signals determine only the sum of amplitudes of one frequency."""
 
 GROWTH, HEAVIEST = 4.0, 256.0
-"""Factor of that weight from order to order, and its largest value: lower orders come first."""
+"""Factor by which the weight grows from order to order, and largest total factor; they prefer lower orders."""
 
 STEPS = 12
-"""Most steps of the Gauss-Newton method."""
+"""Largest number of Gauss-Newton steps."""
 
 SETTLED = 1e-11
-"""Change of a phase at the end, rad, at which it ends."""
+"""Change of a phase at the end of the signal, rad, below which the iteration stops."""
 
 FARTHEST = 1.0
-"""Change of a phase at the end, rad, in one step."""
+"""Largest change of a phase at the end of the signal in one step, rad."""
 
 FEWEST = 512
-"""Values that a signal has at least."""
+"""Least number of values of a signal."""
 
 HALVINGS = 6
-"""Halvings of a step that increases the residual."""
+"""Largest number of halvings of a step that increases the residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,31 +48,31 @@ class Signals:
     """Outputs of one realisation."""
 
     times: Array  # (N,) evenly spaced, from 0, s
-    values: Array  # (N, O) over their scales
+    values: Array  # (N, O) divided by their scales
 
     @property
     def length(self) -> float:
-        """Length of the time, s."""
+        """Duration of the signal, s."""
         return float(self.times[-1])
 
     def until(self, end: float) -> Signals:
-        """Return the part until a time, s."""
+        """Return the part of the signal until a time, s."""
         count = int(np.searchsorted(self.times, end * (1 + 1e-12), side="right"))
         return Signals(self.times[:count], self.values[:count])
 
     def thinned(self, lost: float) -> Signals:
-        """Return every n-th value, if the energy of the frequencies that are lost stays below a share."""
+        """Return every n-th value, if the share of the energy at the removed frequencies is small enough."""
         power = np.sum(np.abs(np.fft.rfft(self.values * self.window[:, None], axis=0)) ** 2, axis=1)
         above = np.cumsum(power[::-1])[::-1] / max(float(power.sum()), 1e-300)
         stride = 1
-        # three quarters of the band that is left stay free of what is mirrored
+        # aliasing must not affect the lower three quarters of the remaining band
         while len(self.times) > 2 * FEWEST * stride and above[int(0.75 * len(power) / (2 * stride))] < lost:
             stride *= 2
         return Signals(self.times[::stride], self.values[::stride])
 
     @property
     def window(self) -> Array:
-        """Weights (N,) of Hann's window, whose sum is 1: omitted lines hardly disturb others."""
+        """Weights (N,) of a Hann window with the sum 1, which reduces the effect of omitted lines on others."""
         found: Array = np.sin(np.pi * (np.arange(len(self.times)) + 0.5) / len(self.times)) ** 2
         return np.asarray(found / found.sum())
 
@@ -98,7 +99,7 @@ class HarmonicSeries:
 
 @dataclass(frozen=True, eq=False)
 class _SolvedAmplitudes:
-    """Amplitudes at given frequencies."""
+    """Least-squares amplitudes at given frequencies."""
 
     design: Array
     factor: tuple[Array, bool]
@@ -108,12 +109,12 @@ class _SolvedAmplitudes:
 
 
 def fit_series(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeries:
-    """Fit the amplitudes at given frequencies (M,), rad/s."""
+    """Return a series with least-squares amplitudes at given frequencies (M,), rad/s."""
     return _as_series(signals, frequencies, lattice, _solve(signals, frequencies, lattice))
 
 
 def refine(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeries:
-    """Fit frequencies, from a guess (M,), and amplitudes."""
+    """Return a series with fitted frequencies, from a guess (M,), rad/s, and fitted amplitudes."""
     now, found = np.array(frequencies, dtype=float), _solve(signals, frequencies, lattice)
     for _ in range(STEPS):
         step = _step(signals, now, lattice, found)
@@ -148,7 +149,7 @@ def _design(times: Array, frequencies: Array, lattice: Index) -> Array:
 
 def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _SolvedAmplitudes:
     design = _design(signals.times, frequencies, lattice)
-    # a drift counts by what it adds until the end
+    # scale a drift by the length, so that it has the size of its contribution at the end
     design[:, 1] /= signals.length
     weights = signals.window[:, None]
     order = np.abs(lattice).sum(axis=1)
@@ -165,7 +166,7 @@ def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _SolvedAmpli
 
 
 def _step(signals: Signals, frequencies: Array, lattice: Index, found: _SolvedAmplitudes) -> Array:
-    """Return the change of the frequencies (M,) by the linearised residuals, orthogonal to the amplitudes."""
+    """Return the change of the frequencies (M,) from linearised residuals orthogonal to the amplitudes."""
     half, weights = len(lattice), signals.window[:, None]
     cosines, sines = found.design[:, 2 : 2 + half], found.design[:, 2 + half :]
     slopes = []

@@ -1,4 +1,4 @@
-"""The least costly factors whose probability of a violation, by samples of a surrogate, equals the target."""
+"""Factors of least cost for which the probability of a violation, by samples of a surrogate, equals the target."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from uqmbd_reliability.allocation.tightening import Tightened
 __all__ = ["MarginSamples", "Tightest", "cheapest"]
 
 SMOOTH = 0.05
-"""Width of the step from safe to violated, over the standard deviation of the margin."""
+"""Width of the smooth step from safe to violated, relative to the standard deviation of the margin."""
 
 NEAR = 4.0
-"""Widths beyond which a sample does not count for the derivative."""
+"""Distance from the limit, in widths, beyond which a sample does not contribute to the derivative."""
 
 STEP = 1e-4
 """Step of the logarithm of a factor, for the derivative of a margin."""
@@ -28,29 +28,29 @@ STEP = 1e-4
 ITERATIONS = 60
 
 AFFINE = 64
-"""Samples at which germs are tested for being affine maps of inputs."""
+"""Number of samples that test whether germs are affine maps of inputs."""
 
 COARSE, COARSE_HITS = 2**16, 600
-"""Samples that the optimisation sees, and violations among them; the others make the count at its end finer."""
+"""Samples for the optimisation, and violations among them; the final count uses all samples."""
 
 CLOSE = 5e-4
-"""Relative error of the number by which all factors are multiplied at the end."""
+"""Relative error of the final common factor."""
 
 
 @dataclass(frozen=True, eq=False)
 class MarginSamples:
-    """Samples of the present inputs, and the margins of a surrogate at them, tightened by factors."""
+    """Samples of the present inputs, tightened by factors, and their margins by a surrogate."""
 
     germs: Array  # (N, d)
     tightened: Tightened  # inputs that factors scale about their means
-    surrogate: MarginSurrogate  # of the margins
+    surrogate: MarginSurrogate  # surrogate of the margins
 
     @cached_property
     def centres(self) -> Array | None:
-        """Germs of the points that inputs are drawn together to, (n,); None where a germ is no affine map of its input.
+        """Germs (n,) of the centres of contraction; None if a germ is not an affine map of its input.
 
-        If all are affine, as for normal, truncated and uniform inputs, the germs are contracted like the inputs. This
-        takes a hundredth of the time of mapping them.
+        If all germs are affine maps, as for normal, truncated and uniform inputs, they are contracted like the inputs.
+        This takes a hundredth of the time of mapping the inputs.
         """
         few, columns = self.germs[:AFFINE], self.tightened.columns
         ones = np.ones(len(columns))
@@ -98,21 +98,22 @@ class MarginSamples:
 class Tightest:
     """Result of the optimisation of tolerances."""
 
-    factors: Array  # (n,) of the tolerances
+    factors: Array  # (n,) factors of the tolerances
     probability: float  # share of violations among the samples of the surrogate
     slope: Array  # (n,) relative change of the probability for a relative change of each tolerance
-    alike: float  # cost of tightening all tolerances by the same factor instead
+    alike: float  # cost of tightening all tolerances by one common factor instead
 
 
 def cheapest(
     surrogate: MarginSurrogate, tightened: Tightened, germs: Array, target: float, narrowest: float
 ) -> Tightest:
-    """Return the least costly factors between `narrowest` and 1 whose probability is at most `target`.
+    """Return the factors of least cost between `narrowest` and 1 whose probability is at most `target`.
 
-    Sequential quadratic programming (SciPy's SLSQP) in the logarithms of the factors, on the reliability index of the
-    smooth probability; then all factors that may are multiplied by one number, so that the count is the target.
+    Sequential quadratic programming (SciPy's SLSQP) finds the logarithms of the factors from the reliability index of
+    the smooth probability. Then all factors within their bounds are multiplied by one number, so that the count equals
+    the target.
 
-    Where no factors reach the probability, all of them are `narrowest`.
+    If no factors reach the probability, all of them are `narrowest`.
     """
     fine = MarginSamples(germs, tightened, surrogate)
     count = len(tightened.names)
@@ -149,14 +150,14 @@ def cheapest(
         options={"maxiter": ITERATIONS, "ftol": 1e-7},
     )
     shape = np.exp(np.clip(outcome.x, np.log(narrowest), 0.0))
-    if tightened.cost(_closed(coarse, shape, target, narrowest)) > scale:  # no better than all alike
+    if tightened.cost(_closed(coarse, shape, target, narrowest)) > scale:  # not better than one common factor
         shape = start
     factors = _closed(fine, shape, target, narrowest, near=0.1)
     return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width), scale)
 
 
 def _width(samples: MarginSamples, factors: Array) -> float:
-    """Return the width of the step from safe to violated."""
+    """Return the width of the smooth step from safe to violated."""
     least = samples.least(factors)
     return max(SMOOTH * float(least.std()), np.finfo(float).eps * float(np.abs(least).max()), 1e-300)
 
@@ -167,9 +168,9 @@ def _slope(samples: MarginSamples, factors: Array, width: float) -> Array:
 
 
 def _closed(samples: MarginSamples, factors: Array, target: float, narrowest: float, near: float = np.inf) -> Array:
-    """Multiply factors by one number, within their bounds, so that the count of violations is the target.
+    """Multiply factors by one number, within their bounds, so that the count of violations equals the target.
 
-    It is looked for within `near` of 1, in logarithms, first.
+    The search first tries numbers within `near` of 1, in logarithms.
     """
 
     def scaled(logarithm: float) -> Array:

@@ -1,4 +1,4 @@
-"""Polynomials of margins, fitted to realisations by least squares; the order is that of the least error left out."""
+"""Least-squares polynomials of margins; the order has the smallest leave-one-out error."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from uqmbd.typing import Array, Index
 __all__ = ["MarginSurrogate", "fitted"]
 
 HIGHEST = 8
-"""Order at which the search for one ends."""
+"""Highest order."""
 
 MOST = 700
-"""Terms."""
+"""Largest number of terms."""
 
 ENOUGH = 1e-3
-"""Error, over the standard deviation, below which no higher order is tried."""
+"""Error, relative to the standard deviation, below which no higher order is tried."""
 
 WORTH = 0.9
-"""Share of the error that a higher order has to go below."""
+"""Largest ratio of the errors of a higher and a lower order for which the higher order is accepted."""
 
 SPARE = 2.0
-"""Realisations for each term."""
+"""Least number of realisations for each term."""
 
 BLOCK = 2**11
-"""Points that are evaluated at once."""
+"""Largest number of points in one evaluation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class MarginSurrogate:
 
 
 def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> MarginSurrogate:
-    """Fit polynomials of the germs to margins (K, requirement) at inputs (K, input)."""
+    """Return polynomials of the germs fitted to margins (K, requirement) at inputs (K, input)."""
     germs = space.to_germs(values)
     best: MarginSurrogate | None = None
     spread = np.maximum(margins.std(axis=0), np.finfo(float).tiny)
@@ -60,7 +60,7 @@ def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> Marg
         kept = sizes > 1e-10 * sizes[0]
         projected = left[:, kept].T @ margins
         off = margins - left[:, kept] @ projected
-        # what each point would be missed by if it were left out of the fit
+        # leave-one-out errors by the leverage of each point
         leverage = np.minimum((left[:, kept] ** 2).sum(axis=1), 1 - 1e-9)
         error = np.sqrt(np.mean((off / (1 - leverage[:, None])) ** 2, axis=0)) / spread
         if best is None or error.max() < WORTH * best.error.max():

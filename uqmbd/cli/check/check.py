@@ -1,4 +1,4 @@
-"""`uqmbd check`: what a study would compute, found out without computing it, but for a few realisations."""
+"""`uqmbd check`: describe a study without running it, except for a few realisations."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 __all__ = ["show_check"]
 
 STARTS = {"drawn": "as drawn", "equilibrium": "each realisation in its own static equilibrium"}
-FREQUENCIES = 8  # as many natural frequencies are shown
+FREQUENCIES = 8  # maximum number of displayed natural frequencies
 
 
 def show_check(script: Path, figure: Path | None = None) -> None:
     """Print bodies, equations, rank, redundancy, mobility, inputs and propagators of a study.
 
-    `script`: the study script; `figure`: where to draw the mechanism, too; also one that cannot be assembled.
+    `script` is the study script. `figure` is a file for a drawing of the mechanism, which need not be assembled.
     """
     if figure is not None:
         require_format(figure)
@@ -56,7 +56,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
 
 
 def _show_check(script: Path, figure: Path | None) -> None:
-    """Load the study, and print what it is."""
+    """Load the study, and describe it."""
     import uqmbd
 
     with loading():
@@ -97,7 +97,7 @@ def _show_check(script: Path, figure: Path | None) -> None:
 
 
 def _require_integrator(study: Study) -> None:
-    """Raise where the integrator of the study cannot do what its mechanism needs."""
+    """Raise an error if the integrator of the study does not support its mechanism."""
     from uqmbd.dynamics import build, require_for
 
     integrator = getattr(study, "integrator", "auto")
@@ -106,7 +106,7 @@ def _require_integrator(study: Study) -> None:
 
 
 def _mobility(found: Any) -> str:
-    """Count the degrees of freedom, those of velocities where equations that bind velocities alone leave fewer.
+    """Count the degrees of freedom, and separately those of velocities if velocity constraints reduce them.
 
     >>> from types import SimpleNamespace
     >>> _mobility(SimpleNamespace(mobility=3, velocity_mobility=2))
@@ -118,7 +118,7 @@ def _mobility(found: Any) -> str:
 
 
 def described_equations(found: Any) -> str:
-    """Count the constraint equations, those of joints and those that keep half-angle pairs and quaternions at length 1.
+    """Count constraint equations of joints, and unit-length equations of half-angle pairs and quaternions.
 
     >>> from types import SimpleNamespace
     >>> described_equations(SimpleNamespace(equations=1, rank=1, unit_lengths=1, coordinates=4, bodies=("ball",)))
@@ -140,7 +140,7 @@ def described_equations(found: Any) -> str:
 
 
 def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
-    """Print what a mechanism that was read from a file does not have of it."""
+    """Print the elements of a model file that the imported mechanism omits."""
     if not isinstance(mechanism, ImportedMechanism):
         return
     screen.print(f"  read from   {mechanism.source}, by {mechanism.read_by}", markup=False)
@@ -152,10 +152,10 @@ def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
 
 
 def _show_frequencies(screen: Console, study: Study) -> None:
-    """Print natural frequencies and damping at the means; nothing where small motions are no vibrations."""
+    """Print natural frequencies and damping at the means, unless small motions are not vibrations."""
     try:
         modes, where = _modes(study)
-    except StudyError:  # it has equations, but cannot move so: running it tells why
+    except StudyError:  # the mechanism has equations, but cannot move: a run reports the reason
         return
     if not (modes["frequency"] > 0).any():
         return
@@ -170,12 +170,12 @@ def _show_frequencies(screen: Console, study: Study) -> None:
 
 
 def _modes(study: Study) -> tuple[xr.Dataset, str]:
-    """Return modes about the static equilibrium, or about the start where there is none and none is asked for."""
+    """Return modes about the static equilibrium, or about the start if there is none and none is requested."""
     import uqmbd
 
     time = float(study.times[0])
     with warnings.catch_warnings():
-        # redundant constraints have been listed already
+        # redundant constraints are already listed
         warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
         try:
             return uqmbd.eigenfrequencies(study.mechanism, time=time), "in static equilibrium"
@@ -186,7 +186,7 @@ def _modes(study: Study) -> tuple[xr.Dataset, str]:
 
 
 def _start(study: Study) -> str:
-    """Say where realisations start; studies of other makes start as drawn."""
+    """Describe the start of realisations; studies of other classes start at the drawn pose."""
     return str(getattr(study, "start", "drawn"))
 
 
@@ -216,7 +216,7 @@ def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...]) -> N
 
 
 def _show_requirements(screen: Console, study: Study) -> None:
-    """Print what the mechanism has to satisfy."""
+    """Print the requirements of the mechanism."""
     table = plain_table("requirement", "relation", "required", "description")
     for requirement in study.mechanism.requirements.values():
         when = "at all times" if requirement.over_time else "once"
@@ -227,11 +227,11 @@ def _show_requirements(screen: Console, study: Study) -> None:
 
 
 def _show_findings(screen: Console, study: Study) -> None:
-    """Print what is probably wrong with the study."""
+    """Print the findings on the study."""
     screen.print()
     try:
         found = findings(study)
-    except UqmbdError as error:  # such as a study without outputs, which is not finished
+    except UqmbdError as error:  # for example a study without outputs, which is incomplete
         screen.print(f"Findings: not available. {error}", markup=False, soft_wrap=True)
         return
     screen.print(f"Findings: {len(found) or 'none'}")
@@ -240,7 +240,7 @@ def _show_findings(screen: Console, study: Study) -> None:
 
 
 def _show_propagators(screen: Console, study: Study) -> None:
-    """Print the study's propagators, what each would take, and the others that are installed."""
+    """Print the propagators of the study with their costs, and the other installed propagators."""
     table = plain_table("propagator", "type", "suitable", "non-default options")
     for propagator in study.propagators:
         names = (Text(propagator.node_name), Text(type(propagator).__name__))
@@ -258,7 +258,7 @@ def _show_propagators(screen: Console, study: Study) -> None:
 
 
 def _options(propagator: Any) -> str:
-    """List the options that are not as by default.
+    """List the options that differ from the defaults.
 
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> _options(MonteCarlo(samples=200, seed=1, label="reference"))
@@ -275,7 +275,7 @@ def _options(propagator: Any) -> str:
 
 
 def _show_estimates(screen: Console, study: Study) -> None:
-    """Print what each method would take: realisations, time, memory, disk."""
+    """Print the estimated cost of each method: realisations, time, memory, disk."""
     known = [(p, found) for p in study.propagators if (found := _estimate(p, study)) is not None]
     if not known:
         return
@@ -304,7 +304,7 @@ def _show_estimates(screen: Console, study: Study) -> None:
 
 
 def _time(propagator: Propagator, study: Study, timing: Timing | None, most: str) -> str:
-    """Say how long a method would take."""
+    """Describe the predicted time of a method."""
     seconds = math.nan
     if timing is not None:
         with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
@@ -316,7 +316,7 @@ def _time(propagator: Propagator, study: Study, timing: Timing | None, most: str
 
 
 def _fit(propagator: Any, study: Study) -> Text:
-    """Ask a propagator whether it can do this study; one that does not tell can."""
+    """Return the statement of a propagator on whether it can compute this study; the default is that it can."""
     obstacle: Any = None
     with Isolated(*ERRORS_AND_EXITS) as work:
         obstacle = obstacle_of(propagator, study) if isinstance(propagator, Propagator) else None
@@ -325,7 +325,7 @@ def _fit(propagator: Any, study: Study) -> Text:
 
 
 def _estimate(propagator: Any, study: Study) -> Estimate | None:
-    """Ask a propagator what it would take; None: it does not tell."""
+    """Return the estimated cost of a propagator; None if it is unknown."""
     if not isinstance(propagator, Propagator) or not len(study.mechanism.inputs):
         return None
     found: Any = None
@@ -335,7 +335,7 @@ def _estimate(propagator: Any, study: Study) -> Estimate | None:
 
 
 def _remarks(propagator: Any, study: Study) -> tuple[str, ...]:
-    """Return the further notes of a propagator; obstacles are reported elsewhere."""
+    """Return the remarks of a propagator; obstacles are reported elsewhere."""
     found: tuple[str, ...] = ()
     if isinstance(propagator, Propagator):
         with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():

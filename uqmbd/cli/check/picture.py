@@ -17,7 +17,7 @@ FORMATS = (".png", ".svg", ".pdf")
 
 
 def require_format(path: Path) -> None:
-    """Raise unless a picture of this name can be written.
+    """Raise an error if a picture with this file name cannot be written.
 
     >>> require_format(Path("crank.docx"))
     Traceback (most recent call last):
@@ -31,12 +31,12 @@ def require_format(path: Path) -> None:
 
 
 def draw_figure(study: Study, path: Path) -> None:
-    """Draw the mechanism of a study at its start, and say where it is."""
+    """Draw the mechanism of a study at its start, and print the path of the file."""
     from uqmbd import report
     from uqmbd.errors import RedundantConstraintWarning
 
     with warnings.catch_warnings():
-        # the check says so itself
+        # the check already reports this warning
         warnings.simplefilter("ignore", RedundantConstraintWarning)
         made = report.mechanism(study.mechanism, time=float(study.times[0]))
     try:

@@ -1,4 +1,4 @@
-"""`uqmbd compare`: how far stored results are apart, and what else differs between them."""
+"""`uqmbd compare`: differences between stored results in numbers and settings."""
 
 from __future__ import annotations
 

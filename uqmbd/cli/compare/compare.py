@@ -1,4 +1,4 @@
-"""`uqmbd compare`: how far stored results are apart, whether they agree, and what else differs between them."""
+"""`uqmbd compare`: compare numbers, agreement, and settings of stored results."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ __all__ = ["show_comparison"]
 def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out: Path | None = None) -> None:
     """Compare stored results: files, or folders of runs.
 
-    Methods with the same label are compared with that of the first file that has it; without any, or with `reference`,
-    all methods of all files are compared with one.
+    Methods with the same label are compared with the method of this label in the first file that has it. Without equal
+    labels, or with `reference`, all methods of all files are compared with a single method.
 
-    `paths`: result files or folders that hold a ``results.nc``; two or more, or one with several methods;
-    `reference`: such as ``"A collocation"``, the method of that label in the first file, or a label that is there
-    once; `out`: folder for ``comparison.nc`` and ``report.html`` of all methods together.
+    `paths` are result files, or folders that contain a ``results.nc``: two or more, or one with several methods.
+    `reference` is a label that occurs once, or, for example, ``"A collocation"``: the method of this label in the first
+    file. `out` is the folder for ``comparison.nc`` and ``report.html`` of all methods together.
     """
     from uqmbd.results import load
     from uqmbd.results.storage import errors_of_files
@@ -63,7 +63,7 @@ def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference
     from uqmbd.results import align
 
     chosen = _chosen(reference, list(nodes)) if reference else None
-    # outputs over time, then those without
+    # outputs over time first, then outputs without a time
     moving = {label: node for label, node in nodes.items() if node["statistics"].sizes["output"]}
     still, left_out = happening(scalar_nodes(nodes))
     if left_out:
@@ -101,7 +101,7 @@ def _chosen(reference: str, labels: list[str]) -> str:
 
 
 def _groups(labels: list[str], chosen: str | None) -> list[list[str]]:
-    """Return which methods are compared with each other: those of one label; all, where no two files share one."""
+    """Return groups of methods to compare: methods of one label, or all methods if no two files share a label."""
     by_name: dict[str, list[str]] = {}
     for label in labels:
         by_name.setdefault(label.partition(" ")[2], []).append(label)
@@ -110,7 +110,7 @@ def _groups(labels: list[str], chosen: str | None) -> list[list[str]]:
 
 
 def _first(group: Sequence[str], nodes: Mapping[str, xr.DataTree]) -> str:
-    """Return the reference of a group: the first of one label; else the best of the first file."""
+    """Return the reference of a group: the first method of the label, otherwise the best method of the first file."""
     from uqmbd.results import choose_reference
 
     if len({label.partition(" ")[2] for label in group}) == 1:
@@ -142,7 +142,7 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
             continue
         screen.print(Text(f"\n{label} compared with {reference}", style="bold"))
         table = plain_table("output", "units", "largest mean difference", "largest std difference", "verdict")
-        row = found.sel({"method": label})  # `method` as a keyword is another thing to xarray
+        row = found.sel({"method": label})  # `method` as a keyword has another meaning in xarray
         for number, output in enumerate(found["output"].values):
             still = str(row["verdict_kind"].values[number]) == NO_SPREAD
             scale = 0.0 if still else float(found["reference_std_max"].values[number])
@@ -160,7 +160,7 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
 
 
 def _show_requirements(screen: Console, nodes: Mapping[str, xr.DataTree]) -> None:
-    """Print how probably requirements are violated by each method, and where methods contradict each other."""
+    """Print the probability of violation by each method, and the methods that contradict each other."""
     from uqmbd.results import answers
     from uqmbd.results.requirements import differing
 

@@ -1,4 +1,4 @@
-"""`uqmbd run`: which methods run and how large they are, the run, and its report on the console."""
+"""`uqmbd run`: selection and size of methods, the run, and the summary on the console."""
 
 from __future__ import annotations
 

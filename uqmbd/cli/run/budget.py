@@ -1,4 +1,4 @@
-"""`--budget` and `--accuracy`: what they are, what contradicts them, and what came of them."""
+"""`--budget` and `--accuracy`: values, conflicts with other options, and the outcome."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["check_sizes", "choices", "missed", "too_small_for"]
 
 
 def choices(budget: str | None, accuracy: str | None) -> dict[str, Any]:
-    """Return the arguments of `Study.run`, after a look at them; none where nothing is asked for.
+    """Return the arguments of `Study.run` after a check; empty without a request.
 
     >>> choices(None, None)
     {}
@@ -32,7 +32,7 @@ def choices(budget: str | None, accuracy: str | None) -> dict[str, Any]:
 
 
 def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], only: Sequence[str]) -> None:
-    """Raise where an option is set that a budget or an accuracy chooses."""
+    """Raise an error if a setting concerns an option that a budget or an accuracy chooses."""
     if not chosen:
         return
     known = {p.node_name: p for p in study.propagators if not only or p.node_name in only}
@@ -47,13 +47,13 @@ def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], o
 
 
 def missed(tree: xr.DataTree) -> list[str]:
-    """Return sentences on the methods that do not reach the accuracy that was asked for."""
+    """Return sentences on the methods that do not reach the requested accuracy."""
     methods = json.loads(tree.attrs.get("budget", "{}")).get("methods", {})
     return [f"accuracy of {label}: {about['summary']}" for label, about in methods.items() if about.get("met") is False]
 
 
 def too_small_for(tree: xr.DataTree) -> list[str]:
-    """Return the labels of methods whose smallest size the budget does not hold."""
+    """Return the labels of methods whose smallest size exceeds the budget."""
     return list(json.loads(tree.attrs.get("budget", "{}")).get("too_small_for", []))
 
 

@@ -1,4 +1,4 @@
-"""`--only` and `--set`: which propagators run, and with which options."""
+"""`--only` and `--set`: select propagators, and set their options."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["apply_settings", "check_labels", "parse_value"]
 
 
 def check_labels(labels: Sequence[str], propagators: Sequence[Propagator]) -> None:
-    """Raise a `StudyError` that lists what there is if a label belongs to no propagator of the study."""
+    """Raise a `StudyError` that lists the known labels if a label belongs to no propagator of the study."""
     known = {propagator.node_name: propagator for propagator in propagators}
     for label in labels:
         if label not in known:
@@ -32,11 +32,11 @@ def check_labels(labels: Sequence[str], propagators: Sequence[Propagator]) -> No
 
 
 def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -> tuple[Propagator, ...]:
-    """Return the propagators with their options changed as ``LABEL.option=value`` says.
+    """Return the propagators with options changed by ``LABEL.option=value``.
 
-    `settings`: as on the command line; of several for one option the last holds; `propagators`: those of the study;
-    they are not changed. Raise StudyError if a setting is not of that form, or the label, the option or the value
-    cannot be used: the message lists what can.
+    `settings` are as on the command line; the last of several settings of an option applies. `propagators` are the
+    methods of the study, which do not change. Raise StudyError if a setting has another form, or if the label, the
+    option or the value is invalid; the message lists valid ones.
     """
     changes: dict[str, dict[str, Any]] = {}
     known = {propagator.node_name: propagator for propagator in propagators}
@@ -69,7 +69,7 @@ def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -
 
 
 def parse_value(text: str, annotation: Any) -> Any:
-    """Read a value of a type from text; a `ValueError` says that it cannot be one.
+    """Read a value of a type from text; raise `ValueError` if the text does not fit.
 
     >>> parse_value("1e-6", float), parse_value("12", int), parse_value("none", int | None), parse_value("no", bool)
     (1e-06, 12, None, False)
@@ -82,7 +82,7 @@ def parse_value(text: str, annotation: Any) -> Any:
     if origin is typing.Annotated:
         return parse_value(text, members[0])
     if origin in (Union, types.UnionType):
-        # A string takes anything, so it comes last.
+        # a string accepts any text, so it is last
         for member in sorted(members, key=lambda member: (member is not types.NoneType, member is str)):
             try:
                 return parse_value(text, member)
@@ -114,12 +114,12 @@ def parse_value(text: str, annotation: Any) -> Any:
     except (SyntaxError, ValueError):
         if origin in (tuple, list, Sequence, typing.get_origin(typing.Sequence[int])) or annotation in (tuple, list):
             return tuple(part.strip() for part in text.split(",") if part.strip())
-        return text  # the propagator itself has to judge it
+        return text  # the propagator checks the value
     return value
 
 
 def _integer(text: str) -> int:
-    """Read a whole number; 1e4 is one."""
+    """Read an integer, also in the form 1e4."""
     try:
         return int(text)
     except ValueError:
@@ -133,7 +133,7 @@ def _replaced(propagator: Propagator, changes: dict[str, Any]) -> Propagator:
     if not changes:
         return propagator
     try:
-        # An option does not rename the node: its label stays.
+        # an option does not rename the node, which keeps its label
         return dataclasses.replace(propagator, **changes)
     except UqmbdError:
         raise
@@ -143,7 +143,7 @@ def _replaced(propagator: Propagator, changes: dict[str, Any]) -> Propagator:
 
 
 def _option_types(propagator: Propagator) -> dict[str, Any]:
-    """Return the options that may be set, with their types; the label is none, for it names the target."""
+    """Return the options that may be set, with their types; the label is excluded because it selects the method."""
     known = option_types(type(propagator))  # where only a type checker can resolve one, the text is taken as it is
     return {
         option.name: known.get(option.name, Any)
@@ -173,7 +173,7 @@ def _options(propagator: Propagator) -> str:
 
 
 def _type_name(annotation: Any) -> str:
-    """Say a type in words.
+    """Return the description of a type as text.
 
     >>> _type_name(int | None), _type_name(Literal["a", "b"]), _type_name(tuple[int, ...])
     ('int or none', "'a' or 'b'", 'tuple[int, ...]')

@@ -1,4 +1,4 @@
-"""What a command tells while it works, and how it ends: progress, warnings, errors, and the exit status."""
+"""Terminal output of a command: progress, warnings, errors, and the exit status."""
 
 from __future__ import annotations
 

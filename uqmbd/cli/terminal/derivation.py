@@ -1,4 +1,4 @@
-"""Progress of derivations: of a mechanism of hundreds of parts they take minutes, before any method begins."""
+"""Progress of derivations, which take minutes for mechanisms of hundreds of bodies."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from uqmbd.logs import derivation
 __all__ = ["shown_derivation"]
 
 SOON = 2.0
-"""Seconds that work takes before it is shown: that of most mechanisms is not."""
+"""Minimum duration of work before it is shown, s; the derivation of most mechanisms is shorter."""
 
 
 COUNTED = re.compile(r"(.+): (\d+) of (\d+)")
-"""A message with the number of parts that are done."""
+"""Message with the number of finished parts."""
 
 
 @contextmanager
 def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
-    """Show what is derived, by the logger of derivations, while the context lasts.
+    """Show the progress of derivations from their logger within the context.
 
-    `progress`: who shows it; `clock`: time, s.
+    `progress` is the display; `clock` returns the time, s.
     """
     if derivation.isEnabledFor(logging.DEBUG):  # a program listens already, and shows it as it likes
         yield
@@ -45,7 +45,7 @@ def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monoton
 
 
 class _ProgressHandler(logging.Handler):
-    """Shows records with a label and two numbers as work with a bar."""
+    """Handler that shows records with a label and two numbers as a progress bar."""
 
     def __init__(self, progress: Staged, clock: Callable[[], float]) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class _ProgressHandler(logging.Handler):
         self.slow = False
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Begin work that has taken a while, or move its bar; steps without numbers are those of slow work only."""
+        """Show a bar for slow work, or advance it; steps without numbers belong to slow work only."""
         found = COUNTED.fullmatch(record.getMessage())
         if found is None:
             self.end()
@@ -78,7 +78,7 @@ class _ProgressHandler(logging.Handler):
             self.end()
 
     def end(self) -> None:
-        """End the bar."""
+        """Close the bar."""
         if self.shown is not None:
             self.progress.finish(self.label)
         self.label, self.shown = "", None

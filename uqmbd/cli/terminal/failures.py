@@ -1,4 +1,4 @@
-"""Errors and warnings as someone at a terminal should see them: one message, and an exit status for scripts."""
+"""Errors and warnings for the terminal: one message, and an exit status for scripts."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ __all__ = ["FAILED", "INTERRUPTED", "UNMET", "UNUSABLE", "explained", "warnings_
 
 FAILED = 1
 UNUSABLE = 2
-UNMET = 3  # all is computed, and a requirement is not met
+UNMET = 3  # the computation is complete, but a requirement is not met
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 
 @contextmanager
 def explained(*, debug: bool) -> Iterator[None]:
-    """Turn an exception into a message on the standard error stream and an exit status; `debug` adds the traceback."""
+    """Convert an exception to a message on the standard error stream and an exit status; `debug` adds the traceback."""
     try:
         with warnings_as_lines():
             yield
     except SystemExit as error:
-        # The command-line library turns Ctrl-C into this status, without a word.
+        # the command-line library converts Ctrl-C to this status without a message
         if error.code == INTERRUPTED:
             print("Interrupted.", file=sys.stderr, flush=True)
         raise
     except KeyboardInterrupt as error:
         _leave(error, "Interrupted.", INTERRUPTED, debug=debug)
     except StudyError as error:
-        # that no method succeeded is a failure of the computation, whatever they say
+        # if no method succeeded, the computation failed, for any reason
         _leave(error, f"Error: {error}", FAILED if error.failed else UNUSABLE, debug=debug)
     except UqmbdError as error:
         _leave(error, f"Error: {error}", FAILED, debug=debug)
     except OSError as error:
-        # Files that cannot be read or written, ports that cannot be reached: a matter of the command's input.
+        # unreadable files or unreachable ports are errors in the input of the command
         _leave(error, f"Error: {_os_error(error)}", UNUSABLE, debug=debug)
     except MemoryError as error:
         _leave(error, "Error: out of memory; try fewer samples, outputs, times or workers.", FAILED, debug=debug)

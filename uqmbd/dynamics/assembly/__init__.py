@@ -1,4 +1,4 @@
-"""Consistent initial states, and which equations are independent."""
+"""Consistent initial states, and choice of independent equations."""
 
 from __future__ import annotations
 

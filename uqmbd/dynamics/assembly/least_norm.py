@@ -13,12 +13,12 @@ __all__ = ["solve_least_norm"]
 
 
 def solve_least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
-    """Least-squares solution of smallest norm of ``a x = r``, for each realisation.
+    """Return the least-squares solution of smallest norm of ``a x = r`` for each realisation.
 
-    With `truncate` singular values that are small count as zero; without, rows are known to be independent, and
-    realisations of which they are not are treated like that, too.
+    With `truncate`, small singular values count as zero. Otherwise rows are expected to be independent; realisations
+    with dependent rows are also truncated.
     """
-    a, r = np.ascontiguousarray(a), np.ascontiguousarray(r)  # the order of sums is that of the memory
+    a, r = np.ascontiguousarray(a), np.ascontiguousarray(r)  # the memory layout determines the order of sums
     x = np.full((len(a), a.shape[2]), np.nan)
     if not truncate:
         x = _lifted(a, _solved(a @ a.transpose(0, 2, 1), r[:, :, None]))[:, :, 0]
@@ -35,7 +35,7 @@ def _lifted(a: Array, y: Array) -> Array:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Solve each system; NaN where one is singular, without harm to the others."""
+    """Solve each system; NaN for a singular system, without effect on the others."""
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:

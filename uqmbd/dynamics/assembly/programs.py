@@ -1,4 +1,4 @@
-"""The equations of positions and of velocities in the form that the driver solves: sparse, with tables of places."""
+"""Position and velocity equations in the form for the driver: sparse, with tables of indices."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["BODY_RATE", "closed_poses", "least_velocities"]
 
 FLAT = 1e-9, 1e-12
-"""Lengths of gradients, of positions and of velocities, below which they are none."""
+"""Lengths of gradients, of positions and of velocities, that count as zero."""
 
 BODY_RATE = {
     2: (((1, -1), (0, 1)),),
     4: (((1, -1), (0, 1), (3, 1), (2, -1)), ((2, -1), (3, -1), (0, 1), (1, 1)), ((3, -1), (2, 1), (1, -1), (0, 1))),
 }
-"""Half the matrix from the rates of a quaternion to the angular velocity in body axes, ``G(e)``, by its length: of each
-entry which of the quaternion's it is, and its sign."""
+"""Half the matrix from quaternion rates to the angular velocity in body axes, ``G(e)``, by the quaternion's length:
+index of the entry of the quaternion, and sign, for each entry of the matrix."""
 
 
 class _Closing(NamedTuple):
@@ -30,9 +30,9 @@ class _Closing(NamedTuple):
 
 
 def closed_poses(model: Model, drawn: Array, time: float, parameters: Array, rows: Index) -> tuple[Array, Mask]:
-    """Close all constraints, of which `rows` are independent, by the least change of drawn poses (K, coordinate).
+    """Close all constraints, with independent `rows`, by the least change of drawn poses (K, coordinate).
 
-    Return poses, and a mask (K,) of the undecided realisations, as for singular equations or a mirror image.
+    Return poses, and a mask (K,) of undecided realisations, for example with singular equations or a mirror image.
     """
     known, key = model.evaluators["position"].others, ("closing", rows.tobytes(), model.held.tobytes())
     if key not in known:
@@ -46,7 +46,7 @@ def closed_poses(model: Model, drawn: Array, time: float, parameters: Array, row
 def least_velocities(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Mask]:
     """Return velocities (K, coordinate) of least norm that satisfy constraints, statements and start conditions.
 
-    The second result is a mask (K,) of the realisations whose equations are nearly dependent, or contradict each other.
+    The second result is a mask (K,) of realisations with nearly dependent or contradictory equations.
     """
     statements = tuple((x.quantity, tuple(x.coordinates.tolist())) for x in model.statements)
     values, slopes = _conditions(model, q, s, time, parameters)
@@ -61,7 +61,7 @@ def least_velocities(model: Model, q: Array, s: Array, time: float, parameters: 
 
 
 def _conditions(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array]:
-    """Residuals of the conditions of velocities (K, c), and their slopes (K, c n)."""
+    """Return residuals of the conditions of velocities (K, c), and their slopes (K, c n)."""
     if model.conditions is None or not len(model.conditions.velocities):
         return np.zeros((len(q), 0)), np.zeros((len(q), 0))
     which = model.conditions.velocities
@@ -70,7 +70,7 @@ def _conditions(model: Model, q: Array, s: Array, time: float, parameters: Array
 
 
 def _rest(model: Model, given: int, time: float, parameters: Array) -> tuple[Array, Array, Array]:
-    """Arguments of an evaluator behind the coordinates (1), or these and the auxiliary states (2): all at rest."""
+    """Return arguments at rest after the coordinates (`given` 1), or coordinates and auxiliary states (2)."""
     layout = model.layout
     zeros = layout.width - (layout.coordinates if given == 1 else layout.velocities)
     return np.zeros((1, zeros)), np.array([[time, 0.0]]), parameters[:, : model.block_parameters]
@@ -105,11 +105,11 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
     stated, n = sum(len(x.parameters) for x in model.statements), layout.coordinates
     added = stated + conditions
     writer, arguments, parameters = _begun(model, added + conditions * n + 1)
-    given = np.arange(len(arguments) + len(parameters), writer.inputs)  # what is stated, residuals, slopes, one
+    given = np.arange(len(arguments) + len(parameters), writer.inputs)  # given values, residuals, slopes, one
     results = evaluator.write(writer, arguments, parameters)
     gradients = _gradients(evaluator.index, "d", results)
     values, kept = _values(evaluator.index, "phi_t", results, layout.constraints), layout.kept
-    if not added:  # what is redundant is looked at where something is stated that may contradict it
+    if not added:  # evaluate redundant equations if a start condition may contradict them
         gradients = gradients._replace(rows=layout.number[gradients.rows]).select(layout.number[gradients.rows] >= 0)
         values, kept = values[kept], np.arange(layout.rank)
     lines = [line for x in model.statements for line in _lines(x, int(given[-1]))]
@@ -130,9 +130,9 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
 
 
 def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]:
-    """Return gradients of statements on a body: rows of values, factors, and velocities to differentiate by.
+    """Return gradients of statements on a body: rows of values, factors, and differentiated velocities.
 
-    In row `one` stands a one.
+    Row `one` contains a one.
     """
     coordinates = statement.coordinates.tolist()
     if statement.quantity == "velocity":
@@ -144,7 +144,7 @@ def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]
 
 
 def _begun(model: Model, more: int) -> tuple[ProgramWriter, Index, Index]:
-    """Begin a program: rows of a state, the time and zero, and of the parameters of the blocks, then so many more."""
+    """Begin a program; return it with rows of state, time, zero and block parameters, before `more` inputs."""
     state, inputs = model.layout.width + 2, model.layout.width + 2 + model.block_parameters
     rows = np.arange(inputs)
     return ProgramWriter(inputs + more), rows[:state], rows[state:]

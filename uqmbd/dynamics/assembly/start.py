@@ -1,4 +1,4 @@
-"""Initial states of realisations, the reasons of those without one, and the gradients of their equations."""
+"""Initial states of realisations, reasons of failed assemblies, and gradients of the equations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Start", "gradient_lengths"]
 
 
 ROWS = 4096
-"""Realisations whose gradients are evaluated at once."""
+"""Number of realisations in one evaluation of gradients."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Start:
     s: Array  # auxiliary states (K, state)
     v: Array  # (K, coordinate)
     a: Array  # (K, coordinate)
-    rates: Array  # of the auxiliary states (K, state)
-    multipliers: Array  # of the kept equations (K, kept)
-    messages: tuple[str, ...]  # empty where the realisation was assembled, else the reason
-    outside: NDArray[np.bool_]  # (K,): whether the reason is a number outside of its range
+    rates: Array  # rates of the auxiliary states (K, state)
+    multipliers: Array  # multipliers of the kept equations (K, kept)
+    messages: tuple[str, ...]  # empty if the realisation was assembled, else the reason
+    outside: NDArray[np.bool_]  # (K,): whether the reason is a number outside its range
 
     def select(self, members: Index) -> Start:
         """Return the initial states of some realisations."""
@@ -51,7 +51,7 @@ class Start:
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Which realisations could be assembled, shape (K,)."""
+        """Mask of assembled realisations, shape (K,)."""
         return np.array([not m for m in self.messages], dtype=bool)
 
     @property
@@ -62,11 +62,11 @@ class Start:
 
 
 def gradient_lengths(model: Model, start: Start, parameters: Array) -> Array:
-    """Lengths of the gradients of all equations at the start, shape (K, equation); 1 where there is none."""
+    """Return the lengths of the gradients of all equations at the start, (K, equation); 1 without a gradient."""
     evaluator = model.evaluators["velocity"]
     squares = np.zeros((len(parameters), model.layout.constraints))
     columns, (rows, _) = evaluator.index["d"]
-    present, begins = np.unique(rows, return_index=True)  # they are sorted
+    present, begins = np.unique(rows, return_index=True)  # `rows` are sorted
     for first in range(0, len(parameters), ROWS):
         part = slice(first, first + ROWS)
         q, s = start.q[part], start.s[part]

@@ -1,7 +1,7 @@
-"""Reactions that redundant constraints leave undetermined.
+"""Find reactions that are undetermined because of redundant constraints.
 
-Multipliers that no coordinate feels, ``D^T n = 0`` over all equations, may be added to a solution at will.  A reaction
-is unique if adding them does not change it.
+Multipliers without a generalised force, ``D^T n = 0`` over all equations, may be added to every solution.  A reaction
+is unique if these multipliers do not change it.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ __all__ = ["not_unique", "reaction_symbols"]
 
 
 CHANGE = 1e-8
-"""Relative change of an output, for multipliers of the size of those that are added, that counts as none."""
+"""Relative change of an output by added multipliers that counts as zero."""
 
 
 def reaction_symbols(mechanism: Mechanism, owners: set[str]) -> list[sympy.Symbol]:
-    """List the components of forces and moments of the components that have constraint equations."""
+    """Return the symbols of forces and moments of components with constraint equations."""
     found: list[sympy.Symbol] = []
     for name, component in mechanism.components.items():
         if name in owners:
@@ -32,16 +32,16 @@ def reaction_symbols(mechanism: Mechanism, owners: set[str]) -> list[sympy.Symbo
 
 
 def not_unique(model: Model, outputs: OutputMap, q: Array, time: float, parameters: Array) -> tuple[str, ...]:
-    """Return the names of the outputs that change with multipliers that exert no generalised force.
+    """Return the names of outputs that change with multipliers without a generalised force.
 
-    The pose (coordinate,) and parameters (parameter,) are those of one assembled realisation.
+    The pose (coordinate,) and parameters (parameter,) belong to one assembled realisation.
     """
     layout = model.layout
     still = np.zeros(layout.states)
     free = null_equations(model, q, still, time, parameters)
     if not free.shape[1] or not len(outputs.names):
         return ()
-    # multipliers without any pattern: an output that is not linear in them shall not hide a change
+    # multipliers without a pattern, so that an output nonlinear in multipliers cannot hide a change
     given = np.random.default_rng(0).uniform(0.5, 1.5, layout.constraints)
     multipliers = np.concatenate([given[None], given + free.T, given - 0.7 * free.T])
     count = len(multipliers)

@@ -1,4 +1,4 @@
-"""Chatter: the speed from which bodies that bounce stay together."""
+"""Chatter: speed below which bouncing bodies stay together."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["Chatter"]
 
 
 SLOWEST = 1e-6
-"""Speed of an impact, over that of the fastest one before, from which bodies stay together."""
+"""Impact speed, relative to the fastest previous impact, below which bodies stay together."""
 CROWD = 100
-"""Number of events ..."""
+"""Number of events that count as a crowd within the time `CROWDED`."""
 CROWDED = 2e-3
-"""... within this share of the output times let bodies stay together from a speed that `COARSER` times larger ..."""
+"""Time of a crowd, relative to the duration; a crowd increases the speed limit by the factor `COARSER`."""
 COARSER = 4.0
 COARSEST = 1e4
-"""... until it is larger by this at most, or there was no event for ten such times."""
+"""Largest increase of the speed limit; ten such times without an event reset the limit."""
 
 
 class Chatter:
@@ -29,11 +29,11 @@ class Chatter:
         self.crowd, self.count = np.zeros((len(length), CROWD)), np.zeros(len(length), dtype=np.int64)
 
     def slow(self, members: Index) -> Array:
-        """Speeds that are none, m/s."""
+        """Return the speeds that count as zero, m/s."""
         return np.maximum(self.coarse[members] * SLOWEST * self.fastest[members], self.least[members])
 
     def happened(self, members: Index, times: Array) -> None:
-        """Count events: where they crowd, bodies stay together earlier, as in a corner friction may feed bounces."""
+        """Count events; in a crowd bodies stay together earlier, because friction in a corner may sustain bounces."""
         count = self.count[members]
         before = self.crowd[members, count - 1]
         calm = (count > 0) & (times - before > 10 * self.window)

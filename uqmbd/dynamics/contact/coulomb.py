@@ -1,4 +1,4 @@
-"""Newton's law of restitution and Coulomb's law of friction at one collision: which impulses satisfy both.
+"""Impulses of a collision that satisfy Newton's law of restitution and Coulomb's law of friction.
 
 For each colliding contact, let N and T be the normal and the tangential impulse. Let n and s be the speeds after the
 collision across and along the surface (n0 before it)::
@@ -6,8 +6,8 @@ collision across and along the surface (n0 before it)::
     N >= 0,  n + e n0 >= 0,  N (n + e n0) = 0
     |T| <= mu N,  and where s is not zero: T = -mu N s / |s|
 
-so that friction opposes the sliding *after* the collision [1]_.  The law may have several solutions; with restitution,
-or without, none.  Without restitution it has at least one [2]_, which never feeds in energy.
+so that friction opposes the sliding *after* the collision [1]_.  The laws may have several solutions or, with
+restitution, no solution.  Without restitution they have at least one solution [2]_, which never adds energy.
 
 References
 ----------
@@ -32,40 +32,40 @@ __all__ = ["EXACT", "Collision", "Touch", "scaled_solution", "solutions"]
 
 
 EXACT = 1e-10
-"""Largest violation of the laws, over the size of impulses."""
+"""Largest violation of the laws, relative to the size of impulses."""
 SINGULAR = 1e-11
-"""Relative size of a singular value that is none."""
+"""Relative size of a singular value that counts as zero."""
 MOST_MODES = 64
-"""Most combinations of modes that are tried one after the other."""
+"""Largest number of combinations of modes for enumeration."""
 FACETS = (12, 33, 120)
-"""Facets of the pyramid that approximates the cone of friction, for the starts of an iteration."""
+"""Numbers of facets of friction pyramids, for the initial values of the iteration."""
 NEWTON = 40
-"""Most steps of an iteration."""
+"""Largest number of steps of an iteration."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """A contact in a collision."""
+    """Contact in a collision."""
 
     normal: int  # index of its normal direction
     tangents: tuple[int, ...] = ()  # indices of its tangential directions; empty without friction
-    friction: float = 0.0  # coefficient
+    friction: float = 0.0  # coefficient of friction
 
 
 @dataclass(frozen=True)
 class Collision:
-    """Contacts that collide at the same time."""
+    """Simultaneous collision of contacts."""
 
     matrix: Array  # (direction, direction): jumps of the speeds, m/s, per impulse, N s
     before: Array  # (direction,): speeds, m/s
     touches: tuple[Touch, ...]
-    wanted: Array  # (touch,): least normal speeds afterwards, m/s
-    # largest jump of a speed, m/s, by earlier collisions in the same instant: its rounding is in the speeds
+    wanted: Array  # (touch,): least normal speeds after the collision, m/s
+    # largest jump of a speed, m/s, in earlier collisions at the same instant; the speeds contain its rounding
     earlier: float = 0.0
 
     @cached_property
     def units(self) -> Array:
-        """Impulse per speed in each direction, about, shape (direction,): bodies may be of very different masses."""
+        """Return the approximate impulse per speed in each direction, (direction,), as masses may differ widely."""
         found = np.full(len(self.before), float(self.answers.max(initial=1.0)))
         for touch, answer in zip(self.touches, self.answers, strict=True):
             found[[touch.normal, *touch.tangents]] = answer
@@ -73,25 +73,25 @@ class Collision:
 
     @cached_property
     def answers(self) -> Array:
-        """Impulse per speed of each contact, about, shape (touch,)."""
+        """Return the approximate impulse per speed of each contact, shape (touch,)."""
         diagonal = np.abs(np.diag(self.matrix))
         largest = np.array([diagonal[[x.normal, *x.tangents]].max() for x in self.touches])
         return np.asarray(1 / np.maximum(largest, 1e-300))
 
     def after(self, impulse: Array) -> Array:
-        """Speeds after impulses, shape (direction,)."""
+        """Return the speeds after impulses, m/s, shape (direction,)."""
         return np.asarray(self.before + self.matrix @ impulse)
 
     def fed(self, impulse: Array) -> float:
-        """Energy that impulses feed in, J."""
+        """Return the energy that impulses add, J."""
         return float(0.5 * impulse @ (self.before + self.after(impulse)))
 
     def worked(self, impulse: Array) -> float:
-        """Size of the energies that impulses exchange, J."""
+        """Return the size of the energies that impulses exchange, J."""
         return float(np.abs(impulse) @ np.abs(self.before))
 
     def mended(self, impulse: Array) -> Array:
-        """Impulses as the laws would have them, after the speeds that the given ones lead to: equal at a solution."""
+        """Return impulses from the laws at the speeds after the given impulses; a solution remains unchanged."""
         after, found = self.after(impulse), np.zeros_like(impulse)
         for touch, wanted, answer in zip(self.touches, self.wanted, self.answers, strict=True):
             n, t = touch.normal, list(touch.tangents)
@@ -103,7 +103,7 @@ class Collision:
         return found
 
     def violation(self, impulse: Array) -> float:
-        """Return the violation of the laws by impulses, over their size, both as speeds."""
+        """Return the violation of the laws by impulses, relative to their size, both as speeds."""
         if not np.isfinite(impulse).all():
             return math.inf
         size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
@@ -114,8 +114,8 @@ class Collision:
 def solutions(collision: Collision) -> Iterator[Array]:
     """Yield impulses (direction,) that satisfy the laws, always in the same order.
 
-    Few contacts in the plane, and one in space: all solutions, in the order of the modes of each contact: it sticks,
-    slips on, slips back, is not hit.  More: those that an iteration finds.
+    For few contacts in the plane, and for one contact in space, all solutions are returned. Their order is given by the
+    modes of each contact: stick, slip on, slip back, no impulse.  For more contacts, an iteration finds solutions.
     """
     touches = collision.touches
     plane = all(len(x.tangents) <= 1 for x in touches)
@@ -132,13 +132,13 @@ def solutions(collision: Collision) -> Iterator[Array]:
 
 
 def scaled_solution(matrix: Array, right: Array, units: Array) -> Array:
-    """Solve for the impulses (..., N) of least length, each in its unit; contacts may be redundant (a table's legs)."""
+    """Solve for the impulses (..., N) of least norm in their units; contacts may be redundant (four table legs)."""
     inner = matrix * units[..., :, None] * units[..., None, :]
     return np.asarray(units * (np.linalg.pinv(inner, rcond=SINGULAR) @ (units * right)[..., None])[..., 0])
 
 
 def _with_modes(collision: Collision, held: list[int], spread: Array, right: Array) -> Array:
-    """Impulses ``spread x`` that give the speeds of the directions `held` the jumps `right`."""
+    """Return impulses ``spread x`` with speed jumps `right` in the directions `held`."""
     inner = collision.matrix[held] @ spread
     if len(held) == 1:
         return np.asarray(spread[:, 0] * (right[0] / inner[0, 0] if inner[0, 0] else np.inf))
@@ -146,7 +146,7 @@ def _with_modes(collision: Collision, held: list[int], spread: Array, right: Arr
 
 
 def _in_plane(collision: Collision) -> Iterator[Array]:
-    """Candidates of all combinations of modes, of contacts with one tangent or none."""
+    """Yield candidates for all combinations of modes of contacts with at most one tangent."""
     size = len(collision.before)
     modes = [("stick", "on", "back", "open") if x.tangents else ("push", "open") for x in collision.touches]
     for chosen in itertools.product(*modes):
@@ -175,10 +175,10 @@ def _in_plane(collision: Collision) -> Iterator[Array]:
 
 
 def _one_in_space(collision: Collision) -> Iterator[Array]:
-    """Candidates of one contact with two tangents.
+    """Yield candidates for one contact with two tangents.
 
-    If it slips in the direction of angle a, this direction satisfies an equation of second order in cos(a) and sin(a).
-    It is of fourth order in exp(i a).
+    The angle a of the slip direction satisfies an equation of second order in cos(a) and sin(a).
+    The equation is of fourth order in exp(i a).
     """
     (touch,), size = collision.touches, len(collision.before)
     n, t = touch.normal, list(touch.tangents)
@@ -193,7 +193,7 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
     inner, across, along = collision.matrix[n, n], collision.matrix[n, t], collision.matrix[np.ix_(t, t)]
 
     def turned(angle: float) -> float:
-        """Sliding across the direction, times the divisor of the normal impulse."""
+        """Return the sliding across the direction, times the divisor of the normal impulse."""
         d = np.array([math.cos(angle), math.sin(angle)])
         slide = sliding * (inner - mu * across @ d) + needed * (across - mu * along @ d)
         return float(d[0] * slide[1] - d[1] * slide[0])
@@ -207,7 +207,7 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
     angles = [math.remainder(float(np.angle(z)) - first, 2 * math.pi) for z in roots if abs(abs(z) - 1) < 1e-3]
     for offset in sorted(angles, key=abs):
         turn = np.exp(1j * (first + offset))
-        for _ in range(3):  # the roots of a polynomial are known to fewer digits
+        for _ in range(3):  # roots of a polynomial have fewer correct digits
             value, rate = (
                 (waves[0] + 2 * waves[1] * turn + 2 * waves[2] * turn**2).real,
                 (2j * waves[1] * turn + 4j * waves[2] * turn**2).real,
@@ -223,7 +223,7 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
 
 
 def _iterated(collision: Collision) -> Iterator[Array]:
-    """Yield solutions of the equation that the laws leave impulses unchanged, by Newton's method."""
+    """Yield impulses that the laws leave unchanged, by Newton's method."""
     yield _improved(collision, _all_hit(collision))
     for facets in FACETS:
         if (impulse := _on_pyramids(collision, facets)) is not None:
@@ -231,7 +231,7 @@ def _iterated(collision: Collision) -> Iterator[Array]:
 
 
 def _all_hit(collision: Collision) -> Array:
-    """Impulses where every contact is hit and sticks."""
+    """Return the impulses if all contacts are hit and stick."""
     found = np.zeros(len(collision.before))
     held = [j for x in collision.touches for j in (x.normal, *x.tangents)]
     jump = -collision.before
@@ -241,7 +241,7 @@ def _all_hit(collision: Collision) -> Array:
 
 
 def _on_pyramids(collision: Collision, facets: int) -> Array | None:
-    """Impulses where cones of friction are pyramids: a linear complementarity problem; in the plane, exact."""
+    """Return impulses for friction pyramids, from a linear complementarity problem; exact in the plane."""
     size, count = len(collision.before), len(collision.touches)
     columns, owner, wanted = list[Array](), list[int](), list[float]()
     for k, (touch, least) in enumerate(zip(collision.touches, collision.wanted, strict=True)):
@@ -261,7 +261,7 @@ def _on_pyramids(collision: Collision, facets: int) -> Array | None:
     normals = np.flatnonzero(owners < 0)
     limit = -share.T
     limit[range(count), normals] = [x.friction for x in collision.touches]
-    # lengths of impulses in units in which the matrix is about one
+    # units of impulses for which the matrix has a size of about one
     unit = 1 / float(collision.answers.mean())
     inner = np.block([[spread.T @ collision.matrix @ spread / unit, share], [limit, np.zeros((count, count))]])
     offset = np.concatenate([spread.T @ collision.before - wanted, np.zeros(count)])
@@ -271,7 +271,7 @@ def _on_pyramids(collision: Collision, facets: int) -> Array | None:
 
 
 def _facets(sliding: Array, count: int) -> Array:
-    """Directions of friction, shape (facet, tangent); the first is against the sliding."""
+    """Return directions of friction, shape (facet, tangent); the first is opposite to the sliding."""
     if len(sliding) < 2:
         return np.array([[-1.0], [1.0]])[:, : len(sliding)] if len(sliding) else np.zeros((0, 0))
     angles = math.atan2(sliding[1], sliding[0]) + np.pi + 2 * np.pi * np.arange(count) / count
@@ -279,7 +279,7 @@ def _facets(sliding: Array, count: int) -> Array:
 
 
 def _improved(collision: Collision, impulse: Array) -> Array:
-    """Newton's method, with shorter steps, or one towards the laws, where it does not come closer."""
+    """Improve impulses by Newton's method, with shorter steps or a fixed-point step without improvement."""
     units = collision.units
     rest = impulse - collision.mended(impulse)
     for _ in range(NEWTON):
@@ -300,7 +300,7 @@ def _improved(collision: Collision, impulse: Array) -> Array:
 
 
 def _slope(collision: Collision, impulse: Array) -> Array:
-    """Return the derivative of impulses without the mended ones, shape (direction, direction)."""
+    """Return the derivative of impulses minus impulses from the laws, shape (direction, direction)."""
     found, after = np.eye(len(impulse)), collision.after(impulse)
     for touch, wanted, answer in zip(collision.touches, collision.wanted, collision.answers, strict=True):
         n, t = touch.normal, list(touch.tangents)

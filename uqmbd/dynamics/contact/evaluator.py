@@ -1,4 +1,4 @@
-"""Evaluation of contacts at states: gaps, relative velocities, and how accelerations answer to contact forces."""
+"""Evaluation of contacts at states: gaps, relative velocities, and accelerations due to contact forces."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["ContactEvaluator", "ContactQuantities"]
 class ContactQuantities:
     """All contact quantities of T states."""
 
-    guard: Array  # (T, event): gaps, and the guards of events that are no contacts
-    first: tuple[int, ...]  # first direction of each event, then the end
-    law: Array  # (T, event, 2): coefficients of restitution and of friction
+    guard: Array  # (T, event): gaps of contacts, and guards of other events
+    first: tuple[int, ...]  # first direction of each event, then the number of directions
+    law: Array  # (T, event, 2): coefficients of restitution and friction
     speed: Array  # (T, direction): relative velocities
-    bias: Array  # (T, direction): their rates at zero acceleration
-    slope: Array  # (T, direction, coordinate): derivatives of the relative velocities by velocities
+    bias: Array  # (T, direction): rates of the relative velocities at zero acceleration
+    slope: Array  # (T, direction, coordinate): derivatives of relative velocities with respect to velocities
     free: Array  # (T, coordinate + multiplier): accelerations without contacts, then multipliers of the kept equations
-    answer: Array  # (T, coordinate + multiplier, direction): the same per force (jumps of velocity per impulse)
+    answer: Array  # (T, coordinate + multiplier, direction): changes per force (jumps per impulse)
     delassus: Array  # (T, direction, direction): rates of the relative velocities per force
 
     def select(self, states: Index) -> ContactQuantities:
@@ -43,15 +43,15 @@ class ContactQuantities:
         return int(self.first[event])
 
     def tangents(self, event: int) -> list[int]:
-        """Directions along the surface."""
+        """Return the directions along the surface."""
         return list(range(self.first[event] + 1, self.first[event + 1]))
 
     def rubs(self, event: int) -> bool:
-        """Return whether a contact has friction, at the first of the states."""
+        """Return whether a contact has friction at the first state."""
         return bool(self.law[0, event, 1] > 0) and self.first[event + 1] > self.first[event] + 1
 
     def sliding(self, event: int) -> Array:
-        """Velocity along the surface, shape (T, 1 or 2)."""
+        """Return the velocity along the surface, m/s, shape (T, 1 or 2)."""
         return self.speed[:, self.tangents(event)]
 
 
@@ -65,12 +65,12 @@ class ContactEvaluator:
         self.system: System = model.system or index1_system(model, None)
 
     def guards(self, times: Array, states: Array, blocks: Array) -> Array:
-        """Guards of all events at states (T, width) with parameters (T, parameter), shape (T, event)."""
+        """Return guards of all events at states (T, width) with parameters (T, parameter), shape (T, event)."""
         values = self.model.evaluators["contact"](state_arguments(times, states), blocks)
         return self.model.result("contact", "guard", values)
 
     def __call__(self, times: Array, states: Array, blocks: Array) -> ContactQuantities:
-        """Evaluate states (T, width) at times (T,) with parameters (T, parameter)."""
+        """Evaluate contacts in states (T, width) at times (T,), s, with parameters (T, parameter)."""
         model, n, arguments = self.model, self.n, state_arguments(times, states)
         found = model.evaluate("contact", arguments, blocks)
         values = model.evaluators["acceleration"](arguments, blocks)
@@ -84,7 +84,7 @@ class ContactEvaluator:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """Solve each system; by least squares where it is singular."""
+    """Solve each system; use least squares for singular systems."""
     try:
         return np.asarray(np.linalg.solve(matrix, right), dtype=float)
     except np.linalg.LinAlgError:

@@ -1,7 +1,7 @@
-"""Impacts of rigid bodies: Newton's law of restitution, with Coulomb friction of the impulses.
+"""Impacts of rigid bodies: Newton's law of restitution with Coulomb friction of the impulses.
 
-Bodies that approach each other at the same time collide at the same time; those that this makes approach each other
-collide next, in the same instant (so a row of balls hands on a blow), until none do.
+Bodies that approach each other at the same time collide simultaneously. Bodies that approach as a result collide next,
+at the same instant, until no bodies approach. An impact thus propagates through a row of balls.
 
 References
 ----------
@@ -20,19 +20,19 @@ __all__ = ["impact"]
 
 
 BLOWS = 200
-"""Most collisions in a row in one instant; after that, the impact is without restitution."""
+"""Largest number of consecutive collisions at an instant; after them, the impact is without restitution."""
 FED = 1e-12
-"""Energy that is none, over impulses times speeds."""
+"""Energy, relative to impulses times speeds, that counts as zero."""
 
 
 def impact(contacts: ContactQuantities, closed: list[int], approach: float) -> tuple[Array, set[int]] | None:
-    """Jump of the velocities (coordinate,) in an impact, and the contacts that take part; None: no impulses do.
+    """Return the jump of velocities (coordinate,) in an impact and the hit contacts; None if no impulses exist.
 
-    Contacts are those of one state, right before; `closed` are the events whose gaps are closed; below the speed
-    `approach`, m/s, bodies do not approach each other.
+    `contacts` belong to one state right before the impact; `closed` are the events with closed gaps. Bodies with a
+    relative speed below `approach`, m/s, do not approach each other.
 
-    Newton's law can feed in energy where friction stops or turns the sliding, or have no solution; there the impact is
-    taken to be without restitution.  Of several solutions it is the first of `solutions` that feeds in no energy.
+    Newton's law can add energy if friction stops or turns the sliding, or have no solution; then the impact is without
+    restitution.  The first result of `solutions` that adds no energy is used.
     """
     total = np.zeros(contacts.speed.shape[1])
     before, hit = contacts.speed[0].copy(), set[int]()
@@ -56,7 +56,7 @@ def impact(contacts: ContactQuantities, closed: list[int], approach: float) -> t
 def _blow(
     contacts: ContactQuantities, active: list[int], before: Array, so_far: tuple[float, float], *, restitution: bool
 ) -> Array | None:
-    """Impulses of one collision of the `active` contacts, which never feeds in energy."""
+    """Return impulses of one collision of the `active` contacts, which never add energy."""
     law, (earlier, worked) = contacts.law[0], so_far
     touches = tuple(
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(law[k, 1]))

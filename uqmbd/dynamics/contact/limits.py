@@ -1,12 +1,12 @@
-"""Choice of the slipping contacts among those whose friction reaches its limit at the same time.
+"""Choice of slipping contacts if friction reaches its limit in several contacts at the same time.
 
-There the forces of sticking and of slipping are the same, and so are the accelerations: the rates decide. For each
-contact at its limit, let r be the rate of the reserve of friction. Let a be the rate of the acceleration along the
-direction of the impending sliding::
+At the limit, forces and accelerations are equal for sticking and slipping, and their rates decide. For each contact at
+its limit, let r be the rate of the reserve of friction. Let a be the rate of the acceleration along the direction of
+the impending sliding::
 
     r >= 0,  a >= 0,  r a = 0
 
-that is a linear complementarity problem of all of them together.
+These conditions are a linear complementarity problem for all contacts at their limit.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ __all__ = ["AtLimit", "contacts_at_limit", "most_durable_forces", "slipping_toge
 
 
 RESTS = 1e-7
-"""Acceleration along a surface, over those by the forces there, that is none."""
+"""Acceleration along a surface, relative to the accelerations by its forces, that counts as zero."""
 NOISE = 1e-13
-"""Noise of the changes of these."""
+"""Relative noise in changes of such accelerations."""
 SLIPS = 1e-6
-"""Change of an acceleration, over the largest one, that is one."""
+"""Least relevant change of an acceleration, relative to the largest change."""
 TURNS = 4
-"""Steps of Newton's method for the directions of sliding."""
+"""Number of steps of Newton's method for the directions of sliding."""
 SINGULAR = 1e-11
-"""Relative size of a singular value that is none."""
+"""Relative size of a singular value that counts as zero."""
 
 
 class AtLimit(NamedTuple):
-    """A decision about contacts at their limit: when, which slip, `forced`, and which stick, without a reserve."""
+    """Decision on contacts at their limit: time, s, slipping contacts `forced`, contacts `held` without reserve."""
 
     time: float
     forced: frozenset[int]
@@ -53,7 +53,7 @@ class AtLimit(NamedTuple):
 
 
 def contacts_at_limit(contacts: ContactQuantities, lasting: ContactModes, force: Array) -> list[int]:
-    """Return the sticking contacts whose friction is at its limit, at one state with forces (direction,)."""
+    """Return the sticking contacts with friction at its limit, at one state with forces (direction,), N."""
     touches = persistent_touches(contacts, lasting)
     rooms = zip(lasting.modes, touches, reserves(touches, force).tolist(), strict=True)
     return [k for k, x, room in rooms if x.tangents and room <= AT_LIMIT * x.friction * force[x.normal]]
@@ -66,9 +66,9 @@ def most_durable_forces(
     motion: ContactMotion,
     span: float,
 ) -> ContactModes:
-    """Choose the internal forces of redundant contacts that stick so that they hold longest, as the loads change.
+    """Choose internal forces of redundant sticking contacts that remain admissible longest under changing loads.
 
-    Arguments are those of `slipping_together`; `span` is the time until `ahead`, s.
+    The arguments are those of `slipping_together`; `span` is the time until `ahead`, s.
     """
     if lasting.internal is None or span <= 0:
         return lasting
@@ -87,10 +87,10 @@ def slipping_together(
     limited: Sequence[int],
     forced: Collection[int],
 ) -> dict[int, Array] | None:
-    """Find which contacts at their limit slip, and in which directions (tangent,), at one state; None: no combination.
+    """Return the slipping contacts among those at their limit, and their directions (tangent,), at one state.
 
-    The contacts `ahead` are those a short time later with the present motion.  Contacts that are `limited` stick so
-    far; those that are `forced` slip in any case.  The result holds at least one contact; None: no combination
+    `ahead` are the contacts a short time later with the present motion.  The contacts `limited` stick so far; the
+    contacts `forced` slip in any case.  The result contains at least one contact, or is None if no combination
     satisfies the laws.
     """
     force = motion.force[0]
@@ -109,7 +109,7 @@ def _slips(
     forced: Collection[int],
     force: Array,
 ) -> list[int] | None:
-    """Contacts that slip of those that have `headings`; one at least."""
+    """Return the slipping contacts among contacts with `headings`, at least one."""
     every = sorted(headings)
     free = [k for k in every if k not in forced]
     if not free or len(every) == 1:
@@ -117,15 +117,18 @@ def _slips(
     now, later = (_Rates.of(x, lasting, headings, free) for x in (contacts, ahead))
     size = np.abs(now.along) @ np.abs(contacts.delassus[0]) @ np.abs(force)
     change = later.rate - now.rate
+    # two evaluations of an acceleration differ by rounding, which Lemke's method must not treat as a change
     change[np.abs(change) <= NOISE * size] = 0.0
     offset = np.where(np.abs(now.rate) <= RESTS * size, 0.0, now.rate) + change
+    # scale by the diagonal of the response, so that SLIPS has the same meaning for light and heavy bodies
     units = 1 / np.sqrt(np.maximum(np.abs(np.diag(now.response)), 1e-300))
     if not (np.isfinite(offset).all() and np.isfinite(now.response).all()):
         return None
     largest = float(np.abs(units * offset).max())
-    if largest == 0.0:  # nothing changes: all are as well at their limit as slipping
+    if largest == 0.0:  # without changes, the limit and slipping are equivalent for all contacts
         return every
     offset, response = units * offset / largest, units[:, None] * now.response * units
+    # complementarity: a free contact has either a reserve of friction or an acceleration along its heading
     reserve = lemke(response, offset)
     if reserve is None:
         return None
@@ -137,9 +140,9 @@ def _slips(
 def _turned(
     contacts: ContactQuantities, lasting: ContactModes, headings: dict[int, Array], force: Array
 ) -> dict[int, Array]:
-    """Turn headings so that contacts begin to slide along them.
+    """Rotate headings so that contacts begin to slide along them.
 
-    Of redundant contacts friction is known only as far as it holds: a small turn takes little from its reserve.
+    Friction of redundant contacts is not unique; a small rotation of a heading uses little of its reserve.
     """
     for _ in range(TURNS):
         now = _Rates.of(contacts, lasting, headings, ())
@@ -157,10 +160,10 @@ def _turned(
 
 
 class _Rates(NamedTuple):
-    """Accelerations of C contacts along their headings, if all contacts that have headings slip.
+    """Accelerations of C contacts along their headings, if all contacts with headings slip.
 
-    `rate` (C,), its `response` (C, C) to reserves of friction, and directions `along` (C, direction). `across` is the
-    friction across the heading of a contact in space: it keeps the contact from sliding in that direction.
+    Fields are `rate` (C,), its `response` (C, C) to reserves of friction, and directions `along` (C, direction).
+    `across` is the friction across the heading of a contact in space; it prevents sliding across the heading.
     """
 
     rate: Array
@@ -194,9 +197,11 @@ class _Rates(NamedTuple):
         held, spread = np.array(rows + more), np.column_stack(columns + more)
         natural = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
         inner, right = held @ matrix @ spread, held @ np.column_stack([natural, matrix @ along.T])
+        # absolute values do not cancel: the scale of a row stays positive where its forces have no effect
         units = 1 / np.sqrt(np.maximum(np.einsum("hd,de,he->h", np.abs(held), np.abs(matrix), np.abs(held)), 1e-300))
         if not (np.isfinite(inner).all() and np.isfinite(right).all()):
             return cls(np.full(len(free), np.nan), np.full((len(free), len(free)), np.nan), along, {})
+        # redundant contacts make the matrix singular: use the forces of least norm
         inverse = np.linalg.pinv(units[:, None] * inner * units, rcond=SINGULAR)
         found = -units[:, None] * (inverse @ (units[:, None] * right))
         rates = along @ (np.column_stack([natural, matrix @ along.T]) + matrix @ spread @ found)

@@ -1,7 +1,7 @@
-"""Contacts that last: forces and accelerations where bodies stay on each other, and which contacts do.
+"""Persistent contacts: detection of the contacts, and their forces and accelerations.
 
-The forces follow Signorini's and Coulomb's laws [1]_.  All contacts that are closed at a time are treated together; few
-at a time are expected.
+The forces follow Signorini's and Coulomb's laws [1]_.  All closed contacts at a time are solved together; their number
+is expected to be small.
 
 References
 ----------
@@ -40,21 +40,21 @@ __all__ = [
 Mode = Literal["stick", "slip"]
 
 CLOSED = 1e-9
-"""Gap, over the size of the mechanism, that is none."""
+"""Gap, relative to the size of the mechanism, that counts as closed."""
 RESTS = 1e-8
-"""Acceleration along a surface, over those without contacts, that is none."""
+"""Acceleration along a surface, relative to accelerations without contacts, that counts as zero."""
 UNMOVED = 1e-6
-"""Internal forces, over all, that are none."""
+"""Internal forces, relative to all forces, that count as zero."""
 PRESSED = 1e-9
-"""Normal force of a redundant contact, over the largest force, that is none."""
+"""Normal force of a redundant contact, relative to the largest force, that counts as zero."""
 STILL = 1e-7
-"""Speed, over that of the mechanism, that counts as zero in a persistent contact, whose velocities are projected."""
+"""Speed, relative to the mechanism's, that counts as zero in a persistent contact with projected velocities."""
 
 
 class ContactModes(NamedTuple):
-    """Contacts that last: whether each sticks or slips, and in which direction each slides that slips.
+    """Modes of persistent contacts (stick or slip), and headings of slipping contacts.
 
-    Of redundant contacts also `internal` forces, shape (direction,), beside the least ones: they move nothing.
+    For redundant contacts, `internal` forces (direction,), N, are added to the least forces; they cause no motion.
     """
 
     modes: dict[int, Mode]
@@ -64,7 +64,7 @@ class ContactModes(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactMotion:
-    """Motion of T states with lasting contacts."""
+    """Motion of T states with persistent contacts."""
 
     motion: Array  # (T, coordinate + multiplier): accelerations, then multipliers of the kept equations
     force: Array  # (T, direction): contact forces, N
@@ -76,8 +76,8 @@ def contact_forces(
 ) -> Array:
     """Solve for forces (T, direction) in `rows` from rates per force (T, direction, direction), `right` (T, len(rows)).
 
-    The mapping `coupled` gives, for a normal direction, tangents whose forces are multiples (T, tangent) of the normal
-    one.
+    The mapping `coupled` contains, for a normal direction, tangents and the ratios (T, tangent) of tangential to normal
+    forces.
     """
     count, size = matrix.shape[:2]
     found = np.zeros((count, size))
@@ -95,16 +95,16 @@ def contact_forces(
             return np.asarray(spread[:, :, 0] * (right / inner[:, :, 0]))
     if not (np.isfinite(inner).all() and np.isfinite(right).all()):
         return np.full((count, size), np.nan)
-    # of each state by itself: forces of redundant contacts must not depend on which states are looked at together
+    # solve each state separately: forces of redundant contacts must not depend on other states of the call
     units = 1 / np.sqrt(np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)[:, rows]), 1e-300))
     return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
 
 
 def contact_motion(contacts: ContactQuantities, lasting: ContactModes) -> ContactMotion:
-    """Solve for accelerations and contact forces with given modes of the lasting contacts.
+    """Solve for accelerations and contact forces with given modes of the persistent contacts.
 
-    Each sliding contact has the direction near which it slides, (tangent,): where the speed passes zero, friction does
-    not reverse, so that a smooth integration detects the zero.
+    Each sliding contact has a heading (tangent,) near its direction of sliding. Friction does not reverse when the
+    speed passes zero, so that a smooth integration detects the zero.
     """
     free = contacts.bias + np.einsum("twn,tn->tw", contacts.slope, contacts.free[:, : contacts.coordinates])
     rows: list[int] = []
@@ -126,7 +126,7 @@ def contact_motion(contacts: ContactQuantities, lasting: ContactModes) -> Contac
 
 
 def _direction(sliding: Array, heading: Array) -> Array:
-    """Direction of sliding (T, tangent), continued through zero."""
+    """Return the direction of sliding (T, tangent), continued through zero."""
     if sliding.shape[1] == 1:
         return np.broadcast_to(heading, sliding.shape)
     fast = np.linalg.norm(sliding, axis=1, keepdims=True)
@@ -138,11 +138,11 @@ def _direction(sliding: Array, heading: Array) -> Array:
 def persistent_contacts(
     contacts: ContactQuantities, near: list[int], slow: float
 ) -> tuple[ContactModes, ContactMotion] | None:
-    """Find which of the closed contacts `near` last at one state, and their modes and motion; None if no forces exist.
+    """Return modes and motion of the contacts in `near` that persist at one state; None if no forces exist.
 
-    Contacts near have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws of
-    accelerations and forces equal those of speeds and impulses, without restitution. However, the friction of a sliding
-    contact already has a known direction. No forces satisfy the laws where friction wedges a sliding body.
+    The contacts `near` have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws
+    of accelerations and forces equal those of speeds and impulses without restitution. However, the direction of
+    friction in a sliding contact is known. No forces satisfy the laws if friction wedges a sliding body.
     """
     headings: dict[int, Array] = {}
     for k in near:
@@ -185,7 +185,7 @@ def persistent_contacts(
     found = with_internal(contacts, lasting)
     if not (modes and unloaded):
         return found
-    # of redundant contacts those that this solution does not load may be loaded as well
+    # redundant contacts without load in this solution may also be loaded
     every: dict[int, Mode] = {k: (modes | unloaded)[k] for k in near if k in modes or k in unloaded}
     others = with_internal(contacts, ContactModes(every, {k: x for k, x in headings.items() if k in every}))
     moved = np.abs(others[1].rate - found[1].rate).max() > still
@@ -193,17 +193,17 @@ def persistent_contacts(
 
 
 def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> bool:
-    """Return whether all persistent contacts are pressed, and friction suffices for the sticking ones, at one state."""
+    """Return whether all persistent contacts are pressed, with sufficient friction for sticking, at one state."""
     touches, force = persistent_touches(contacts, lasting), motion.force[0]
     normals = force[[x.normal for x in touches]]
     return bool((normals > PRESSED * np.abs(force).max()).all() and (reserves(touches, force) >= 0).all())
 
 
 def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[ContactModes, ContactMotion]:
-    """Find the motion at one state with given modes, and internal forces where the laws need them.
+    """Return the motion at one state with given modes, and internal forces if the laws require them.
 
-    Forces of redundant contacts are not unique: a disc that rests in a corner may be wedged more or less, and its least
-    forces may pull, or be more than friction holds.  Then those with the most room inside the laws are taken.
+    Forces of redundant contacts are not unique: a disc at rest in a corner may be wedged more or less. The least forces
+    may be tensile or exceed the friction limit.  In this case, the forces with the largest margin to the laws are used.
     """
     motion = contact_motion(contacts, lasting)
     touches = persistent_touches(contacts, lasting)
@@ -221,7 +221,7 @@ def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[C
 
 
 def persistent_touches(contacts: ContactQuantities, lasting: ContactModes) -> list[Touch]:
-    """Contacts that last, at one state; those that stick have their tangents."""
+    """Return the persistent contacts at one state, with tangents for sticking contacts."""
     return [
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(contacts.law[0, k, 1]))
         if mode == "stick" and contacts.rubs(k)
@@ -231,7 +231,7 @@ def persistent_touches(contacts: ContactQuantities, lasting: ContactModes) -> li
 
 
 def spread_of(contacts: ContactQuantities, lasting: ContactModes) -> Array:
-    """Return a basis of forces (direction, unknown) of contacts that last, at one state; slipping has its friction."""
+    """Return a basis of forces (direction, unknown) of persistent contacts at one state, with friction of slip."""
     unit, columns = np.eye(contacts.speed.shape[1]), list[Array]()
     for k, mode in lasting.modes.items():
         column = unit[contacts.normal(k)].copy()
@@ -248,7 +248,7 @@ def spread_of(contacts: ContactQuantities, lasting: ContactModes) -> Array:
 
 
 def heading_of(friction: Array) -> Array:
-    """Direction in which a contact starts to slide: against the friction that held it."""
+    """Return the direction in which a contact starts to slide: opposite to its static friction."""
     size = float(np.linalg.norm(friction))
     return np.asarray(-friction / size) if size > 0 else np.eye(len(friction))[0]
 
@@ -256,9 +256,9 @@ def heading_of(friction: Array) -> Array:
 def states_in_contact(
     evaluator: ContactEvaluator, times: Array, states: Array, blocks: Array
 ) -> Iterator[tuple[int, ContactMotion]]:
-    """Find the states (T, width) in which contacts last, and their motion.
+    """Yield the states (T, width) with persistent contacts, by index, and their motion.
 
-    Such contacts are recognised by their gaps and speeds, which are none, and by the forces that press them together.
+    Persistent contacts have gaps and speeds that count as zero, and compressive forces.
     """
     model = evaluator.model
     bodies = np.array([k for k, (*_, count) in enumerate(model.events) if count], dtype=np.int64)

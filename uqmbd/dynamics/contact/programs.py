@@ -15,7 +15,7 @@ __all__ = ["contact_programs"]
 
 
 def contact_programs(model: Model) -> tuple[Dynamics, ContactPrograms]:
-    """Return the programs of a model with events, whose index-1 system is compiled; they are cached."""
+    """Return the cached programs of a model with events and a compiled index-1 system."""
     others = model.system.programs.others
     if "contacts" not in others:
         others["contacts"] = _written(model)

@@ -1,4 +1,4 @@
-"""Events of realisations, and their times."""
+"""Records of events of realisations, and their times."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ class Records:
         self._parts: list[tuple[Index, Array, Index, Index]] = []
 
     def add(self, member: int, time: float, event: int, label: str) -> None:
-        """Note one event."""
+        """Record one event."""
         where = np.array([member]), np.array([time]), np.array([event]), np.array([self.labels.index(label)])
         self._parts.append(where)
         self.count[member] += 1
 
     def add_own(self, members: Index, times: Array, events: Index) -> None:
-        """Note events (N,) by their own labels."""
+        """Record events (N,) with the labels of their declarations."""
         self._parts.append((members.copy(), times.copy(), events.copy(), self.own[events]))
         np.add.at(self.count, members, 1)
 
     def sorted(self) -> tuple[Index, Array, Index, Index]:
-        """Members, times, events and labels of all, by member and time; at the same time in the order of happening."""
+        """Return members, times, events, labels, sorted by member and time; simultaneous events in recorded order."""
         if not self._parts:
             none = np.zeros(0, dtype=np.int64)
             return none, np.zeros(0), none, none
@@ -44,7 +44,7 @@ class Records:
         return members[order], times[order], events[order], labels[order]
 
     def of(self, member: int) -> list[tuple[float, int, str]]:
-        """Time, event and label of all that happened to one of them."""
+        """Return time, s, event and label of all events of one realisation."""
         members, times, events, labels = self.sorted()
         mine = members == member
         return [
@@ -53,7 +53,7 @@ class Records:
         ]
 
     def times(self, owners: Index, count: int) -> dict[str, Array]:
-        """Find the times of all events by name, of `count` realisations, of which these are number `owners` (M,)."""
+        """Return event times by name for `count` realisations; `owners` (M,) are the numbers of the recorded ones."""
         members, times, events, labels = self.sorted()
         components = list(dict.fromkeys(component for component, *_ in self.model.events))
         component = np.array([components.index(name) for name, *_ in self.model.events], dtype=np.int64)
@@ -65,9 +65,9 @@ class Records:
 def named_times(
     members: Index, times: Array, kinds: Index, names: Sequence[tuple[str, str]], count: int
 ) -> dict[str, Array]:
-    """Return the times of events (count,), s, by name; NaN where a realisation has no such event.
+    """Return the times of events (count,), s, by name; NaN for realisations without the event.
 
-    The arrays (N,) hold the realisation, time and kind of each event, in the order of time within a realisation;
+    The arrays (N,) contain realisation, time and kind of each event, in the order of time within a realisation;
     `names` are the component and label of each kind.
     """
     found: dict[str, Array] = {}

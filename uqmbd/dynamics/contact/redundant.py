@@ -1,9 +1,9 @@
-"""Forces of redundant contacts: of all that give the same motion, those with the most room inside the laws.
+"""Forces of redundant contacts: among forces with the same motion, those with the largest margin to the laws.
 
-A table stands on four legs, a disc is wedged in a corner: the forces are not unique. The bodies stay at rest as long as
-some forces satisfy the laws of contact and friction. Forces far from the limits of these laws stay valid longest. They
-maximise the least reserve of all contacts, a second-order cone problem, which an interior-point method with a
-logarithmic barrier solves [1]_. SciPy has none of this kind; a contact has few unknowns.
+Contact forces of a table on four legs, or of a disc wedged in a corner, are not unique. The bodies stay at rest while
+some forces satisfy the laws of contact and friction. Forces far from the limits of these laws remain valid longest.
+These forces maximise the least reserve of all contacts, in a second-order cone problem. An interior-point method with a
+logarithmic barrier solves this problem [1]_. SciPy has no such method; the number of unknowns is small.
 
 References
 ----------
@@ -25,29 +25,29 @@ __all__ = ["AT_LIMIT", "holding_longest", "reserves", "roomiest", "unmoving"]
 
 
 HELD = 1 + 1e-9
-"""Friction of a contact that sticks, over its limit, at most: as the driver has it."""
+"""Largest friction of a sticking contact, relative to its limit, as in the driver."""
 AT_LIMIT = 3e-9
-"""Reserve of friction, over its limit, that is none."""
+"""Reserve of friction, relative to its limit, that counts as zero."""
 EXACT = 1e-11
-"""Error of a reserve, over the size of the contact."""
+"""Error of a reserve, relative to the size of the contact forces."""
 SINGULAR = 1e-9
-"""Relative size of a singular value that is none."""
+"""Relative size of a singular value that counts as zero."""
 LARGEST = 1e3
-"""Internal forces over the least forces, at most."""
+"""Largest ratio of internal forces to the least forces."""
 LONGEST = 10.0
-"""Longest time that forces hold, over the time in which they change by their size."""
+"""Longest time of admissible forces, relative to the time in which they change by their size."""
 NEARLY = 1e3
-"""Time that forces hold over what is lost of it, at least."""
+"""Least ratio of the time of admissible forces to its loss, the optimality gap."""
 CENTRED = 1e-3
-"""Square of the Newton decrement that is none."""
+"""Square of the Newton decrement that counts as zero."""
 FASTER = 10.0
-"""Factor of the weight of the goal from one barrier problem to the next."""
+"""Factor on the weight of the objective between barrier problems."""
 NEWTON = 60
-"""Most steps for one barrier problem."""
+"""Largest number of steps for one barrier problem."""
 
 
 def reserves(touches: Sequence[Touch], force: Array) -> Array:
-    """Return by how much friction (or, without tangents, the normal force) is off its limit, (touch,), N."""
+    """Return the reserve of friction, or of the normal force without tangents, to its limit, (touch,), N."""
     return np.array(
         [
             HELD * touch.friction * force[touch.normal] - float(np.linalg.norm(force[list(touch.tangents)]))
@@ -59,9 +59,9 @@ def reserves(touches: Sequence[Touch], force: Array) -> Array:
 
 
 def unmoving(matrix: Array, spread: Array) -> Array:
-    """Return a basis (direction, N) of the combinations of columns of `spread` (direction, column) that move nothing.
+    """Return a basis (direction, N) of combinations of columns of `spread` (direction, column) without motion.
 
-    `matrix` (direction, direction) are rates per force.
+    `matrix` (direction, direction) contains rates per force.
     """
     units = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
     size = np.linalg.norm(spread / units[:, None], axis=0)
@@ -72,17 +72,17 @@ def unmoving(matrix: Array, spread: Array) -> Array:
 
 
 def roomiest(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
-    """Return forces (direction,) inside the friction cones, or nearest to them, that maximise the least reserve.
+    """Return forces (direction,), N, inside or nearest to the friction cones, that maximise the least reserve.
 
-    The touches have tangents if they stick.  The forces are `least` (direction,), N, which give the right motion, plus
-    a combination of `ways` (direction, N), which move nothing (see `unmoving`).
+    The touches have tangents if they stick.  The result is `least` (direction,), N, with the correct motion, plus a
+    combination of `ways` (direction, N), which cause no motion (see `unmoving`).
     """
     largest = float(np.abs(least).max(initial=0.0))
     if not (ways.shape[1] and largest > 0 and math.isfinite(largest) and np.isfinite(ways).all()):
         return least
     ways = ways * (largest / np.abs(ways).max(axis=0))
     sizes = np.maximum(np.abs(least[[x.normal for x in touches]]), 1e-6 * largest)
-    # contacts whose forces are determined cannot gain room
+    # the reserve of contacts with unique forces cannot increase
     moved = [np.abs(ways[[x.normal, *x.tangents]]).max() > SINGULAR * largest for x in touches]
     begin, slope = _cones(touches, least, ways, sizes)
     slope[:, 0, -1] = -_factors(touches)
@@ -99,10 +99,10 @@ def roomiest(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
 
 
 def holding_longest(touches: Sequence[Touch], force: Array, rate: Array, ways: Array) -> Array:
-    """Return forces (direction,) inside the friction cones that remain inside longest at a `rate` (direction,), N/s.
+    """Return forces (direction,), N, that stay in the friction cones longest at a `rate` (direction,), N/s.
 
     The touches have tangents if they stick.  The result is `force` (direction,), N, plus a combination of `ways`
-    (direction, N), which move nothing.
+    (direction, N), which cause no motion.
     """
     largest, fastest = float(np.abs(force).max(initial=0.0)), float(np.abs(rate).max(initial=0.0))
     if not (ways.shape[1] and largest > 0 and fastest > 0 and np.isfinite([largest, fastest]).all()):
@@ -132,16 +132,16 @@ class _Barrier:
 
     @property
     def parameter(self) -> float:
-        """The gap of optimality times the weight of the goal."""
+        """Optimality gap times the weight of the objective."""
         return 2.0 * len(self.begin) + 3.0
 
     def least(self) -> float:
-        """Room of all cones where the other unknowns are zero."""
+        """Return the reserve of all cones if the other unknowns are zero."""
         ratio = (self.begin[:, 0] - np.linalg.norm(self.begin[:, 1:], axis=1)) / -self.slope[:, 0, -1]
         return float(min(ratio.min(), 1.0))
 
     def value(self, x: Array, weight: float) -> float:
-        """Goal and barrier; infinite outside of it."""
+        """Return objective plus barrier; infinite outside the barrier."""
         cone = self.begin + self.slope @ x
         size = np.hypot(cone[:, 1], cone[:, 2])
         inside = cone[:, 0] - size
@@ -152,7 +152,7 @@ class _Barrier:
         return float(-weight * x[-1] - np.log(product).sum() - math.log(top) - math.log(ball))
 
     def centred(self, x: Array, weight: float) -> Array:
-        """Minimise goal and barrier by Newton's method from a point inside."""
+        """Minimise objective plus barrier by Newton's method from an interior point."""
         sign, flat = np.array([1.0, -1.0, -1.0]), self.slope.reshape(-1, len(x))
         value = self.value(x, weight)
         for _ in range(NEWTON):
@@ -185,12 +185,12 @@ class _Barrier:
 
 
 def _factors(touches: Sequence[Touch]) -> Array:
-    """Width of the cone of each contact; one of those without tangents, which are half-lines."""
+    """Return the width of the cone of each contact; 1 for contacts without tangents, which are half-lines."""
     return np.array([HELD * x.friction if x.tangents else 1.0 for x in touches])
 
 
 def _cones(touches: Sequence[Touch], force: Array, ways: Array, sizes: Array) -> tuple[Array, Array]:
-    """Cones of contacts, each over its size: beginnings (C, 3), and slopes (C, 3, N + 1) with nothing in the last."""
+    """Return cones of contacts relative to their sizes: begin (C, 3), slope (C, 3, N + 1) with a zero last column."""
     begin, slope = np.zeros((len(touches), 3)), np.zeros((len(touches), 3, ways.shape[1] + 1))
     for row, touch in enumerate(touches):
         rows, places = [touch.normal, *touch.tangents], range(1 + len(touch.tangents))

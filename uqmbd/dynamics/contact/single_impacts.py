@@ -1,7 +1,7 @@
-"""Impacts of one contact each, of many states at once: most impacts are of this kind.
+"""Impacts with one contact each, for many states at once; most impacts are of this kind.
 
-The laws, and the order in which their solutions are tried, are those of `uqmbd.dynamics.contact.impacts`, which treats
-what is left here: several contacts at once, contacts in space that slip, and impacts that restitution would feed with
+The laws, and the order of their solutions, are those of `uqmbd.dynamics.contact.impacts`. That module treats the
+remaining cases: several contacts at once, slipping contacts in space, and impacts in which restitution would add
 energy.
 """
 
@@ -20,8 +20,8 @@ __all__ = ["solve_single_impacts"]
 def solve_single_impacts(contacts: ContactQuantities, events: Index) -> tuple[Array, Array, Mask]:
     """Solve for impulses (T, direction) at one approaching contact, `events` (T,), of each of T states.
 
-    The states are those right before impact.  Return impulses, normal speeds afterwards (T,), and a mask (T,) of the
-    solved states.
+    The states are those right before impact.  Return impulses, normal speeds after impact (T,), m/s, and a mask (T,) of
+    the solved states.
     """
     first = np.array(contacts.first)
     tangents = first[events + 1] - first[events] - 1
@@ -41,13 +41,13 @@ def solve_single_impacts(contacts: ContactQuantities, events: Index) -> tuple[Ar
 
 
 def _smooth(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Impulses (T, 1) without friction."""
+    """Return impulses (T, 1) without friction, and a mask of valid ones."""
     impulse = -(1 + law[:, :1]) * before / matrix[:, 0]
     return impulse, (law[:, 0] >= 0) & (law[:, 0] <= 1) & (impulse[:, 0] > 0) & np.isfinite(impulse[:, 0])
 
 
 def _in_plane(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Impulses (T, 2) with friction in the plane: the first that holds of sticking, slipping on, and slipping back."""
+    """Return impulses (T, 2) with friction in the plane: the first valid mode of stick, slip on, and slip back."""
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     normal, along = before.T
     mu, sense = law[:, 1], np.copysign(1.0, before[:, 1])

@@ -11,7 +11,7 @@ __all__ = ["acting", "links"]
 
 
 def links(instances: Sequence[Instance], order: Mapping[str, int]) -> tuple[tuple[int, int], ...]:
-    """Pairs of bodies that components connect, by number; -1 is the ground."""
+    """Return pairs of bodies that components connect, by number; -1 is the ground."""
     found: set[tuple[int, int]] = set()
     for instance in instances:
         numbers = sorted(
@@ -22,7 +22,7 @@ def links(instances: Sequence[Instance], order: Mapping[str, int]) -> tuple[tupl
 
 
 def acting(instances: Sequence[Instance], order: Mapping[str, int]) -> tuple[tuple[str, ...], ...]:
-    """Names of the components that state a potential or work on each body, in the order of the bodies."""
+    """Return names of the components with a potential or virtual work on each body, in the order of the bodies."""
     found: list[list[str]] = [[] for _ in order]
     for instance in instances:
         if not instance.type.owns and (instance.type.work or instance.type.potential != 0):

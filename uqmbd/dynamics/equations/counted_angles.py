@@ -1,4 +1,4 @@
-"""Angles in the parameters of a component: each is counted by a state of the component's own block."""
+"""Counted angles in the parameters of a component, each with a counter state in the component's block."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["CountedAngle", "count"]
 
 @dataclass(frozen=True)
 class CountedAngle:
-    """An angle that occurs in parameters of a component, in local symbols."""
+    """Angle in parameters of a component, in local symbols."""
 
     symbol: sympy.Symbol
     angle: JointAngle
@@ -26,14 +26,14 @@ class CountedAngle:
 
     @property
     def pattern(self) -> tuple[Any, ...]:
-        """Data by which two counters differ."""
+        """Data that distinguish counters."""
         return self.symbol, self.angle.half, self.angle.signed, self.cosine, self.sine, self.rate, self.near
 
 
 def count(local: Local, counted: Sequence[CountedAngle]) -> list[Auxiliary]:
-    """Insert counted angles into the values of a component, and return the terms of the states that count them.
+    """Insert counted angles into the values of a component, and return the terms of their counter states.
 
-    Each component counts for itself, so that no block depends on states of another one.
+    Each component has separate counters, so that its block does not depend on states of other blocks.
     """
     swap: dict[sympy.Basic, sympy.Expr] = {}
     terms: list[Auxiliary] = []

@@ -1,7 +1,7 @@
-"""Evaluators: one kind of equations of a whole mechanism, for any number of realisations.
+"""Evaluators of one kind of equations of a whole mechanism, for any number of realisations.
 
-Either *typed* (one kernel for each component type; gather, evaluate, sum), whose compilation does not grow with the
-mechanism, or *fused* (one kernel for everything), which has the smallest cost per call.
+A *typed* evaluator has one kernel per component type (gather, evaluate, sum); its compilation time does not grow with
+the mechanism. A *fused* evaluator has one kernel for the mechanism, and the smallest cost per call.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ __all__ = ["Evaluator", "Placement", "fused", "typed"]
 class Placement:
     """Global indices of the local variables of one instance."""
 
-    # for each local letter ("q", "s", "l", ...) the global index of each local variable; -1: dropped
+    # for each local letter ("q", "s", "l", ...): global index of each local variable; -1: dropped
     letters: dict[str, Index]
     parameters: Index  # indices among the parameters of the model
-    limit: int = 2**31  # number of unknowns: rows and columns from there on are no equations
+    limit: int = 2**31  # number of unknowns: rows and columns from this index on are not equations
 
 
 @dataclass(frozen=True)
 class _Group:
-    """All instances of one type."""
+    """All instances of a type."""
 
     kernel: Kernel
     gather: Index  # (instance, local argument) into the arguments of the mechanism
@@ -46,17 +46,17 @@ class _Group:
 class Evaluator:
     """Compiled equations of one kind."""
 
-    targets: tuple[Any, ...]  # of the results in order, with global indices
+    targets: tuple[Any, ...]  # targets of the results in order, with global indices
     groups: tuple[_Group, ...]
     order: Index | None  # permutation of concatenated results, sorted by target
-    starts: Index | None  # first of each target in that order
+    starts: Index | None  # first result of each target in this order
 
     def __call__(self, arguments: Array, parameters: Array) -> Array:
-        """Return values (K, target) at arguments (K, argument), a state then a zero, and parameters (K, parameter)."""
+        """Return values (K, target) for arguments (K, argument), ending with zero, and parameters (K, parameter)."""
         return self.program(arguments.shape[1], parameters.shape[1])(arguments, parameters)
 
     def write(self, writer: ProgramWriter, arguments: Index, parameters: Index) -> Index:
-        """Write the evaluation; rows of its results, for rows of the arguments and of the parameters of the model."""
+        """Write the evaluation from rows of arguments and model parameters; return the rows of its results."""
         parts = []
         for group in self.groups:
             reads = np.concatenate([arguments[group.gather], parameters[group.parameters]], axis=1)
@@ -71,7 +71,7 @@ class Evaluator:
         return found
 
     def program(self, arguments: int, parameters: int, passed: range = range(0)) -> Program:
-        """Return the evaluation of so many arguments, then so many parameters of the model; some are passed on."""
+        """Return the program for numbers of arguments and model parameters; arguments in `passed` are also results."""
         key = arguments, parameters, passed
         if key not in self._programs:
             writer, rows = ProgramWriter(arguments + parameters), np.arange(arguments + parameters)
@@ -81,17 +81,17 @@ class Evaluator:
 
     @cached_property
     def _programs(self) -> dict[tuple[int, int, range], Program]:
-        """Programs made so far, by numbers of arguments and of parameters, and by additional results."""
+        """Cached programs by numbers of arguments and parameters, and by additional results."""
         return {}
 
     @cached_property
     def others(self) -> dict[Any, Any]:
-        """Further objects made of the equations, by key."""
+        """Other cached objects derived from the equations, by key."""
         return {}
 
     @cached_property
     def index(self) -> dict[str, tuple[Index, tuple[Index, ...]]]:
-        """For each letter of the targets: columns of the results, and the indices behind the letter."""
+        """Columns of the results, and indices after the letter, for each letter of the targets."""
         found: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
         for column, target in enumerate(self.targets):
             found.setdefault(target[0], []).append((column, target[1:]))
@@ -102,7 +102,7 @@ class Evaluator:
 
 
 def _globalise(target: tuple[Any, ...], place: Placement, kind: Kind) -> tuple[Any, ...] | None:
-    """Turn a local target into a global one; None where it is dropped."""
+    """Convert a local target to a global target; None if it is dropped."""
     where = place.letters
     if kind == "residual":
         row = where[target[0]][target[1]]
@@ -146,9 +146,9 @@ def _type_kernel(block: BlockType, kind: Kind) -> tuple[Kernel, list[tuple[Any, 
 def typed(
     kind: Kind, blocks: Sequence[BlockType], places: Sequence[Placement], columns: dict[tuple[str, int], int]
 ) -> Evaluator:
-    """Return an evaluator with one kernel per component type, from the type and placement of each instance.
+    """Return an evaluator with one kernel per component type, from types and placements of all instances.
 
-    The column of each global variable among the arguments is in `columns`; dropped ones use the last, which is zero.
+    `columns` contains the argument column of each global variable; dropped variables use the last column, zero.
     """
     members: dict[str, list[int]] = {}
     for i, block in enumerate(blocks):
@@ -180,12 +180,12 @@ def typed(
 
 
 def _letter(letter: str) -> str:
-    """Return the letter of a local argument in the mechanism: controller values are auxiliary states there."""
+    """Return the global letter of a local argument; controller values are global auxiliary states."""
     return "s" if letter == "h" else letter
 
 
 def _zero_column(columns: dict[tuple[str, int], int]) -> int:
-    """Return the column that is always zero: the one that no variable has."""
+    """Return the column that is always zero, because it belongs to no variable."""
     used = set(columns.values())
     return next(c for c in range(len(columns) + 1) if c not in used)
 
@@ -204,7 +204,7 @@ def fused(
     columns: dict[tuple[str, int], int],
     parameters: int,
 ) -> Evaluator:
-    """Return an evaluator of one kernel for the whole mechanism; arguments as for `typed`."""
+    """Return an evaluator with one kernel for the whole mechanism; arguments as for `typed`."""
     layout = [
         (b.digest, sorted((k, tuple(map(int, x))) for k, x in p.letters.items()), tuple(map(int, p.parameters)))
         for b, p in zip(blocks, places, strict=True)

@@ -1,9 +1,9 @@
-"""Splines in equations: polynomials in numbers that are looked up, on their way from expressions to kernels.
+"""Splines in equations: conversion from expressions to kernels, as polynomials with look-up of coefficients.
 
-Within an interval a spline is a cubic in ``o = x - knot``.  Its coefficients and the knot do not change with `x`
-there, so to the derivation they are symbols whose derivatives are zero: it neither differentiates nor expands a table.
-Where equations are compiled, each such symbol becomes an application ``_table...(which, x, terms)`` of the function
-that looks the table up; all that is looked up for one argument shares one search.
+Within an interval a spline is a cubic in ``o = x - knot``.  In the interval, the coefficients and the knot do not
+depend on `x`. In the derivation they are symbols with zero derivatives, so tables are neither differentiated nor
+expanded.  The compilation replaces each such symbol by an application ``_table...(which, x, terms)`` of the look-up
+function; all look-ups with the same argument share one search.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ __all__ = ["Tables"]
 
 
 class Tables:
-    """Turns SymPy expressions into those of SymEngine, and remembers the tables in them."""
+    """Converter from SymPy to SymEngine, with storage of the tables in expressions."""
 
     def __init__(self) -> None:
         self.known: dict[str, SplineTable] = {}
-        self._symbols: dict[Any, Any] = {}  # of an application of a table
-        self._applications: dict[Any, Any] = {}  # of a symbol, without any symbol inside
+        self._symbols: dict[Any, Any] = {}  # symbol of an application of a table
+        self._applications: dict[Any, Any] = {}  # application of a symbol, without symbols inside it
 
     def converted(self, expression: sympy.Expr, inserted: Mapping[Any, Any] | None = None) -> Any:
-        """Convert a SymPy expression to SymEngine, with symbols for table look-ups and `inserted` ones replaced."""
+        """Convert a SymPy expression to SymEngine, with symbols for table look-ups; replace `inserted` symbols."""
         import symengine as se
 
         splines = _outermost(expression)
@@ -57,7 +57,7 @@ class Tables:
         return self._symbols[application]
 
     def substituted(self, expression: Any, values: Mapping[Any, Any]) -> Any:
-        """Insert values for symbols, into the arguments of tables too."""
+        """Insert values for symbols, also in the arguments of tables."""
         held = [symbol for symbol in expression.free_symbols if symbol in self._applications]
         other = {symbol: self._standing_for(self._applications[symbol].subs(values)) for symbol in held}
         return expression.subs({**values, **other})
@@ -72,7 +72,7 @@ class Tables:
 
 
 def _outermost(expression: sympy.Expr) -> list[Spline]:
-    """Find the splines that are in no other one, in a fixed order."""
+    """Return the splines outside other splines, in a fixed order."""
     found: dict[Spline, None] = {}
     seen: set[Any] = set()
     waiting: list[Any] = [expression]

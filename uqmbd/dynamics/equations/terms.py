@@ -1,4 +1,4 @@
-"""The terms of a whole mechanism, as expressions: the basis of its equations, for further derivations."""
+"""Terms of a whole mechanism as expressions: the basis of its equations, for further derivations."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ class MechanismTerms:
     Attributes
     ----------
     coordinates, velocities : tuple of symbols
-        Of all bodies, in the order of an ensemble's states.
+        Coordinates and velocities of all bodies, in the order of the states of an ensemble.
     kinetic, potential : tuple of expressions
-        Energies, J, one for each body or component that has any.
+        Energies, J, one for each body or component with such an energy.
     work : tuple of (force, velocity)
         Generalised forces are ``sum of force * d velocity / d v_i``.
     constraints : tuple of expressions
-        Zero; in the order of an ensemble's equations of positions.
+        Left-hand sides that equal zero, in the order of an ensemble's position equations.
     equations : tuple of str
-        Their names.
+        Names of the constraints.
     states, rates, initial : tuple of symbols, of expressions, of expressions
-        Auxiliary differential states, ``state' = rate``, and where they start.
+        Auxiliary differential states, ``state' = rate``, and their initial values.
     velocity_constraints : tuple of expressions
-        Zero, linear in the velocities; in the order of an ensemble's equations between velocities alone.
+        Left-hand sides that equal zero, linear in velocities, in the order of an ensemble's velocity-only equations.
     velocity_equations : tuple of str
-        Their names.
+        Names of the velocity constraints.
 
     Examples
     --------
@@ -70,16 +70,17 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
     Parameters
     ----------
     mechanism : Mechanism
-        What to look into.
+        Mechanism with the terms to collect.
 
     Returns
     -------
     MechanismTerms
+        Terms of the mechanism.
 
     Raises
     ------
     uqmbd.StudyError
-        If a component yields something that is no term.
+        If a component yields an object that is not a term.
 
     Examples
     --------

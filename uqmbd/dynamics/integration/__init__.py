@@ -1,4 +1,4 @@
-"""Integration without events: explicit by the driver, and implicit by IDA."""
+"""Integration without events: explicit integration by the driver, and implicit integration by IDA."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""Comparison of the costs of IDA and of the explicit method for one realisation, by counts.
+"""Comparison of the costs of IDA and the explicit method for one realisation, by counts of operations.
 
-What the explicit method has reached so far IDA integrates alone, from the same start.  It is cheaper if that costs it
-less than the explicit method costs in a group of eight: so a comparison costs at most as much as what was spent.  A
-comparison depends on nothing but the realisation, and is made seldom: where steps or looks at the rank are many, and
-again where there are several times as many.
+IDA integrates the realisation alone from the same start to the time that the explicit method has reached.  IDA is
+preferred if it costs less than the explicit method in a group of eight. A comparison thus costs at most as much as the
+integration so far.  A comparison depends only on the realisation, and comparisons are rare. The first takes place after
+many steps or checks of the rank, the next after several times as many.
 
-What looks stiff is left to IDA without one, for at most what the whole motion is expected to cost explicitly: a
-pendulum with a light ball on a stiff, damped bushing takes 0.2 s explicitly. IDA needs small tolerances for its steps,
-and takes 30 s.
+Stiff realisations are left to IDA without a comparison, up to the expected cost of the whole motion by the explicit
+method.  For example, a pendulum with a light ball on a stiff, damped bushing takes 0.2 s with the explicit method. IDA
+needs small tolerances for its steps, and takes 30 s.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ __all__ = ["FIRST", "Comparison"]
 
 
 FIRST = 2000
-"""Attempted steps of an interval, and ..."""
+"""Number of attempted steps of an interval before the first comparison of costs."""
 LOOKS = 500
-"""... looks at the rank, after which costs are compared for the first time, and ..."""
+"""Number of checks of the rank before the first comparison of costs."""
 LATER = 8
-"""... factor until they are compared again."""
+"""Factor on these numbers before the next comparison of costs."""
 WORTH = 2e7
-"""Cost, in operations, from which this is worth it: some 20 ms."""
+"""Least cost, in operations, for a comparison: about 20 ms."""
 
 
 class Comparison:
@@ -54,7 +54,7 @@ class Comparison:
         return attempt_cost(self.dynamics)
 
     def attempts(self, member: int, interval: int, steps: int, now: float, most: int) -> int | None:
-        """Return the number of further attempts in an interval, up to `most` in all; None: IDA costs less."""
+        """Return the number of further attempts in an interval, at most `most` in total; None: IDA costs less."""
         before, allowed = self.allowed.get(member, (interval, FIRST))
         allowed = allowed if before == interval else FIRST
         if allowed < most and self._cheaper(member, now, max(steps, allowed)):
@@ -72,7 +72,7 @@ class Comparison:
         return looks == due and self._cheaper(member, now, steps)
 
     def expected(self, member: int, steps: int, now: float) -> float:
-        """Return the cost of the whole motion by the explicit method alone, at the present rate."""
+        """Return the cost of the whole motion by the explicit method at the present rate, in operations."""
         begin, end = float(self.times[0]), float(self.times[-1])
         spent = LANES * steps * self.attempt + self.looks.get(member, 0) * LOOK
         return spent * (end - begin) / (now - begin)

@@ -1,8 +1,8 @@
-"""Costs of integrations by counts of operations, factorisations and checks of the rank; not by a clock.
+"""Costs of integrations by counts of operations, factorisations and checks of the rank, without a clock.
 
 The unit is an operation on a row of eight realisations. The weights were measured on governors, slider-cranks and
-masses on springs. Each is processor time divided by that of an operation of their kernels (0.5 to 1 ns), and rounded:
-which integrator is chosen depends on factors of eight, not of two.
+masses on springs. Each weight is the processor time divided by the time of one kernel operation (0.5 to 1 ns), and
+rounded: the choice of the integrator depends on factors of eight, not of two.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ __all__ = ["LOOK", "attempt_cost", "implicit_costs"]
 
 STAGES = 12
 ENTRY = 25
-"""Operations of the method for each entry of a state and each evaluation."""
+"""Operations of the method per entry of a state and evaluation."""
 CALL = 12_000
 """Cost of a callback of IDA, with its overhead."""
 SOLUTION, FACTORISATION = 1.0, 0.2
-"""Costs of the dense solver, for n^2 and n^3 of n unknowns."""
+"""Costs of the dense solver per n^2 and n^3, with n unknowns."""
 SPARSE_SOLUTION, SPARSE_FACTORISATION = 20, 400
-"""Costs of the sparse solver, for each entry of the matrix."""
+"""Costs of the sparse solver per entry of the matrix."""
 LOOK = 1_000_000
 """Cost of a check of the rank of one realisation, which runs in Python."""
 
 
 def attempt_cost(dynamics: Dynamics) -> float:
-    """Cost of an attempted step of the explicit method to one realisation of eight that share it."""
+    """Return the cost of an attempted step of the explicit method per realisation in a group of eight."""
     evaluation = dynamics.motion.operations + ENTRY * dynamics.width
     excess = dynamics.constraints.operations if dynamics.constraints is not None else 0
     return (STAGES * evaluation + excess) / LANES
 
 
 def implicit_costs(model: Model, count: int, *, sparse: bool) -> tuple[float, float]:
-    """Costs of a residual and of a Jacobian of a stack, with the solution and the factorisation that follow."""
+    """Return the costs of a residual with its solution and of a Jacobian with its factorisation, for a stack."""
     layout = model.layout
     n, entries = layout.unknowns, len(model.pattern[0])
     given = n + layout.differential + len(layout.frozen)

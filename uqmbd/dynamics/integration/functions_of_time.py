@@ -1,11 +1,11 @@
-"""Functions of time alone in the equations of motion, sampled on a fine grid before the integration.
+"""Sample functions of time in the equations of motion on a fine grid before the integration.
 
-What acts for a moment only, in a long time without anything, lies between the stages of a step and is missed: the step
-size follows the errors of steps, and those that do not meet it have none.  So every function of time is sampled
-beforehand, on cells that are halved until a polynomial through every other point predicts the points between; where
-none does, the grid is refined.  The sizes of these cells say how fast the function changes, and where the integration
-must not take long steps (`uqmbd.dynamics.integration.intervals`).  Functions that are alike everywhere (polynomials,
-sines of linear phases, and pieces of them) cannot be stepped over, and are not looked at.
+A short pulse in a long quiet interval may be between the stages of a step. The integration then misses the pulse,
+because the step errors do not contain it.  Every function of time is therefore sampled beforehand. Its cells are halved
+until a polynomial through every other point predicts the points between; otherwise the grid is refined.  The sizes of
+these cells show how fast the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`).  Functions
+with uniform behaviour (polynomials, sines of linear phases, and pieces of them) cannot be stepped over, and are not
+sampled.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ __all__ = ["TimeCells", "TimedFunctions", "look", "timed"]
 
 
 CELL = 16
-"""Intervals of a cell."""
+"""Number of intervals in a cell."""
 LEAVES, MOST_LEAVES = 512, 4096
-"""Cells of the grid, at least and at most."""
+"""Smallest and largest number of cells of the grid."""
 PARTS = 16
-"""Cells into which one is cut where no polynomial is found."""
+"""Number of cells into which a cell without a polynomial is divided."""
 PER_OUTPUT = 4
-"""Points of the grid between two output times."""
+"""Number of grid points between two output times."""
 HUGE = 1e150
-"""Value from which a number counts as infinite."""
+"""Smallest value that counts as infinite."""
 MOST_WINDOWS = 4096
-"""Cells that are cut at once at most."""
+"""Largest number of cells that are divided at once."""
 DEPTH = 12
-"""Most halvings of a cell."""
+"""Largest number of divisions of a cell."""
 SHORTEST = 5e-13
-"""Length of a cell, over the larger of 1 s and the time, at which a remaining change counts as a jump."""
+"""Length of a cell, relative to the larger of 1 s and the time, at which a remaining change counts as a jump."""
 EVERYWHERE = 0.25
 """Share of cells without a polynomial from which the function counts as fast everywhere, and is not refined further."""
 FEW = 2
 FADES = 0.5
-"""A corner is a cell in which so small a share of parts deviates, over this share of its range of values."""
+"""Largest share of the range of values of a cell, in its few deviating parts, that counts as a corner."""
 LEAST = 1e-9
-"""Deviation, over the largest value, that counts as rounding for any tolerance."""
+"""Deviation, relative to the largest value, that counts as rounding for every tolerance."""
 POWER = 4
-"""Largest power of a sine that is as broad as its period."""
+"""Largest power of a sine without pulses much shorter than its period."""
 ROWS = 1 << 17
-"""Values that are computed at once."""
+"""Number of values that are computed at once."""
 
 
 class TimeCells(NamedTuple):
@@ -68,11 +68,11 @@ class TimedFunctions:
     """Functions of time that a long step might miss."""
 
     functions: ParameterMap  # from inputs and time to their values
-    uses: tuple[Index, ...]  # inputs that each depends on
+    uses: tuple[Index, ...]  # inputs of each function
     known: dict[tuple[object, ...], TimeCells] = field(default_factory=dict, repr=False, compare=False)
 
     def value(self, which: int, values: Array, times: Array) -> Array:
-        """Values of a function for inputs (W, input) at times (W, T), shape (W, T); not finite where it is none."""
+        """Return values of a function for inputs (W, input) at times (W, T), shape (W, T); not finite if undefined."""
         found = np.empty(times.shape)
         per = max(1, ROWS // times.shape[1])
         for first in range(0, len(times), per):
@@ -85,13 +85,13 @@ class TimedFunctions:
 
 
 def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> TimedFunctions | None:
-    """Find the functions of time in the equations of motion that may be stepped over."""
+    """Find the functions of time in the equations of motion that an integration step may miss."""
     found: dict[sympy.Expr, None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
         guards = [event.guard for event in instance.type.events]
         whole = [e for x in (*instance.type.expressions, *guards) for e in _of_time(x)]
-        # a corner of what is prescribed is a jump of its speed
+        # a corner of a prescribed position is a jump of its speed
         positions = [x for x, h in zip(instance.type.constraints, instance.type.holonomic, strict=True) if h]
         rates = [e.diff(TIME) for x in positions for e in _of_time(x) if e.has(sympy.Piecewise, Spline)]
         for e in (*whole, *rates):
@@ -104,7 +104,7 @@ def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Time
 
 
 def _of_time(e: sympy.Expr) -> Iterator[sympy.Expr]:
-    """Yield the largest parts of an expression that depend on time, and on nothing else that changes."""
+    """Yield the largest parts of an expression that vary only with time."""
 
     def alone(part: sympy.Basic) -> bool:
         return all(s == TIME or s.name.startswith("_p") for s in part.free_symbols)
@@ -129,7 +129,7 @@ def _of_time(e: sympy.Expr) -> Iterator[sympy.Expr]:
 
 
 def _even(e: sympy.Basic) -> bool:
-    """Return whether a function of time behaves alike everywhere, or in pieces with known ends."""
+    """Return whether a function of time has uniform behaviour, or pieces with known ends."""
     if TIME not in e.free_symbols or e == TIME:
         return True
     if isinstance(e, (sympy.Add, sympy.Mul)):
@@ -173,7 +173,7 @@ def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol:
     begin, end = float(times[0]), float(times[-1])
     found: list[TimeCells] = []
     for which, uses in enumerate(seen.uses):
-        # realisations that do not differ in this function are looked at once
+        # realisations with equal inputs of this function are sampled only once
         about = np.concatenate([values[:, uses], breaks], axis=1)
         _, first = np.unique(np.nan_to_num(about, nan=np.inf), axis=0, return_index=True)
         for k in first.tolist():
@@ -195,7 +195,7 @@ def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol:
 
 @dataclass
 class _Window:
-    """A separate part of time: next to a known break it is no cell if the whole part is one."""
+    """Separate part of time; if it is next to a known break and one polynomial fits it, it is not a cell."""
 
     begin: float
     end: float
@@ -219,7 +219,7 @@ def _look(
         at[:, -1] = ends[:, 1]
         sampled = value(at)
         points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
-        # where a function is no number nothing is to be seen of it: who evaluates it there says so
+        # a function with NaN cannot be sampled; its evaluation reports the error
         with np.errstate(invalid="ignore"):
             number = np.abs(sampled) < HUGE
         blind = ~number[:, points].any(axis=2)
@@ -240,9 +240,9 @@ def _look(
             if depth == 0 and len(bad) > EVERYWHERE * parts:
                 window.cells += pieces
             elif window.few and len(bad) and spans[row, bad].max() <= FADES * window.span:
-                window.cells = [(window.begin, window.end)]  # a corner, maybe of something as short as this
+                window.cells = [(window.begin, window.end)]  # a corner, perhaps of a pulse as short as this window
             elif depth == DEPTH or window.end - window.begin <= PARTS * SHORTEST * max(1.0, abs(window.end)):
-                jumps += [low for low, _ in pieces]  # right before
+                jumps += [low for low, _ in pieces]  # time right before the jump
                 over: _Window | None = window
                 while len(bad) and over is not None and over.few:
                     over.cells, over = [], over.within
@@ -255,7 +255,7 @@ def _look(
                 ]
         if not inner:
             break
-        if len(inner) > MOST_WINDOWS:  # as fast as this wherever it is not smooth: it cannot be stepped over
+        if len(inner) > MOST_WINDOWS:  # with kinks everywhere, no step can miss them
             for window in inner:
                 window.cells.append((window.begin, window.end))
             every += inner
@@ -267,7 +267,7 @@ def _look(
 
 
 def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
-    """Return values (W, T) at times, interpolated linearly over missing ones; 0 in a row without any."""
+    """Return values (W, T) at times, with linear interpolation over missing values; 0 in rows without values."""
     if number.all():
         return values
     found = np.where(number, values, 0.0)
@@ -278,7 +278,7 @@ def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
 
 
 def _sides(begin: float, end: float, breaks: Array) -> list[tuple[float, float]]:
-    """Cut a cell at the breaks inside of it."""
+    """Divide a cell at the breaks inside it."""
     inside = breaks[(breaks > begin) & (breaks < end)]
     tiny = 1e-12 * np.maximum(1.0, np.abs(inside))
     pairs = zip([begin, *(inside + tiny)], [*(inside - tiny), end], strict=True)
@@ -286,10 +286,10 @@ def _sides(begin: float, end: float, breaks: Array) -> list[tuple[float, float]]
 
 
 def _polynomials(values: Array, allowed: float, broken: NDArray[np.bool_]) -> tuple[list[tuple[int, int, int]], Array]:
-    """Find the largest cells on which a function is a polynomial, from `values` (W, points).
+    """Find the largest cells with a polynomial for a function, from `values` (W, points).
 
-    Return (window, first smallest cell, number of smallest cells) of each, and the deviation on each smallest cell
-    (W, cell).
+    Return (window, first smallest cell, number of smallest cells) for each cell, and the deviation on each smallest
+    cell (W, cell).
     """
     found: list[tuple[int, int, int]] = []
     count = broken.shape[1]
@@ -317,7 +317,7 @@ def _polynomials(values: Array, allowed: float, broken: NDArray[np.bool_]) -> tu
 
 @cache
 def _between() -> Array:
-    """Weights of the polynomial through the even points of a cell at its odd ones."""
+    """Return the weights of the polynomial through the even points of a cell, evaluated at its odd points."""
     from scipy.interpolate import BarycentricInterpolator
 
     even = np.arange(0, CELL + 1, 2)

@@ -1,4 +1,4 @@
-"""The intervals of an integration: where it starts anew, and how long its steps may be, for every integrator alike."""
+"""Integration intervals for all integrators: times of restarts, and longest steps."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ __all__ = ["Interval", "intervals_of", "intervals_of_members", "longest_step", "
 
 
 BAND = 16.0
-"""Factor of the sizes of cells that one interval may hold."""
+"""Largest ratio of cell sizes in one interval."""
 SHARE = 2.0
-"""Longest step, over the smallest cell of an interval."""
+"""Longest step, relative to the smallest cell of an interval."""
 NEAR = 8.0
-"""Gaps between fast times, over the size of cells there, that do not justify a separate interval."""
+"""Largest gap between fast parts, relative to their cell size, that does not become a separate interval."""
 
 
 class Interval(NamedTuple):
-    """A part of an integration, from the end of the one before.
+    """Part of an integration, which begins at the end of the previous interval.
 
     Attributes
     ----------
     end : float
-        Time at which the integration starts anew, or ends, s.
+        Time at which the integration restarts or ends, s.
     longest : float
         Longest step, s.
     jumps : bool
-        Whether something may jump at the end.
+        Whether a quantity may jump at the end.
 
     Examples
     --------
-    Nothing acts on a wheel at moments of its own, so that one interval reaches the last time:
+    A wheel has no discontinuities in time, so one interval reaches the last time:
 
     >>> import chaospy
     >>> import numpy as np
@@ -61,10 +61,10 @@ class Interval(NamedTuple):
 
 
 def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> tuple[Interval, ...]:
-    """Lay out the integration of a batch whose realisations share the steps, for output times (T,).
+    """Return the integration intervals of a batch with shared steps, for output times (T,), s.
 
-    With `knots` intervals end at those of tables over time, too, where nothing jumps that a method of variable order
-    sees.
+    With `knots`, intervals also end at knots of tables over time, where no quantity jumps for a method of variable
+    order.
     """
     return _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
 
@@ -108,7 +108,7 @@ def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float)
     edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
     ends, longest = _bands(edges, sizes)
     intervals = intervals_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)
-    # the middle of an interval lies in one band, but where its end was moved by rounding
+    # the middle of an interval is in one band, except if rounding moved its end
     begins = np.array([float(times[0]), *(interval.end for interval in intervals[:-1])])
     middle = 0.5 * (begins + np.array([interval.end for interval in intervals]))
     which = np.minimum(np.searchsorted(ends, middle), len(ends) - 1)
@@ -120,17 +120,17 @@ def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float)
 
 
 def intervals_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Interval, ...]:
-    """Lay out an integration with breaks at given times, and steps up to a length."""
+    """Return intervals with breaks at given times, s, and steps up to the length `longest`, s."""
     return tuple(Interval(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
 
 
 def intervals_of_members(
     batch: Batch, times: Array, rtol: float, *, samples: Array, longest: float = np.inf, jumping: bool = True
 ) -> list[tuple[Interval, ...]]:
-    """Return the integration intervals of each realisation, or one sequence that holds for all.
+    """Return the integration intervals of each realisation, or one sequence for all realisations.
 
-    Equal sequences share an object.  Output times are (T,), s.  An interval ends, and the driver returns for a
-    decision, at the `samples` (N,), s, of controllers, and, if `jumping`, where something may jump.  Steps are at most
+    Equal sequences share an object.  Output times are (T,), s.  Intervals end at the `samples` (N,), s, of controllers,
+    and, if `jumping`, at possible jumps; at these times the driver returns for a decision.  Steps are at most
     `longest`, s.
     """
     model = batch.model
@@ -141,7 +141,7 @@ def intervals_of_members(
         intervals = tuple(Interval(end, min(own, longest), jumps and jumping) for end, own, jumps in intervals)
         return _cut(intervals, inner) if len(inner) else intervals
 
-    # whoever has the same breaks, functions of time and tables over time has the same layout
+    # realisations with the same breaks, functions of time and tables over time have the same intervals
     about = [batch.breaks]
     if model.timed is not None:
         about += [batch.values[:, uses] for uses in model.timed.uses]
@@ -159,7 +159,7 @@ def intervals_of_members(
 
 
 def _cut(intervals: tuple[Interval, ...], samples: Array) -> tuple[Interval, ...]:
-    """Cut intervals at samples; ends that differ from one by rounding are the sample."""
+    """Divide intervals at samples; replace ends that differ from a sample by rounding."""
     ends = np.array([interval.end for interval in intervals])
     right = np.clip(np.searchsorted(samples, ends), 1, max(1, len(samples) - 1))
     pair = samples[np.stack([right - 1, np.minimum(right, len(samples) - 1)])]
@@ -177,7 +177,7 @@ def _cut(intervals: tuple[Interval, ...], samples: Array) -> tuple[Interval, ...
 
 
 def times_between(times: Array, now: float, stop: float) -> tuple[Index, Array]:
-    """Return the places of output times after `now` and up to `stop`, and these times with both ends."""
+    """Return the indices of output times after `now` up to `stop`, s, and these times with both ends."""
     inside = np.flatnonzero((times > now) & (times <= stop))
     grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
     if len(grid) == 2:  # with two times the integrator returns its own steps instead
@@ -186,23 +186,23 @@ def times_between(times: Array, now: float, stop: float) -> tuple[Index, Array]:
 
 
 def longest_step(rough: bool, times: Array) -> float:
-    """Return the longest step for forces with corners: the distance of output times."""
+    """Return the longest step for forces with corners, s: the distance of output times."""
     return float(np.diff(times).max()) if rough else np.inf
 
 
 def _sizes(cells: Array, begin: float, end: float) -> tuple[Array, Array]:
-    """Size of the smallest cell on each piece of time: edges (P + 1,) and sizes (P,)."""
+    """Return the size of the smallest cell on each piece of time: edges (P + 1,) and sizes (P,), s."""
     edges = np.unique(np.concatenate([[begin, end], cells.ravel()]))
     sizes = np.full(len(edges) - 1, end - begin)
     lengths = cells[:, 1] - cells[:, 0]
     first, last = np.searchsorted(edges, cells[:, 0]), np.searchsorted(edges, cells[:, 1])
-    for k in np.argsort(-lengths, kind="stable"):  # the smallest last
+    for k in np.argsort(-lengths, kind="stable"):  # the smallest cells come last
         sizes[first[k] : last[k]] = lengths[k]
     return edges, sizes
 
 
 def _bands(edges: Array, sizes: Array) -> tuple[Array, Array]:
-    """Join pieces of similar sizes: ends (B,) and longest steps (B,)."""
+    """Join pieces of similar sizes; return ends (B,) and longest steps (B,), s."""
     whole = edges[-1] - edges[0]
     band = np.floor(np.log(whole / sizes) / np.log(BAND) + 1e-9).astype(int)
     for level in range(int(band.max(initial=0)), 0, -1):

@@ -1,10 +1,10 @@
-"""Knots of tables over time: where a step of high order had best end.
+"""Knots of tables over time, as preferred ends of steps of high order.
 
-A spline is smooth but for its third derivative, which jumps at the knots.  Methods of variable order follow that; the
-error estimate of an explicit method of high order does not see it, as it does not lie at its stages: without further
-ado a force through 300 samples is integrated to 1e-6 at a tolerance of 1e-9.  So such steps end at the knots at which
-the jump counts. Realisations that share their steps may have different knots, too many in total. Then steps over knots
-are so short that the jump does not count.
+The third derivative of a spline jumps at the knots.  Methods of variable order adapt to these jumps. The error estimate
+of an explicit method of high order does not detect them, because they are not at its stages. For example, a force
+through 300 samples then has an error of 1e-6 at a tolerance of 1e-9.  Steps of such methods therefore end at the knots
+with relevant jumps. Realisations with shared steps may have too many different knots in total. In this case the steps
+over knots are so short that the jumps are negligible.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ __all__ = ["KnotInterval", "TimedTable", "TimedTables", "timed_tables"]
 
 
 COUNTS = 100.0
-"""Deviation from a cubic on an interval, over the tolerance and the size of the table, that counts."""
+"""Deviation from a cubic on an interval, relative to the tolerance and the size of the table, that is relevant."""
 
 
 class KnotInterval(NamedTuple):
-    """An interval of time in which the knots of a table matter."""
+    """Time interval with relevant knots of a table."""
 
     stops: Array  # (S,): times at which steps end, s
-    longest: float  # longest step between the first and the last of them, s
+    longest: float  # longest step between the first and the last stop, s
 
 
 @dataclass(frozen=True)
 class TimedTable:
-    """A table whose argument is ``slope t + offset`` in a realisation."""
+    """Table with the argument ``slope t + offset`` in a realisation."""
 
     table: SplineTable
     slope: float
     offset: float
 
     def knots(self, begin: float, end: float, rtol: float) -> Array:
-        """Return the times between two others of knots that count, s."""
+        """Return the times of relevant knots between two times, s."""
         table = self.table
         found = table.knots[table.deviations > COUNTS * rtol]
         if not np.isfinite([self.slope, self.offset]).all() or self.slope == 0:
@@ -57,10 +57,10 @@ class TimedTable:
         return times[(times > begin) & (times < end)]
 
     def step(self, rtol: float) -> float:
-        """Return the length of a step, s, over any knot at which the jump does not count.
+        """Return the step length, s, for which the jump at every knot is negligible.
 
-        Let h be the length of a step over a knot, and d that of the intervals next to the knot. The step sees (h/d)^4
-        times the deviation that a step of length d sees.
+        Let h be the length of a step over a knot, and d the length of the intervals next to the knot. The error of the
+        step is (h/d)^4 times the deviation of a step of length d.
         """
         with np.errstate(divide="ignore"):
             share = np.minimum(1.0, (COUNTS * rtol / self.table.deviations) ** 0.25)
@@ -71,17 +71,17 @@ class TimedTable:
 
 @dataclass(frozen=True)
 class TimedTables:
-    """The tables over time of a model."""
+    """Tables over time of a model."""
 
     tables: tuple[SplineTable, ...]  # one for each argument that is linear in time
     lines: ParameterMap  # from inputs to slope and offset of each argument, one after the other
 
     def __len__(self) -> int:
-        """Return their number."""
+        """Return the number of tables."""
         return len(self.tables)
 
     def stretches(self, values: Array, begin: float, end: float, rtol: float) -> Iterator[KnotInterval]:
-        """Yield where steps over the knots had best end, for inputs (K, input) of realisations that share them."""
+        """Yield intervals with relevant knots, for inputs (K, input) of realisations with shared steps."""
         lines = self.lines(values).reshape(len(values), len(self.tables), 2)
         for k, table in enumerate(self.tables):
             own = [TimedTable(table, *map(float, line)) for line in np.unique(lines[:, k], axis=0)]
@@ -94,7 +94,7 @@ class TimedTables:
 
 
 def timed_tables(instances: list[Instance], inputs: Sequence[sympy.Symbol]) -> TimedTables | None:
-    """Return the tables in the equations of motion whose arguments are linear in time; None if there are none."""
+    """Return the tables in the equations of motion with arguments linear in time; None if there are none."""
     found: dict[tuple[SplineTable, sympy.Expr, sympy.Expr], None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}

@@ -1,4 +1,4 @@
-"""Restarts: velocities after a jump of a prescribed speed."""
+"""Restarts of an integration: velocities after a jump of a prescribed speed."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ __all__ = ["speed_jumps"]
 
 
 FELT = 0.1
-"""Jump of a speed, over the tolerance, that is an impulse."""
+"""Jump of a speed, relative to the tolerance, that counts as an impulse."""
 CONTRADICTION = 1e-6
-"""Speed, over the largest, that is left after an impulse where equations contradict each other."""
+"""Residual speed after an impulse, relative to the largest speed, that indicates contradictory equations."""
 
 
 def speed_jumps(
     model: Model, states: Array, time: float, parameters: Array, rtol: float
 ) -> tuple[Array, dict[int, str]]:
-    """Find the impulsive change of velocities where prescribed speeds jump: ``M dv = D^T L``, ``D dv = -psi``.
+    """Compute the impulsive change of velocities at jumps of prescribed speeds: ``M dv = D^T L``, ``D dv = -psi``.
 
-    States (K, width) are those right before.  Return the change (K, coordinate), zero where nothing jumps, and for each
-    realisation that cannot continue the reason.
+    States (K, width) are those right before the jump.  Return the change (K, coordinate), zero without a jump, and the
+    reason for each realisation that cannot continue.
     """
     layout, delta = model.layout, instant(time)
     change = np.zeros((len(states), layout.coordinates))

@@ -1,7 +1,7 @@
-"""Report slow integrations while they run: those whose steps become tiny.
+"""Report slow integrations, with tiny steps, while they run.
 
-A report depends on the clock and is therefore not part of the results: it goes to the logger ``uqmbd.realisations`` and
-to the standard error.
+A report depends on the clock and is therefore not part of the results. The logger ``uqmbd.realisations`` and the
+standard error receive it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from uqmbd.wording import format_duration
 __all__ = ["Pace", "fastest_body"]
 
 PATIENCE = 5.0
-"""Seconds of wall time after which an integration is checked first; then after four times as many, and so on."""
+"""Wall time in seconds before the first check of an integration; later checks are each after four times as long."""
 
 LONG = 600.0
-"""Seconds that the rest would take at the pace since the last look, from which it is reported."""
+"""Estimated remaining wall time in seconds, at the rate since the last check, that triggers a report."""
 
 
 class Pace:
-    """Monitor of an integration from `begin` to `end`, s, that reports its time and a cause if its end is far off.
+    """Monitor of an integration from `begin` to `end`, s; it reports time and cause if the end is far away.
 
     The clock `now` returns seconds, and `say` receives a report; tests replace both.
     """
@@ -53,9 +53,9 @@ class Pace:
         return self._now() - self._since >= self._next
 
     def look(self, time: float, state: Array, steps: int, which: object = None) -> None:
-        """Check the slowest realisation: its time, s, its state (q, s, v), its steps so far, and its number.
+        """Check the slowest realisation by its time, s, state (q, s, v), steps so far, and number.
 
-        A pace needs two looks at the same realisation.
+        A rate needs two checks of the same realisation.
         """
         instant = self._now()
         spent, lasted = instant - self._since, instant - self._last
@@ -86,10 +86,10 @@ class Pace:
         )
 
     def watch(self, run: IntegrationState) -> None:
-        """Check realisations that the driver integrates."""
+        """Check the realisations in the driver."""
         if not self.due or run.dynamics.terms:
             return
-        # those that wait for a lane have made no step
+        # realisations that wait for a lane have made no step
         running = np.flatnonzero((run.status == ExplicitStatus.RUNNING) & (run.steps > 0))
         if len(running):
             member = int(running[np.argmin(run.now[running])])
@@ -97,7 +97,7 @@ class Pace:
 
 
 def fastest_body(model: Model, state: Array) -> tuple[str, str]:
-    """Return the name and the speed of the fastest body in a state (q, s, v), as text; empty if there is none."""
+    """Return name and speed of the fastest body in a state (q, s, v) as text; empty if there is none."""
     first, size, dimension = model.layout.velocities, model.size, model.dimension
     count = len(model.bodies)
     speeds = np.asarray(state[first : first + count * size], dtype=float)
@@ -105,7 +105,7 @@ def fastest_body(model: Model, state: Array) -> tuple[str, str]:
         return "", ""
     of_bodies = np.nan_to_num(speeds.reshape(count, size), posinf=np.inf)
     along = np.linalg.norm(of_bodies[:, :dimension], axis=1)
-    # of a unit quaternion, and of half an angle, the rate is half the angular velocity
+    # the rate of a unit quaternion, or of half an angle, is half the angular velocity
     turning = 2 * np.linalg.norm(of_bodies[:, dimension:], axis=1)
     body = int(np.argmax(along + model.length * turning))
     said = f"{along[body]:.3g} m/s" + (f", {turning[body]:.3g} rad/s" if size > dimension else "")

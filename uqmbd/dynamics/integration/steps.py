@@ -1,7 +1,7 @@
-"""The motion between times at which states are known, as recorded steps: polynomials of degree 7.
+"""Recorded steps: polynomials of degree 7 for the motion between times with known states.
 
-SciPy's interpolants through values and rates are of degree 3, or 5 where second derivatives are known: an integrator's
-error lies far below that of such a polynomial over one of its steps.
+SciPy's interpolants through values and rates have degree 3, or degree 5 with known second derivatives. The error of an
+integrator is far below the error of such a polynomial over one step.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ __all__ = ["interpolate_steps", "settled"]
 
 
 ALONE = 8
-"""Neighbouring times whose states determine a polynomial without rates; with rates four suffice."""
+"""Number of neighbouring states for a polynomial without rates; with rates, four states suffice."""
 
 APART = 0.5
-"""Least distance of further times, as a share of a step: short steps multiply the noise of states."""
+"""Least distance of further times relative to a step; short steps amplify noise in states."""
 
 
 INSIDE = 1e-12
-"""Part of a time by which constraints are evaluated inside a step."""
+"""Offset into a step, relative to the time, at which constraints are evaluated."""
 
 
 def interpolate_steps(
     times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None
 ) -> RecordedSteps:
-    """Return the motion from each time to the next, on an interval in which it is smooth.
+    """Return the motion from each time to the next, on an interval with a smooth motion.
 
-    Increasing times (S,), s; states (M, S, width) of realisations that share the times, and optional rates of that
-    shape; their numbers `owner` (M,).  The interval ends at `end`, s; default: at the last of the times.
+    Times (S,), s, are increasing. Realisations with numbers `owner` (M,) share the times, and have states and optional
+    rates (M, S, width).  The interval ends at `end`, s; default: the last time.
     """
     if len(times) < 2:
         none = np.zeros((0, len(PLACES), states.shape[2]))
@@ -53,7 +53,7 @@ def interpolate_steps(
 def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
     """Project states (P, 8, width) of steps of realisations `owner` (P,) onto the constraints.
 
-    They stand at `PLACES` from begin to end, `ends` (P, 2).
+    The states are at `PLACES` between the begin and end of each step, `ends` (P, 2), s.
     """
     model = batch.model
     if not model.layout.rank or model.system is None or model.system.programs is None or not len(owner):
@@ -71,15 +71,15 @@ def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
 
 
 def _even_windows(count: int) -> list[tuple[Index, Index]]:
-    """Return the intervals between even times, and the neighbouring times of each, (interval, neighbour)."""
+    """Return the intervals between evenly spaced times, and their neighbouring times, (interval, neighbour)."""
     number, most = np.arange(count - 1), min(ALONE, count)
     return [(number, np.clip(number - (most - 2) // 2, 0, count - most)[:, None] + np.arange(most))]
 
 
 def _separated_windows(times: Array) -> list[tuple[Index, Index]]:
-    """Return intervals between the times of steps, and of each its ends and times that are far enough from these.
+    """Return intervals between the times of steps, with their ends and sufficiently distant further times.
 
-    Some intervals at once: those that have as many of them.
+    Intervals with the same number of such times are returned together.
     """
     number, far = np.arange(len(times) - 1), APART * np.diff(times)
 
@@ -91,7 +91,7 @@ def _separated_windows(times: Array) -> list[tuple[Index, Index]]:
         return np.where(chosen < len(times), np.searchsorted(times, times[known] + far), len(times))
 
     left, right = before(number), after(number + 1)
-    # at the ends of a stretch both are on one side
+    # at the ends of the interval, all further times are on the same side
     earlier = np.where(right < len(times), -1, before(left))
     later = np.where(left < 0, after(right), len(times))
     chosen = np.stack([earlier, left, number, number + 1, right, later], axis=1)
@@ -104,7 +104,7 @@ def _separated_windows(times: Array) -> list[tuple[Index, Index]]:
 
 
 def _polynomials(times: Array, states: Array, rates: Array | None, some: Index, window: Index, places: Array) -> Array:
-    """Evaluate polynomials through states, and rates, at the places of some intervals, in their lengths."""
+    """Evaluate polynomials through states and rates at relative places of some intervals."""
     length = np.diff(times)[some]
     at = (times[window] - times[some, None]) / length[:, None]
     found = np.zeros((len(states), len(some), len(PLACES), states.shape[2]))

@@ -1,8 +1,9 @@
-"""IDA of SUNDIALS through scikit-sundae, without output to the terminal and without ends of the process.
+"""IDA of SUNDIALS through scikit-sundae, without terminal output and without termination of the process.
 
-scikit-sundae prints the messages of SUNDIALS on an integration that fails; here they are part of the result.  The
-solver for sparse matrices (SuperLU_MT) frees what only its first factorisation allocates: a solver that stopped before
-that is never freed.  An exception of a callback is handed on as Python's C interface wants it, as an instance.
+scikit-sundae prints the messages of SUNDIALS on a failed integration; here the messages are part of the result.  The
+sparse solver (SuperLU_MT) frees memory that only its first factorisation allocates. A solver that stops before this
+factorisation is therefore never freed.  Exceptions of callbacks are passed on as instances, as required by Python's C
+interface.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ __all__ = ["LARGEST", "SundialsSolution", "import_sundials", "solve"]
 
 
 LARGEST = 1e100
-"""Rates beyond which no step can be taken: their squares, and steps that suit them, leave the range of numbers."""
+"""Largest rate for a step: squares of larger rates, and suitable steps, exceed the range of numbers."""
 
 
 TOO_MUCH_WORK = -1
@@ -37,7 +38,7 @@ TOO_MUCH_WORK = -1
 
 
 def import_sundials() -> ModuleType:
-    """Import the module of IDA; without scikit-sundae this is a `uqmbd.StudyError`."""
+    """Import the module of IDA; raise `uqmbd.StudyError` if scikit-sundae is missing."""
     try:
         import sksundae.ida
     except ImportError as error:
@@ -50,21 +51,21 @@ def import_sundials() -> ModuleType:
 
 @dataclass(frozen=True)
 class SundialsSolution:
-    """Result of an integration."""
+    """Result of an integration by IDA."""
 
-    t: Array  # (R,): times that were reached, s; the last one is where an integration stopped
+    t: Array  # (R,): reached times, s; the last is the stop of the integration
     y: Array  # (R, n): unknowns
     success: bool  # whether the end was reached
-    message: str  # why it was not
-    residuals: int = 0  # evaluations
-    jacobians: int = 0  # evaluations
-    too_much_work: bool = False  # whether it stopped for the number of its steps
+    message: str  # reason if the end was not reached
+    residuals: int = 0  # number of residual evaluations
+    jacobians: int = 0  # number of Jacobian evaluations
+    too_much_work: bool = False  # whether the limit on steps caused the stop
     # (S,), (S, n), (S, n): times of the integrator's steps, unknowns and rates, if recorded
     steps: tuple[Array, Array, Array] | None = None
 
 
 class _Callbacks:
-    """Callbacks that store exceptions, and whether the matrix has been factorised."""
+    """Callbacks that record exceptions and the first factorisation of the matrix."""
 
     def __init__(self) -> None:
         self.raised: BaseException | None = None
@@ -108,9 +109,9 @@ def solve(
 ) -> SundialsSolution:
     """Integrate by IDA from consistent values and rates (n,) at increasing times (T,), s, at least three.
 
-    The options are ``linsolver`` and those that belong to it; the settings are tolerances and limits.  With `recording`
-    the integrator's steps are returned, too, without any change of the others.  A failure within SUNDIALS is returned
-    as a Solution; an exception of a callback is raised.
+    The options are ``linsolver`` and its parameters; the settings are tolerances and limits.  With `recording`, the
+    result also contains the integrator's steps, with unchanged values at the given times.  A failure within SUNDIALS is
+    returned as a solution; an exception of a callback is raised.
     """
     largest = float(np.abs(yp).max(initial=0.0))
     if not (np.isfinite(y).all() and largest <= LARGEST):
@@ -122,9 +123,9 @@ def solve(
     if "jacfn" in options:
         options["jacfn"] = callbacks.jacobian(options["jacfn"])
     with _heard(said), _interrupted_by_instances():
-        # filters are those of all threads: they are changed by one at a time
+        # all threads share the filters: one thread at a time changes them
         with _lock, warnings.catch_warnings():
-            # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
+            # scikit-sundae uses the pattern for an approximate Jacobian, which the exact Jacobian replaces
             warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
             solver = ida(callbacks.residual(residual), **options, **settings)
         try:
@@ -151,7 +152,7 @@ def solve(
 
 
 def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> SundialsSolution:
-    """Integrate as `solve` does, and keep all steps."""
+    """Integrate as in `solve`, and record all steps."""
     solver.init_step(float(times[0]), y, yp)
     end, now = float(times[-1]), float(times[0])
     known, path, rates = [now], [np.array(y, dtype=float)], [np.array(yp, dtype=float)]
@@ -197,7 +198,7 @@ def _one_line(said: io.StringIO, message: str) -> str:
 
 @contextmanager
 def _interrupted_by_instances() -> Iterator[None]:
-    """Make Ctrl-C raise an instance: Python's own handler raises a class, on which scikit-sundae fails."""
+    """Make Ctrl-C raise an instance, because scikit-sundae fails for the class from Python's default handler."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -217,18 +218,18 @@ def _interrupted_by_instances() -> Iterator[None]:
 
 
 class _Router(io.TextIOBase):
-    """A standard output that each thread may redirect."""
+    """Standard output that each thread can redirect separately."""
 
     def __init__(self, stream: Any) -> None:
         self.stream, self.places = stream, dict[int, io.StringIO]()
 
     def write(self, text: str) -> int:
-        """Write to the target of the thread."""
+        """Write a text to the target of the thread."""
         place = self.places.get(threading.get_ident(), self.stream)
         return int(place.write(text) or 0) if place is not None else len(text)
 
     def flush(self) -> None:
-        """Flush the stream behind."""
+        """Flush the underlying stream."""
         if self.stream is not None:
             self.stream.flush()
 
@@ -241,7 +242,7 @@ _lock = threading.Lock()
 
 @contextmanager
 def _heard(place: io.StringIO) -> Iterator[None]:
-    """Redirect the output of this thread; other threads print as before."""
+    """Redirect the standard output of this thread; other threads print as before."""
     me = threading.get_ident()
     with _lock:
         if not isinstance(sys.stdout, _Router):

@@ -1,4 +1,4 @@
-"""Results of an integration, and its counts of operations."""
+"""Results of an integration, and its operation counts."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ class Counters:
     Attributes
     ----------
     residuals, jacobians : int
-        Evaluations by IDA, each for a whole stack; those by which costs were compared are counted, too.
+        Evaluations by IDA, each for a whole stack, including evaluations for comparisons of costs.
     integrations : int
-        Starts of IDA, and realisations that the explicit integrator has begun.
+        Starts of IDA, plus realisations started by the explicit integrator.
     alone : int
-        Realisations that IDA integrated once more without their stack, because they are much rougher than it.
+        Realisations that IDA integrated again without their stack, because they are much rougher than the stack.
     accelerations : int
         Evaluations of the equations of motion by the explicit integrator, each for up to eight realisations.
     steps : int
         Accepted steps of the explicit integrator, of all realisations together.
     stiff : int
-        Realisations that the explicit integrator left to IDA: stiff ones, and those that are cheaper there.
+        Realisations that the explicit integrator left to IDA because of stiffness or lower costs.
     passages : int
-        Singular poses that were passed over.
+        Passages over singular poses.
     repivots : int
-        Times that other equations were chosen as the independent ones.
+        Number of times that other independent equations were chosen.
     events : int
         Impacts and other events.
     by_dop853, by_ida : int
-        Realisations whose motion is that of the explicit integrator, and of IDA.
+        Realisations with a motion from the explicit integrator, and from IDA.
     seconds : float
         Wall time, s.
 
@@ -79,29 +79,29 @@ class Trajectories:
     Attributes
     ----------
     times : array, shape (T,)
-        s.
+        Output times, s.
     states : array, shape (K, T, 2 coordinate + state)
-        Coordinates, auxiliary states and velocities; NaN from the time on at which a realisation failed, everywhere
-        if it could not be assembled.
+        Coordinates, auxiliary states and velocities. NaN from the time at which a realisation failed; all NaN if it
+        could not be assembled.
     messages : tuple of str
-        Reason of failure of each realisation, or empty.
+        Reason of failure of each realisation; otherwise empty.
     counters : Counters
-        Cost.
+        Operations of the integration.
     scalars : mapping of str to array, shape (K,)
-        Numbers that the motion yields once, as times of events, by name; NaN where a realisation has none.
+        Scalar results of the motion by name, such as event times; NaN for realisations without a value.
     notes : tuple of str
-        What was changed on the way: choices of other independent equations.
+        Changes during the integration: choices of other independent equations.
     off : array, shape (K, residual + 1), optional
-        Largest residuals of the constraints after the first time, first those in position, and largest speeds, where
-        the integrator has found them on the way; NaN where it has not.
+        Largest residuals of the constraints after the first time, first in position, then in velocity, and largest
+        speeds, if the integrator has computed them; otherwise NaN.
     path : Path, optional
-        The motion between the output times, where it was asked for.
+        Motion between the output times, if requested.
     rtol : float
-        Relative tolerance of the integration, where the path was asked for.
+        Relative tolerance of the integration, if the path was requested.
 
     Examples
     --------
-    What an integrator returns: here of one realisation that stands still, and of one that failed:
+    Return value of an integrator for two realisations; one stands still, and the other one fails:
 
     >>> import numpy as np
     >>> import uqmbd
@@ -125,34 +125,35 @@ class Trajectories:
 
 @dataclass(frozen=True)
 class Solved:
-    """Realisations that one integrator has integrated."""
+    """Realisations integrated by one integrator."""
 
-    states: Array  # (M, T, 2 coordinate + state), as those of `Trajectories`
-    messages: tuple[str, ...]  # reason of failure of each, or empty
+    states: Array  # (M, T, 2 coordinate + state), as in `Trajectories`
+    messages: tuple[str, ...]  # reason of failure of each realisation, or empty
     counters: Counters  # cost
-    # of each: whether the mechanism itself cannot continue, so that no other integrator could; empty: unknown
+    # for each: whether the mechanism itself cannot continue, so that all other integrators would fail; empty: unknown
     final: tuple[bool, ...] = ()
     notes: tuple[str, ...] = ()  # changes during the integration
-    # of each that another integrator can do at lower cost: estimated cost here, in counts; else zero; empty: none
+    # for each: estimated cost here, in counts, if another integrator has lower cost, else zero; empty: none
     explicit_cost: tuple[float, ...] = ()
-    off: Array | None = None  # (M, residual + 1), as that of `Trajectories`
-    path: RecordedSteps | None = None  # as that of `Trajectories`
+    off: Array | None = None  # (M, residual + 1), as in `Trajectories`
+    path: RecordedSteps | None = None  # as in `Trajectories`
 
 
 @typechecked
 @dataclass(frozen=True)
 class Segment:
-    """A motion from one event to the next.
+    """Motion from one event to the next.
 
     Attributes
     ----------
     begin, end : float
-        s.
+        Initial and final time, s.
     label : str
-        What ends it ("floor: impact"; a force that switches: "break"); empty where the output times do.
+        Event that ends the segment, such as ``floor: impact``, or ``break`` for a force that switches. Empty if the
+        output times end it.
     states : callable
-        From times (T,) within it to states (T, 2 coordinate + state): at its ends right after and right before the
-        events.
+        Function from times (T,) within the segment to states (T, 2 coordinate + state). At the ends, the function
+        returns the states right after and right before the events.
 
     Examples
     --------
@@ -174,14 +175,14 @@ class Segment:
 @typechecked
 @dataclass(frozen=True)
 class SegmentedMotion:
-    """The motion of one realisation from event to event.
+    """Motion of one realisation from event to event.
 
     Attributes
     ----------
     segments : tuple of Segment
-        One after the other.
+        Consecutive segments.
     message : str
-        Why it ended early, or empty.
+        Reason of an early end; otherwise empty.
 
     Examples
     --------
@@ -202,7 +203,7 @@ class SegmentedMotion:
 
 
 def stops(breaks: Array, times: Array) -> Array:
-    """Break times strictly inside the output times; those that differ by rounding, also from output times, are one."""
+    """Return break times strictly inside the output times; times that differ only by rounding are merged."""
     near = 1e-12 * max(1.0, float(np.abs(times).max()))
     found = np.sort(breaks[np.isfinite(breaks)].ravel())
     if not len(found):

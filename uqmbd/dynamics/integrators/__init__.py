@@ -1,4 +1,4 @@
-"""Integration by name: the protocol of integrators, those of the core, and checks of every result."""
+"""Integration by name: protocol of integrators, integrators of the core, and checks of every result."""
 
 from uqmbd.dynamics.integrators.built_in import Auto, Dop853, Ida
 from uqmbd.dynamics.integrators.dispatch import (

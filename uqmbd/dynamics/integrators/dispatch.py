@@ -41,12 +41,12 @@ def built_in_names() -> tuple[str, ...]:
 
 
 def integrators() -> dict[str, type[Integrator]]:
-    """Return all that there are, those of the core first."""
+    """Return all available integrators by name, with those of the core first."""
     return {**_offered(), **integrators_of_plugins()}
 
 
 def integrator_class(name: str) -> type[Integrator]:
-    """Return the class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    """Return the integrator class with this name; a `uqmbd.StudyError` lists installed integrators."""
     found = _offered().get(name)
     return cast(type[Integrator], found if found is not None else integrator_of_plugin(name))
 
@@ -61,10 +61,10 @@ WORDS: Mapping[Capability, str] = {
 
 
 def require(name: str, needed: Capability, where: str, why: str = "", remedy: str = "") -> None:
-    """Raise `uqmbd.StudyError`, which lists capable integrators, where an integrator lacks a capability.
+    """Raise `uqmbd.StudyError`, which lists capable integrators, if an integrator lacks a capability.
 
-    The capability is the name of a field of `Capabilities`; `where` is what needs it, as ``study 'drop'``, and `why`
-    the purpose.  The `remedy` describes how to choose another integrator; default: by the option ``integrator``.
+    `needed` is the name of a field of `Capabilities`; `where` requires it, such as ``study 'drop'``, and `why` is the
+    purpose.  The `remedy` describes how to choose another integrator; default: by the option ``integrator``.
 
     >>> require("ida", "events", "study 'drop'", "floor: impact")
     Traceback (most recent call last):
@@ -93,7 +93,7 @@ def _has(cls: type, needed: Capability) -> bool:
 
 
 def require_for(model: Model, name: str, where: str) -> None:
-    """Raise where a mechanism has events that an integrator cannot follow, or bounds that it cannot keep."""
+    """Raise if an integrator cannot handle the events or bounds of a mechanism."""
     if np.isfinite(model.max_step) or model.added_breaks:
         require(name, "bounded_steps", where, "max_step" if np.isfinite(model.max_step) else "breaks")
     if model.events:
@@ -110,10 +110,10 @@ def integrate(
 ) -> Trajectories:
     """Assemble and integrate K realisations at strictly increasing output times (T,), s; the first is the start.
 
-    With `between`, the motion between the output times is returned, too (`Trajectories.path`).  A realisation that
-    fails does not affect the others.  Raises `uqmbd.StudyError` if the integrator lacks a capability that the mechanism
-    needs, as following events, or returns an invalid result.  Warns with `uqmbd.RedundantConstraintWarning` if the
-    independent equations became dependent during the motion, and others were chosen.
+    With `between`, the motion between the output times is also returned (`Trajectories.path`).  A failed realisation
+    does not affect the others.  Raises `uqmbd.StudyError` if the integrator lacks a required capability, such as the
+    treatment of events, or returns an invalid result.  A `uqmbd.RedundantConstraintWarning` reports that the
+    independent equations became dependent during the motion, and that others were chosen.
     """
     require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
     cls = integrator_class(method)
@@ -135,7 +135,7 @@ def integrate(
 
 
 def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajectories:
-    """Return the result of an integrator, if it has the right type."""
+    """Return the result of an integrator; raise if its type is wrong."""
     shape = (len(ensemble), len(times), ensemble.model.layout.width)
     if not isinstance(found, Trajectories) or np.shape(found.states) != shape or len(found.messages) != shape[0]:
         what = f"a {type(found).__name__}"
@@ -145,5 +145,5 @@ def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajec
             f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.extend.Trajectories "
             f"with states of shape {shape} and {shape[0]} messages."
         )
-    # others may have changed the states behind it
+    # other integrators may have changed the states after the computation of `off`
     return found if name in built_in_names() else replace(found, off=None)

@@ -1,4 +1,4 @@
-"""Integration from sample to sample: any integrator, between the instants at which controllers change something."""
+"""Integration from sample to sample by any integrator, between instants at which controllers change states."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WATCHED = 20
 
 
 def stretches(sampling: Sampling, times: Array) -> list[Array]:
-    """Return the times of the integrations between instants: beginnings, output times within, and ends."""
+    """Return the times of the integrations between instants, s: begins, output times inside, and ends."""
     edges = [*sampling.times.tolist(), float(times[-1])]
     return [
         np.array([begin, *times[(times > begin) & (times < end)], end])
@@ -36,9 +36,9 @@ def stretches(sampling: Sampling, times: Array) -> list[Array]:
 
 
 def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate K realisations with controllers, at output times (T,), s, by a method without support for controllers.
+    """Integrate K realisations with controllers at output times (T,), s, by a method without controller support.
 
-    The state at an output time that is a sample is the one right after it.
+    If an output time is a sample, its state is the state right after the sample.
     """
     start, width, velocities = ensemble.start, ensemble.model.layout.width, ensemble.model.layout.velocities
     sampling = Sampling(ensemble, times)
@@ -49,7 +49,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
-        # what is prescribed jumps first, and is seen by the controllers
+        # jumps of prescribed motions precede samples, and controllers measure the new values
         change, reasons = speed_jumps(ensemble.model, now, begin, ensemble.block[alive], rtol)
         now[:, velocities:] += change
         alive, now = _active(messages, alive, now, reasons)
@@ -81,7 +81,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
 
 
 def _active(messages: list[str], alive: Index, now: Array, reasons: dict[int, str]) -> tuple[Index, Array]:
-    """Store the reasons of some rows as messages; return the realisations without one, and their states (K, width)."""
+    """Store the reasons of some rows as messages; return realisations without a reason, and their states (K, width)."""
     for row, reason in reasons.items():
         messages[alive[row]] = reason
     going = np.array([not messages[k] for k in alive], dtype=bool)
@@ -91,10 +91,10 @@ def _active(messages: list[str], alive: Index, now: Array, reasons: dict[int, st
 def projected_in_samples(
     method: ProjectedMethod, projected: ProjectedEquations, times: Array, rtol: float, watch: Watch | None = None
 ) -> ProjectedTrajectories:
-    """Integrate coefficients, with controllers at the nodes, by a method without support for controllers.
+    """Integrate coefficients, with controllers at the nodes, by a method without controller support.
 
-    The function of a controller is called with the measurements at the nodes; its commands and states there are
-    projected like all moving quantities.  The callable `watch` is called now and then with the coefficients so far.
+    The function of a controller is called with the measurements at the nodes; its nodal commands and states are
+    projected like all moving quantities.  The callable `watch` is called repeatedly with the coefficients so far.
     """
     ensemble, layout = projected.ensemble, projected.model.layout
     sampling, every = Sampling(ensemble, times), np.arange(len(projected.ensemble))
@@ -107,7 +107,7 @@ def projected_in_samples(
         nodal = projected.psi @ now
         after, reasons = sampling.after(number, nodal, every)
         held = slice(layout.velocities - layout.states, layout.velocities)
-        # what has not changed stays as it is, to the bit
+        # unchanged values must keep their bits
         changed = (after[:, held] != nodal[:, held]).any(axis=0)
         now[:, held][:, changed] = projected.adjoint @ after[:, held][:, changed]
         change, more = sampling.jumps(begin, after, every, nodal)
@@ -139,7 +139,7 @@ def projected_in_samples(
 
 
 def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -> Ensemble:
-    """Return the ensemble of some realisations that starts at a time in given states (M, width)."""
+    """Return the ensemble of some realisations with a start time, s, and initial states (M, width)."""
     model = ensemble.model.between_samples(time)
     q, s, v = model.layout.split(states)
     a, multipliers, rates = accelerations(model, q, s, v, time, ensemble.block[members])
@@ -150,14 +150,14 @@ def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -
 
 
 def _continued_projection(projected: ProjectedEquations, time: float, state: Array) -> ProjectedEquations:
-    """Return the projected ensemble that starts at a time with given coefficients (P, width)."""
+    """Return the projected ensemble with a start time, s, and initial coefficients (P, width)."""
     ensemble = _continued(projected.ensemble, np.arange(len(projected.ensemble)), time, projected.psi @ state)
     a, multipliers, _ = projected.accelerations(state, time)
     return projected.continued(ensemble, ProjectedStart(state, a, multipliers, 0))
 
 
 def _joined(one: Counters, other: Counters) -> Counters:
-    """Counters of one integration after the other, of the same realisations."""
+    """Join the counters of two consecutive integrations of the same realisations."""
     by = {key: max(getattr(one, key), getattr(other, key)) for key in ("by_dop853", "by_ida")}
     return replace(one + other, **by)
 
@@ -165,7 +165,7 @@ def _joined(one: Counters, other: Counters) -> Counters:
 def _note(
     happened: dict[int, dict[str, list[float]]], scalars: Mapping[str, Array], members: Index, since: float
 ) -> None:
-    """Collect times of events of one stretch; contacts that are closed at its start do not count."""
+    """Collect times of events of one interval, without contacts that are closed at its start."""
     for name, times in scalars.items():
         for row, time in zip(members.tolist(), times.tolist(), strict=True):
             if np.isfinite(time) and time > since:
@@ -173,7 +173,7 @@ def _note(
 
 
 def _times_of(happened: Mapping[int, Mapping[str, list[float]]], count: int) -> dict[str, Array]:
-    """Name the times of all events, counted over the stretches."""
+    """Return the times of all events by name, numbered over all intervals."""
     found: dict[str, Array] = {}
     for row, events in happened.items():
         for name, times in events.items():

@@ -1,4 +1,4 @@
-"""The linear system of accelerations and multipliers, and its solvers."""
+"""Linear system of accelerations and multipliers, and its solvers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The order in which sparse systems of one pattern are eliminated, chosen once, on typical systems.
+"""Elimination order for sparse systems with the same pattern, chosen once from typical systems.
 
-It is compiled (`uqmbd.dynamics.linear.unrolled`, `fronts`).  Systems for which the fixed pivots are poor show a
-residual, and are solved again by LAPACK.
+The modules `uqmbd.dynamics.linear.unrolled` and `fronts` compile the elimination.  LAPACK solves systems with poor
+fixed pivots again, which have a large residual.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ __all__ = ["Elimination", "plan"]
 
 
 THRESHOLD = 0.1
-"""A pivot may be smaller than the largest entry of its column by this factor, for the sake of sparsity."""
+"""Least ratio of a pivot to the largest entry of its column; a value below 1 allows sparser eliminations."""
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """A fixed order of elimination."""
+    """Fixed order of elimination."""
 
     # pivot row and column, rows below with an entry in the pivot column, columns with an entry in the pivot row
     steps: tuple[tuple[int, int, tuple[int, ...], tuple[int, ...]], ...]
@@ -43,7 +43,7 @@ def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
     for _ in range(size):
         block = np.ix_(open_rows, open_columns)
         every, live = np.abs(values[:, open_rows][:, :, open_columns]), pattern[block]
-        # relative to the largest of its column, in the system where that is worst
+        # relative to the largest entry of the column, in the worst system
         magnitude = (every / np.maximum(every.max(axis=1, keepdims=True), 1e-300)).min(axis=0)
         magnitude[every.min(axis=0) == 0] = 0.0
         strong = live & (magnitude >= THRESHOLD)
@@ -53,7 +53,7 @@ def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
             strong = live
         cost = np.outer(live.sum(axis=1) - 1, live.sum(axis=0) - 1).astype(float)
         cost[~strong] = np.inf
-        # among equal costs the largest pivot
+        # choose the largest pivot among equal costs
         best = np.flatnonzero(cost.ravel() == cost.min())
         pick = int(best[np.argmax(magnitude.ravel()[best])])
         row, column = open_rows[pick // len(open_columns)], open_columns[pick % len(open_columns)]

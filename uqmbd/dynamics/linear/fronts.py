@@ -1,9 +1,10 @@
-"""Elimination of large systems by blocks: code for each kind of block, compiled once and used for all of them.
+"""Elimination of large systems by blocks: code for each kind of block, compiled once and used for all its blocks.
 
-A front is a unit of a mechanism at its elimination: Let ``A`` be its block, ``B`` its coupling to its neighbours and
-``b`` its right-hand side. It leaves ``-B^T A^-1 B`` and ``-B^T A^-1 b`` to the neighbours. When theirs are known, its
-unknowns are ``x = A^-1 b - A^-1 B y`` [1]_. Fronts of one pattern share their code, and those of one round are computed
-together, for all realisations: neither the time of compilation nor the number of calls grows like the system.
+A front is a unit of a mechanism during its elimination, with block ``A``, coupling ``B`` to its neighbours and
+right-hand side ``b``. The elimination adds ``-B^T A^-1 B`` and ``-B^T A^-1 b`` to the equations of the neighbours. From
+the unknowns ``y`` of the neighbours follow the unknowns ``x = A^-1 b - A^-1 B y`` of the front [1]_. Fronts with the
+same pattern share their code. Fronts of one round are computed together, for all realisations. So the compilation time
+and the number of calls grow less than the system.
 
 References
 ----------
@@ -30,7 +31,7 @@ __all__ = ["FrontalSolver", "Fronts", "frontal"]
 
 @dataclass(frozen=True)
 class _FrontBatch:
-    """Fronts of one kind and round: the inputs of each, and the first of their results."""
+    """Fronts of one kind and round: the inputs of each front, and the range of the results."""
 
     kernel: Kernel
     reads: Index  # (front, argument)
@@ -60,7 +61,7 @@ class Fronts:
         return writer.program(self.write(writer, rows[: self.given], rows[self.given :]))
 
     def write(self, writer: ProgramWriter, given: Index, right: Index) -> Index:
-        """Write the solution; rows of all unknowns, for rows of the given values and of the right-hand side."""
+        """Write the solution for rows of the given values and of the right-hand side; return rows of all unknowns."""
         rows = np.empty(self.width, dtype=np.int64)
         rows[: self.given], rows[self.given : self.given + self.size] = given[: self.given], right
         for batch in self.batches:
@@ -70,14 +71,14 @@ class Fronts:
 
 @dataclass(frozen=True)
 class FrontalSolver:
-    """Solver for right-hand sides that are among the given values; used like the kernel of an elimination."""
+    """Solver for right-hand sides among the given values, with the interface of an elimination's kernel."""
 
     fronts: Fronts
     rights: Index  # (R, size): index of each entry of a right-hand side among the given values; -1: zero
-    wanted: int  # number of leading unknowns that are returned
+    wanted: int  # number of returned leading unknowns
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
-        """Solve systems (K, value) of one right-hand side after the other, shape (K, wanted)."""
+        """Solve systems (K, value); return solutions (K, R wanted), one right-hand side after the other."""
         width = given.shape[1]
         if width not in self._programs:
             writer = ProgramWriter(width)
@@ -86,11 +87,11 @@ class FrontalSolver:
 
     @cached_property
     def _programs(self) -> dict[int, Program]:
-        """Made so far, for numbers of values."""
+        """Programs so far, by number of values."""
         return {}
 
     def write(self, writer: ProgramWriter, given: Index) -> Index:
-        """Write the solutions; return rows of the wanted unknowns, for `given` rows."""
+        """Write the solutions for the `given` rows; return rows of the wanted unknowns."""
         zero = writer.sums([[]])[0]
         sides = [np.where(side < 0, zero, given[side]) for side in self.rights]
         return np.concatenate([self.fronts.write(writer, given, side)[: self.wanted] for side in sides])
@@ -98,7 +99,7 @@ class FrontalSolver:
 
 @dataclass(frozen=True)
 class _Code:
-    """Code of one kind of front, and its results, by local numbers."""
+    """Code of one kind of front, and its results, in local numbering."""
 
     forward: Kernel
     backward: Kernel
@@ -115,7 +116,7 @@ def frontal(
 
     The entries (nnz,) have rows, columns, and indices `source` among the `given` values.
     """
-    # the values whose sum is an entry of what is left of the matrix, or of the right-hand side
+    # indices of the summands of each entry of the remaining matrix and of the right-hand side
     entries: dict[tuple[int, int], list[int]] = {}
     for i, j, k in zip(rows.tolist(), columns.tolist(), source.tolist(), strict=True):
         if i <= j:
@@ -161,14 +162,14 @@ def frontal(
 
 
 class _Place:
-    """A front among the values."""
+    """Indices of a front among the values."""
 
     def __init__(self, front: Front, beside: list[int], reads: list[int], key: Any) -> None:
         self.front, self.beside, self.reads, self.key, self.first = front, beside, reads, key, 0
 
     @staticmethod
     def of(front: Front, entries: dict[tuple[int, int], list[int]], rights: dict[int, list[int]]) -> _Place:
-        """Return the inputs of a front; fronts of one key share one code."""
+        """Return the inputs of a front; fronts with the same key share their code."""
         own = front.unknowns
         beside = [j for j in front.neighbours if any(_slot(i, j) in entries for i in own)]
         square = [entries.get(_slot(own[a], own[b]), []) for a in range(len(own)) for b in range(a, len(own))]
@@ -193,7 +194,7 @@ def _slot(i: int, j: int) -> tuple[int, int]:
 
 
 def _code(key: Any, typical: Array) -> _Code | None:
-    """Write down and compile the code of a kind of front; None: it would be too long."""
+    """Write and compile the code of a kind of front; None if it is too long."""
     size, count, square, across, sides = key
     first = sum(map(sum, (square, across, sides)))
     operations: list[Operation] = []
@@ -205,7 +206,7 @@ def _code(key: Any, typical: Array) -> _Code | None:
     read = 0
 
     def entry(number: int) -> int:
-        """Add up the arguments of an entry; -1: it is zero."""
+        """Return the index of the sum of an entry's arguments; -1 for a zero entry."""
         nonlocal read
         value = read if number else -1
         for k in range(read + 1, read + number):
@@ -239,7 +240,7 @@ def _code(key: Any, typical: Array) -> _Code | None:
     left = {(i, j): x for i in range(count) for j in range(i, count) if (x := product(i, j)) >= 0}
     moved = {i: x for i in range(count) if (x := product(i, count)) >= 0}
     writes = [int(solved[p]) for p in beside] + solved[count].tolist() + [*left.values(), *moved.values()]
-    # back: entries of A^-1 B, A^-1 b, then the unknowns of the neighbours
+    # arguments of the back substitution: entries of A^-1 B, A^-1 b, then the unknowns of the neighbours
     back: list[Operation] = []
     begin = len(beside) + size + count
     results = [len(beside) + k for k in range(size)]

@@ -1,4 +1,4 @@
-"""The index-1 systems at the nodes of a projection, for right-hand sides of any kind: compiled, or factorised."""
+"""Index-1 systems at the nodes of a projection, compiled or factorised, for any right-hand side."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from uqmbd.typing import Array, Index
 __all__ = ["Nodal", "Outside", "nodal_systems"]
 
 Outside = Callable[[Array, bool], None]
-"""Solves systems of work arrays (block of nodes, row, lane): they are new (true), or their right-hand side is."""
+"""Function of work arrays (block of nodes, row, lane) that factorises new systems (true) or solves them (false)."""
 
 
 @dataclass(frozen=True)
 class Nodal:
-    """Systems ``A x = b`` at any nodes."""
+    """Systems ``A x = b`` at arbitrary nodes."""
 
-    systems: NodalSystems  # as programs
+    systems: NodalSystems  # programs of the systems
     rated: Index  # auxiliary states with a rate
-    library: Callable[[], Outside] | None  # returns a solver with separate factors where no program solves the systems
+    library: Callable[[], Outside] | None  # returns a solver with separate factors; None if programs solve them
 
     @property
     def compiled(self) -> bool:
-        """Whether the systems cost little enough for every stage of an explicit step."""
+        """Whether the systems can be solved at low cost in every stage of an explicit step."""
         return self.library is None
 
 
 def nodal_systems(model: Model) -> Nodal:
-    """Write the systems at the nodes, once for a model: compiled where that is not too long."""
+    """Write the systems at the nodes once for a model, with a compiled solution unless its code is too long."""
     known = {} if model.system.programs is None else model.system.programs.others
     if "nodal" not in known:
         known["nodal"] = _written(model, model.system)
@@ -66,7 +66,7 @@ def _written(model: Model, system: System) -> Nodal:
         ends.append(len(writer.steps))
         solution = system.fronts.write(writer, values, right)
     elif factor is not None and code is not None:
-        factors = writer.call(factor, values[None]).ravel()  # behind the right-hand side: read as they stand
+        factors = writer.call(factor, values[None]).ravel()  # directly after the right-hand side, to be read in place
         ends.append(len(writer.steps))
         solution = writer.call(code, np.concatenate([right, factors])[None]).ravel()
     else:
@@ -101,12 +101,12 @@ def _written(model: Model, system: System) -> Nodal:
 
 
 def _taken(rows: Index, which: Index) -> Index:
-    """Rows of some results; -1: there is none."""
+    """Return the rows of the results with indices `which`; -1 for the index -1."""
     return np.where(which < 0, -1, rows[which] if len(rows) else -1)
 
 
 def _factorised(system: System, given: int) -> tuple[Kernel | None, Kernel | None]:
-    """Compile the factors of a system of `given` values, and its solution from a right-hand side and the factors."""
+    """Compile the factorisation of a system of `given` values, and the solution from a right-hand side and factors."""
     if system.elimination is None or not isinstance(system.solve, Kernel):
         return None, None
     size, entries = system.size, (system.rows, system.columns, system.source)
@@ -137,9 +137,9 @@ def _factorised(system: System, given: int) -> tuple[Kernel | None, Kernel | Non
 def _renumbered(
     operations: list[Operation], which: list[int], first: int, reads: list[int]
 ) -> tuple[dict[int, int], list[Operation]]:
-    """Extract some operations: the new number of each value, the values read first, and the operations.
+    """Extract the operations `which`; return the new index of each value, with `reads` first, and the operations.
 
-    Operation k makes the value of number ``first + k``.
+    Operation k computes the value with index ``first + k``.
     """
     number = {x: k for k, x in enumerate(reads)} | {first + k: len(reads) + i for i, k in enumerate(which)}
     found: list[Operation] = []
@@ -151,7 +151,7 @@ def _renumbered(
 
 
 def _outside(system: System, values: Index, right: Index, solution: Index) -> Outside:
-    """Solve the systems by a library, for rows of their values, right-hand sides and solutions in the work arrays."""
+    """Return a solver by a library; the arguments are rows of values, right-hand sides and solutions."""
     factorise = _by_superlu if system.size > DENSE_LIMIT else _by_lapack
     solve: list[Callable[[Array], Array]] = []
 
@@ -174,7 +174,7 @@ def _by_superlu(system: System, values: Array) -> Callable[[Array], Array]:
 def _by_lapack(system: System, values: Array) -> Callable[[Array], Array]:
     """Invert dense matrices by LAPACK at the start of an integration, if the elimination is too long to compile."""
     matrix = system.matrix(values)
-    # rows of light bodies are scaled up: the pivots see comparable numbers
+    # scale rows of light bodies, so that pivots of the factorisation compare similar numbers
     scale = np.abs(matrix).max(axis=2)
     scale = np.where(scale > 0, scale, 1.0)
     try:
@@ -184,7 +184,7 @@ def _by_lapack(system: System, values: Array) -> Callable[[Array], Array]:
 
     def solve(right: Array) -> Array:
         found = np.matmul(inverse, right[:, :, None])
-        # refined once: an inverse loses digits that a factorisation keeps
+        # one refinement, as an inverse is less accurate than a factorisation
         found += np.matmul(inverse, right[:, :, None] - np.matmul(matrix, found))
         return np.asarray(found[:, :, 0])
 

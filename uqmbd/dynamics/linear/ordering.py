@@ -1,8 +1,8 @@
-"""Order of elimination of a large index-1 system, by blocks: multiple minimum degree on the mechanism's graph [1]_.
+"""Block elimination order of a large index-1 system by multiple minimum degree on the mechanism's graph [1]_.
 
-A unit is a body, with the equations that touch no other body, or the multipliers of a joint.  In each round all units
-that touch few others, and not one another, are eliminated together; a unit may go when its block is regular.  So a
-chain is halved from round to round, and units of one kind that go in one round can be computed as one.
+A unit is a body with the equations of this body only, or the multipliers of a joint.  Each round eliminates all units
+with few neighbours and regular blocks together, unless two of them are neighbours.  So each round halves a chain, and
+units of one kind in one round can be computed together.
 
 References
 ----------
@@ -23,30 +23,29 @@ __all__ = ["Front", "rounds_of", "units_of"]
 
 
 REGULAR = 1e-6
-"""Smallest over largest singular value, after scaling, of a block that may be eliminated."""
+"""Least ratio of the smallest to the largest singular value, after scaling, of a block for elimination."""
 
 WIDE = 2
-"""Units whose degree is at most this multiple of the least are eliminated together."""
+"""Largest ratio of a unit's degree to the least degree, for elimination in the same round."""
 
 LARGEST = 24
-"""Unknowns of a block beyond which code without loops is no good."""
+"""Largest number of unknowns of a block; unrolled code for larger blocks is inefficient."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """A unit at its elimination."""
+    """A unit during its elimination."""
 
     unknowns: tuple[int, ...]  # eliminated here
     neighbours: tuple[int, ...]  # unknowns of the adjacent units
-    block: Array  # (S, s, s): the matrix to invert, of typical systems
+    block: Array  # (S, s, s): matrix to invert, for typical systems
 
 
 def units_of(rows: Index, columns: Index, coordinates: int, body: int, owners: list[str]) -> list[tuple[int, ...]]:
-    """Sort the unknowns of an index-1 system, coordinates then equations, with a pattern (nnz,), into units.
+    """Group the unknowns of an index-1 system with a pattern (nnz,) into units; equations follow the coordinates.
 
-    There are `coordinates` coordinates, `body` of them for each body; `owners` are the components of the equations.
-
-    Two translational bodies; an equation of the first, and one of both:
+    `coordinates` is the number of coordinates, `body` the number for each body; `owners` are the components of the
+    equations.  The example has two translational bodies, an equation of the first body, and an equation of both:
 
     >>> rows = np.array([0, 1, 2, 3, 4, 5, 5])
     >>> columns = np.array([0, 1, 2, 3, 0, 1, 2])
@@ -69,7 +68,7 @@ def units_of(rows: Index, columns: Index, coordinates: int, body: int, owners: l
 
 
 class _Graph:
-    """Units that are left, and the blocks of typical systems between them."""
+    """Remaining units, and the blocks of typical systems between them."""
 
     def __init__(self, units: list[tuple[int, ...]], rows: Index, columns: Index, typical: Array) -> None:
         self.unknowns = dict(enumerate(units))
@@ -95,17 +94,17 @@ class _Graph:
         return self.blocks[u, w]
 
     def degree(self, u: int) -> int:
-        """Count the unknowns that a unit touches."""
+        """Return the number of unknowns of the neighbours of a unit."""
         return sum(len(self.unknowns[w]) for w in self.beside[u])
 
     def regular(self, u: int) -> bool:
-        """Return whether the block of a unit can be inverted, in all typical systems."""
+        """Return whether the block of a unit can be inverted in all typical systems."""
         if u not in self.known:
             self.known[u] = _regular(self._block(u, u))
         return self.known[u]
 
     def eliminate(self, u: int) -> Front:
-        """Eliminate a unit."""
+        """Eliminate a unit and return its front."""
         others = sorted(self.beside.pop(u))
         block = self.blocks.pop((u, u))
         beside = np.concatenate([self.blocks.pop((u, w)) for w in others], axis=2) if others else None
@@ -151,7 +150,7 @@ class _Graph:
 
 def _regular(block: Array) -> bool:
     scaled = block.copy()
-    for _ in range(3):  # rows and columns alike: masses and lengths are of any size
+    for _ in range(3):  # scale rows and columns equally, as masses and lengths have any magnitude
         size = np.sqrt(np.abs(scaled).max(axis=2))
         if not (size > 0).all():
             return False
@@ -161,7 +160,7 @@ def _regular(block: Array) -> bool:
 
 
 def rounds_of(units: list[tuple[int, ...]], rows: Index, columns: Index, typical: Array) -> list[list[Front]] | None:
-    """Choose the order of elimination by rounds; None where blocks become too large for this method.
+    """Choose the order of elimination by rounds; None if blocks become too large for this method or singular.
 
     The pattern (nnz,) is symmetric; entries of typical systems are (S, nnz).
     """

@@ -1,4 +1,4 @@
-"""Linear complementarity problems, by Lemke's method."""
+"""Solution of linear complementarity problems by Lemke's method."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ __all__ = ["lemke"]
 
 
 ZERO = 1e-9
-"""Pivot, over the largest entry of its column, and artificial variable, over the offsets, that is none."""
+"""Limit below which a pivot relative to its column, or an artificial variable relative to the offsets, is zero."""
 TIE = 1e-11
-"""Difference of ratios that is none."""
+"""Limit below which a difference of ratios is zero."""
 
 
 def lemke(matrix: Array, offset: Array) -> Array | None:
-    """Find ``z >= 0`` with ``w = matrix z + offset >= 0`` and ``z . w = 0``; None where the method ends on a ray.
+    """Find ``z >= 0`` with ``w = matrix z + offset >= 0`` and ``z . w = 0``; None if the method ends on a ray.
 
     The matrix is (n, n), the offset (n,).  Ties are broken lexicographically, which excludes cycles (R. W. Cottle,
     J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, SIAM 2009, section 4.4).
@@ -59,7 +59,7 @@ def _solution(table: Array, basis: list[int]) -> Array:
 
 
 def _least(table: Array, basis: list[int], eligible: NDArray[np.int64], entering: int, artificial: int) -> int:
-    """Row of the lexicographically least ratio; that of the artificial variable where it is among the least."""
+    """Return the row of the lexicographically least ratio; prefer the artificial variable among equal ratios."""
     count = len(table)
     for column in [-1, *range(count)]:
         ratios = table[eligible, column] / table[eligible, entering]

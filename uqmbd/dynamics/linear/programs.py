@@ -18,14 +18,14 @@ from uqmbd.typing import Index, Mask
 __all__ = ["MotionRows", "Programs", "Solver", "programs_of"]
 
 SMALL = 300
-"""Rows of the work array of a small mechanism."""
+"""Number of rows of the work array of a small mechanism."""
 
 Solver = Kernel | FrontalSolver
 Residual = Kernel | RowResiduals
 
 
 def _solution(solver: Solver, writer: ProgramWriter, given: Index) -> Index:
-    """Write a solution; return rows of the wanted unknowns, for `given` rows."""
+    """Write a solution for the `given` rows; return rows of the wanted unknowns."""
     if isinstance(solver, Kernel):
         return writer.call(solver, given[None]).ravel()
     return solver.write(writer, given)
@@ -36,29 +36,29 @@ class Programs:
     """Programs whose arguments are a state (q, s, v), the time, zero, and the parameters of the blocks."""
 
     dynamics: Dynamics  # for the explicit integrator
-    # to accelerations, kept multipliers, rates of auxiliary states, and the residual of the index-1 system
+    # returns accelerations, kept multipliers, rates of auxiliary states, and the residual of the index-1 system
     motion: Program
-    excess: Program  # to corrections of coordinates and velocities, of least norm in the metric of the masses
-    solve: Solver  # from results of the ``acceleration`` evaluator to accelerations and multipliers
-    residual: Residual  # from these results and the solution to the residual of the system
+    excess: Program  # returns corrections of coordinates and velocities, of least norm in the metric of the masses
+    solve: Solver  # maps results of the ``acceleration`` evaluator to accelerations and multipliers
+    residual: Residual  # maps these results and the solution to the residual of the system
 
     def __getstate__(self) -> dict[str, Any]:
-        """Omit data that are derived again."""
+        """Omit data that can be derived again."""
         return {key: value for key, value in self.__dict__.items() if key != "others"}
 
     @cached_property
     def others(self) -> dict[Any, Any]:
-        """Further objects made of the model, by key."""
+        """Further objects derived from the model, by key."""
         return {}
 
     def write_motion(self, model: Model, writer: ProgramWriter, arguments: Index, parameters: Index) -> MotionRows:
-        """Write the accelerations and multipliers of a state whose rows are given, as `Evaluator.write` does."""
+        """Write the accelerations and multipliers of a state with the given rows, as `Evaluator.write` does."""
         values = model.evaluators["acceleration"].write(writer, arguments, parameters)
         return _motion(model, writer, values, self.solve, self.residual)
 
 
 class MotionRows(NamedTuple):
-    """Rows of the accelerations and multipliers, and of how well they satisfy the system."""
+    """Rows of the accelerations and multipliers, and of the residual of their system."""
 
     solution: Index
     residual: Index
@@ -72,11 +72,11 @@ def _motion(model: Model, writer: ProgramWriter, values: Index, solve: Solver, r
 
 
 def _turning(model: Model) -> Index:
-    """Find the quaternions (body, 2 or 4) of bodies that turn, and are in no loop.
+    """Return the coordinates (body, 2 or 4) of the quaternions of rotating bodies that are not in a loop.
 
-    Constraints of a tree are independent in every pose.  In a loop they depend on each other in singular poses, which
-    only such a motion passes whose steps leave the constraints by little: as long as rates of quaternions are stepped,
-    which are the velocities of the equations.
+    Constraints of a tree are independent in every pose.  Constraints of a loop are dependent in singular poses.  An
+    integration passes these poses only if the steps violate the constraints little.  This requires steps of the
+    quaternion rates, the velocities of the equations.
     """
     found = model.quaternions()
     if not found.size:
@@ -90,9 +90,9 @@ def _turning(model: Model) -> Index:
 
 
 def bodies_in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
-    """Return which bodies, shape (bodies,), are in no loop of links, nor between loops and the ground (-1).
+    """Return a mask (bodies,) of the bodies outside loops of links, and not between loops and the ground (-1).
 
-    Ends of the tree are taken off until none is left.  A link of three bodies is never taken off.
+    The search removes ends of the tree until none remains.  It never removes a link of three bodies.
     """
     at: list[set[int]] = [set() for _ in range(bodies)]
     for number, link in enumerate(links):
@@ -105,7 +105,7 @@ def bodies_in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
         if tree[body] or any(len(links[k]) != 2 for k in at[body]):
             continue
         tree[body] = True
-        for number in at[body]:  # one, or none
+        for number in at[body]:  # at most one link
             for other in links[number] - {body, -1}:
                 at[other].discard(number)
                 if len(at[other]) < 2:
@@ -118,9 +118,9 @@ def programs_of(
 ) -> Programs:
     """Return the programs of a model.
 
-    The solvers map results of the ``acceleration`` evaluator to accelerations and multipliers (`solve`), and to
-    accelerations only (`accelerate`); `back`, with those of the ``drift`` evaluator after them, to corrections of
-    coordinates and of velocities; `residual` maps results and the solution to the residual of the system.
+    `solve` maps results of the ``acceleration`` evaluator to accelerations and multipliers, `accelerate` to
+    accelerations only.  `back` maps the results of the ``acceleration`` and then the ``drift`` evaluator to corrections
+    of coordinates and of velocities.  `residual` maps ``acceleration`` results and the solution to the residual.
     """
     layout = model.layout
     n, width, velocities = layout.coordinates, layout.width, layout.velocities
@@ -132,14 +132,14 @@ def programs_of(
     def begun() -> tuple[ProgramWriter, Index, Index]:
         writer = ProgramWriter(inputs)
         values = acceleration.write(writer, arguments, parameters)
-        rates = np.full(layout.states, width + 1)  # the row that is zero
+        rates = np.full(layout.states, width + 1)  # row with the value zero
         if "s" in acceleration.index:
             results, (which,) = acceleration.index["s"]
             rates[which] = values[results]
         return writer, values, rates
 
     def surplus(writer: ProgramWriter, values: Index) -> tuple[Index, Index, list[int]]:
-        """Write residuals and their excess; return rows of both, and the begin and end of their steps."""
+        """Write residuals and corrections; return rows of both, and the boundaries of their steps."""
         ends = [len(writer.steps)]
         drift = model.evaluators["drift"].write(writer, arguments, parameters)
         found = []
@@ -154,7 +154,7 @@ def programs_of(
     motion = writer.program(np.concatenate([found.solution, rates, found.residual]))
     writer, values, rates = begun()
     begin = len(writer.steps)
-    # right behind the values, so that solutions read both where they stand
+    # directly after the values, so that solutions read both in place
     drift, too_much, ends = surplus(writer, values) if layout.rank else (values[:0], values[:0], [begin])
     accelerations = _solution(accelerate, writer, values)
     before, after = writer.part(0, begin), writer.part(ends[-1])

@@ -1,4 +1,4 @@
-"""Residuals of solutions of large systems, row by row, so that compiled code does not grow with the system."""
+"""Residuals of solutions of large systems by rows, so that compiled code does not grow with the system."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ __all__ = ["RowResiduals"]
 
 
 TERMS = 4
-"""Rows are filled up with zeros to multiples of so many terms."""
+"""Number of terms; rows are padded with zeros to multiples of this number."""
 
 
 @dataclass(frozen=True)
 class RowResiduals:
-    """The sum ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2``, as `residual_kernel` computes it for small systems."""
+    """Sum ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2``, which `residual_kernel` computes for small systems."""
 
     rows: Index  # (nnz,): row of each entry
     columns: Index  # (nnz,): column of each entry
@@ -27,7 +27,7 @@ class RowResiduals:
     right: Index  # (size,): index of each entry of the right-hand side among the given values; -1: zero
 
     def write(self, writer: ProgramWriter, given: Index, solution: Index) -> Index:
-        """Write it; the row of the sum, for rows of the given values and of the solution."""
+        """Write the sum for rows of the given values and of the solution; return the row of the sum."""
         zero = writer.sums([[]])[0]
         kinds: dict[int, list[Index]] = {}
         order = np.argsort(self.rows, kind="stable")
@@ -47,7 +47,7 @@ class RowResiduals:
 
 
 def _row(length: int) -> Kernel:
-    """Compile a row of so many terms."""
+    """Compile the squared relative residual of a row with `length` terms."""
 
     def make() -> Kernel:
         import symengine as se

@@ -1,6 +1,6 @@
-"""The layout of the index-1 system, and the code that solves it.
+"""Layout of the index-1 system, and its compiled solution.
 
-Many large systems of one sparse pattern: products, residuals, and solutions by SuperLU.
+`SparsePattern` multiplies and solves many large systems with the same sparsity pattern, by SuperLU.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from uqmbd.typing import Array, Index
 __all__ = ["SparsePattern", "System", "index1_system"]
 
 BLOCK = 256
-"""Systems that are multiplied at once."""
+"""Number of systems in one multiplication."""
 
 PIVOT = 0.1
-"""A pivot may be smaller than the largest entry of its column by this factor, for the sake of sparsity."""
+"""Least ratio of a pivot to the largest entry of its column; a value below 1 allows sparser factors."""
 
 
 @dataclass(frozen=True)
@@ -39,23 +39,23 @@ class SparsePattern:
 
     rows: Index  # (nnz,): sorted; no row is empty
     columns: Index  # (nnz,)
-    source: Index  # (nnz,): index of each entry among the values that are given with a system
+    source: Index  # (nnz,): index of each entry among the given values of a system
     size: int  # number of unknowns
 
     @cached_property
     def starts(self) -> Index:
-        """First entry of each row."""
+        """Index of the first entry of each row."""
         return np.searchsorted(self.rows, np.arange(self.size)).astype(np.int64)
 
     @cached_property
     def compressed(self) -> tuple[Index, Index, Index]:
-        """Order of the entries by columns, their rows, and where each column begins."""
+        """Order of the entries by columns, rows of the ordered entries, and index of the first entry of each column."""
         order = np.lexsort((self.rows, self.columns))
         pointers = np.searchsorted(self.columns[order], np.arange(self.size + 1))
         return order, self.rows[order], pointers
 
     def product(self, values: Array, x: Array) -> Array:
-        """Return the products ``A_k x_k`` (K, size) of systems, given by values (K, value), with vectors (K, size)."""
+        """Return products ``A_k x_k`` (K, size) of systems with values (K, value) and vectors (K, size)."""
         result = np.empty_like(x)
         for first in range(0, len(x), BLOCK):
             part = slice(first, first + BLOCK)
@@ -64,7 +64,7 @@ class SparsePattern:
         return result
 
     def factorise(self, values: Array) -> Factors:
-        """Factorise each system, given by values (K, value), by SuperLU, with its columns ordered for low fill."""
+        """Factorise systems with values (K, value) by SuperLU, with columns ordered for low fill."""
         import scipy.sparse
         import scipy.sparse.linalg
 
@@ -72,14 +72,14 @@ class SparsePattern:
         entries, factors = values.take(self.source[order], axis=1), []
         scales = np.ones((len(values), self.size))
         for k, data in enumerate(entries):
-            # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
+            # scale rows of light bodies, so that pivots of the factorisation compare similar numbers
             largest = np.zeros(self.size)
             np.maximum.at(largest, rows, np.abs(data))
             scales[k] = np.where(largest > 0, largest, 1.0)
             matrix = scipy.sparse.csc_matrix((data / scales[k, rows], rows, pointers), (self.size, self.size))
             try:
                 factor = scipy.sparse.linalg.splu(matrix, diag_pivot_thresh=PIVOT) if np.isfinite(data).all() else None
-            except RuntimeError:  # it is singular
+            except RuntimeError:  # the system is singular
                 factor = None
             factors.append(factor)
         return Factors(tuple(factors), scales)
@@ -89,11 +89,11 @@ class SparsePattern:
 class Factors:
     """Factorised systems."""
 
-    factors: tuple[Any, ...]  # SciPy's object of each system; None where it is singular
-    scales: Array  # (K, size): divisors of its rows
+    factors: tuple[Any, ...]  # SciPy's object of each system; None for singular systems
+    scales: Array  # (K, size): divisors of the rows
 
     def solve(self, right: Array) -> Array:
-        """Solve for right-hand sides (K, size); NaN where a system is singular."""
+        """Solve for right-hand sides (K, size); NaN for singular systems."""
         found = np.full(right.shape, np.nan)
         for k, factor in enumerate(self.factors):
             if factor is not None and np.isfinite(right[k]).all():
@@ -102,11 +102,11 @@ class Factors:
 
 
 ELIMINATION_LIMIT = 100
-"""Unknowns up to which the elimination is one piece of compiled code.
+"""Largest number of unknowns for an elimination in one piece of compiled code.
 
-Beyond, it is compiled by kinds of blocks (`uqmbd.dynamics.linear.fronts`), which takes some 0.1 s however large the
-system is.  One solution takes longer, and a stack of them about as long: measured in
-``studies/benchmarks/growth.py``."""
+The elimination of larger systems is compiled by kinds of blocks (`uqmbd.dynamics.linear.fronts`), in about 0.1 s for
+any size.  One solution by blocks takes longer, and a stack of solutions takes about as long.  The script
+``studies/benchmarks/growth.py`` measures these times."""
 
 
 @dataclass(frozen=True)
@@ -115,53 +115,53 @@ class System:
 
     rows: Index  # (nnz,): row of each entry, sorted
     columns: Index  # (nnz,): column of each entry
-    source: Index  # (nnz,): result that each entry is
+    source: Index  # (nnz,): index of the result for each entry
     size: int
-    motion: Index  # (size,): result that each entry of the right-hand side is; -1: zero
-    # (2, size): result of the ``drift`` evaluator for the projections of coordinates, of velocities; -1: zero
+    motion: Index  # (size,): index of the result for each entry of the right-hand side; -1: zero
+    # (2, size): index of the ``drift`` result for the projections of coordinates and of velocities; -1: zero
     drift: Index
     elimination: Elimination | None = None
     fronts: Fronts | None = None
-    """Compiled elimination by blocks, of a large system."""
+    """Compiled elimination of a large system by blocks."""
     solve: Kernel | FrontalSolver | None = None
-    """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
+    """Compiled map from results of the ``acceleration`` evaluator to accelerations and multipliers."""
     programs: Programs | None = None
-    """Compiled: all that a state determines; None: the system is too large, or singular for all values."""
+    """Compiled functions of a state; None if the system is too large, or singular for all values."""
 
     def matrix(self, values: Array) -> Array:
-        """Dense matrices of results of the ``acceleration`` evaluator (K, result), shape (K, size, size)."""
+        """Return dense matrices (K, size, size) from results (K, result) of the ``acceleration`` evaluator."""
         found = np.zeros((len(values), self.size * self.size))
         found[:, self._entries] = values[:, self.source]
         return found.reshape(len(values), self.size, self.size)
 
     @cached_property
     def _entries(self) -> Index:
-        """Places in a matrix that is written row by row."""
+        """Indices of the entries in a matrix flattened by rows."""
         return self.rows * self.size + self.columns
 
     def right(self, values: Array) -> Array:
-        """Right-hand sides of results of the ``acceleration`` evaluator (K, result), shape (K, size)."""
+        """Return right-hand sides (K, size) from results (K, result) of the ``acceleration`` evaluator."""
         found = np.zeros((len(values), self.size))
         found[:, self._moved] = values[:, self.motion[self._moved]]
         return found
 
     @cached_property
     def _moved(self) -> Index:
-        """Entries of the right-hand side that are not zero for good."""
+        """Indices of the entries of the right-hand side that are not identically zero."""
         return np.flatnonzero(self.motion >= 0)
 
     def drift_sides(self, values: Array) -> list[Array]:
-        """Right-hand sides (K, size) of the two projections, of results of the ``drift`` evaluator (K, result)."""
+        """Return right-hand sides (K, size) of both projections from results (K, result) of the ``drift`` evaluator."""
         return [_taken(values, side) for side in self.drift]
 
     @cached_property
     def pattern(self) -> SparsePattern:
-        """Sparsity pattern of these places, for sparse products and factorisations."""
+        """Sparsity pattern of the system, for sparse products and factorisations."""
         return SparsePattern(self.rows, self.columns, self.source, self.size)
 
 
 def _taken(values: Array, which: Index) -> Array:
-    """Return columns of values (K, value); -1: zero."""
+    """Return the columns `which` of values (K, value); zeros for the index -1."""
     found, used = np.zeros((len(values), len(which))), which >= 0
     found[:, used] = values[:, which[used]]
     return found
@@ -170,8 +170,8 @@ def _taken(values: Array, which: Index) -> Array:
 def index1_system(model: Model, typical: Array | None) -> System:
     """Return the index-1 system of a model with its independent equations.
 
-    The order of elimination is chosen for `typical` results of the ``acceleration`` evaluator (S, result); None: LAPACK
-    solves the systems.
+    The order of elimination is chosen for `typical` results (S, result) of the ``acceleration`` evaluator.  Without
+    `typical` results LAPACK solves the systems.
     """
     derivation.debug("choosing the order of elimination")
     evaluators, layout = model.evaluators, model.layout
@@ -210,7 +210,7 @@ def index1_system(model: Model, typical: Array | None) -> System:
         motion,
         drift,
     )
-    # a pattern that is singular for all values cannot be eliminated; its builder reports what it lacks
+    # a structurally singular pattern cannot be eliminated; its builder reports the reason
     if typical is None or _structural_rank(system) < size:
         return system
     if size > ELIMINATION_LIMIT:
@@ -220,10 +220,10 @@ def index1_system(model: Model, typical: Array | None) -> System:
 
 
 def _structural_rank(system: System) -> int:
-    """Find the largest rank of matrices of the system's pattern.
+    """Return the largest rank of matrices with the system's pattern.
 
-    SciPy's matching takes exponentially long for some orders of rows and columns, those of long chains among them. In a
-    random order its time is negligible.
+    SciPy's matching takes exponentially long for some orders of rows and columns, such as the orders of long chains.
+    The matching of a random order takes negligible time.
     """
     random, size = np.random.default_rng(0), system.size
     rows, columns = (random.permutation(size)[which] for which in (system.rows, system.columns))
@@ -232,7 +232,7 @@ def _structural_rank(system: System) -> int:
 
 
 def _compiled(model: Model, system: System, typical: Array) -> System:
-    """Compile the solution of the system for the right-hand sides that occur: in one piece, if it is not too long."""
+    """Compile the solution for all right-hand sides, in one piece or, if the code is too long, by blocks."""
     given, n = len(model.evaluators["acceleration"].targets), model.layout.coordinates
     motion, place, move = _rights(system, given)
 
@@ -252,7 +252,7 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
 
 
 def _by_blocks(model: Model, system: System, typical: Array) -> System:
-    """Compile the solution of a large system by kinds of blocks, if that can be."""
+    """Compile the solution of a large system by kinds of blocks, if possible."""
     layout = model.layout
     owners = [model.owners[k] for k in layout.kept]
     units = units_of(system.rows, system.columns, layout.coordinates, model.size, owners)
@@ -274,6 +274,6 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
 
 
 def _rights(system: System, given: int) -> tuple[Index, Index, Index]:
-    """Return right-hand sides of the motion and of both projections, whose results follow the `given` ones."""
+    """Return right-hand sides of the motion and of both projections; ``drift`` results follow the `given` results."""
     place, move = np.where(system.drift < 0, -1, given + system.drift)
     return system.motion[None], place[None], move[None]

@@ -1,6 +1,6 @@
-"""Unrolled elimination: Gaussian elimination as compiled code without loops, for many small systems of one pattern.
+"""Unrolled Gaussian elimination: compiled code for many small systems with the same pattern.
 
-The operations of an `Elimination` are written down once, without loops or tests, and compiled.
+The code consists of the operations of an `Elimination`, without loops or tests.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ __all__ = [
 
 
 LIMIT = 4000
-"""Operations up to which compilation pays."""
+"""Largest number of operations for which compilation saves time."""
 
 
 TINY = 1e-150
-"""Added to a sum of magnitudes that may vanish; its square must not underflow."""
+"""Number added to a sum of magnitudes that may vanish; its square must not underflow."""
 
 
 def unroll(
@@ -31,9 +31,9 @@ def unroll(
 ) -> Kernel | None:
     """Compile an elimination, or return None if it has too many operations.
 
-    From `given` values the kernel computes the first `wanted` unknowns, of one right-hand side after the other:
-    infinite or NaN where a pivot vanishes.  The arrays `entries` (entry,) and `rights` (R, size) are the indices of
-    matrix entries and right-hand sides among the given values; -1: zero.
+    From `given` values the kernel computes the first `wanted` unknowns, for one right-hand side after the other.  The
+    unknowns are infinite or NaN if a pivot vanishes.  The arrays `entries` (entry,) and `rights` (R, size) are the
+    indices of matrix entries and right-hand sides among the given values; -1 means zero.
     """
     operations, solution = eliminated(elimination, rows, columns, entries, rights, given, wanted)
     if not is_compilable(operations):
@@ -44,14 +44,14 @@ def unroll(
 
 
 def is_compilable(operations: list[Operation]) -> bool:
-    """Return whether few enough operations remain to be compiled."""
+    """Return whether the number of operations is small enough for compilation."""
     return len(operations) <= LIMIT
 
 
 def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, given: int) -> Kernel:
-    """Compile how well a solution satisfies its system: ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2``.
+    """Compile the squared relative residual ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2`` of a solution.
 
-    Its arguments are the given values and the solution; the others are those of `unroll`.
+    The arguments of the kernel are the given values and the solution.  The parameters are the same as in `unroll`.
     """
 
     def make() -> Kernel:
@@ -75,10 +75,10 @@ def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, g
 def eliminated(
     elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
 ) -> tuple[list[Operation], list[int]]:
-    """Return the operations of an elimination, and the numbers of the wanted unknowns.
+    """Return the operations of an elimination, and the indices of the wanted unknowns.
 
-    The arguments are those of `unroll`.  Each operation makes one value, numbered after the given ones; the unknowns
-    follow by right-hand side.
+    The parameters are the same as in `unroll`.  Each operation computes one value, with an index after the given
+    values.  The indices of the unknowns are ordered by right-hand side.
     """
     value: dict[tuple[int, int], int] = {}
     operations: list[Operation] = []

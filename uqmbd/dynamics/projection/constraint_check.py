@@ -18,19 +18,19 @@ __all__ = ["projected_off"]
 
 
 BLOCK = 2048
-"""States at nodes whose residuals are evaluated at once."""
+"""Number of nodal states for one evaluation of residuals."""
 
 
 def projected_off(projected: ProjectedEquations, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
-    """Find where coefficients (P, T, width) are off the projected constraints by more than the tolerance.
+    """Find the first time at which coefficients (P, T, width) violate the projected constraints beyond the tolerance.
 
-    The number of the first such time, and what to say; 0 and nothing if there is none.
+    Return the index of this time and a message, or 0 and an empty text.
     """
     ensemble, layout = projected.ensemble, projected.model.layout
     if not layout.rank:
         return 0, ""
     nodes, velocities = np.arange(len(ensemble)), layout.velocities
-    # of the means: the first polynomial is one
+    # sizes of the mean coefficients: the first polynomial is one
     size = np.clip(np.abs(ensemble.start.q).max(keepdims=True).ravel(), 1e-3, 1.0)
     speed = np.nanmax(np.abs(coefficients[..., velocities:]), initial=0.0)
     allowed = allowed_residual(rtol)
@@ -42,7 +42,7 @@ def projected_off(projected: ProjectedEquations, times: Array, coefficients: Arr
 
         def ratios(at: Array, which: Index | slice, part: slice = part) -> Array:
             nodal = projected.nodal(coefficients[:, part][:, which])
-            # an equation of the coefficients: its largest one
+            # largest residual over the coefficients, for each equation
             phi, psi = (np.abs(projected.project(x)).max(axis=0)[None] for x in residuals(ensemble, nodes, at, nodal))
             return over_allowed(projected.model, phi, psi, scale, size, np.maximum(speed, 1e-3 * size))
 

@@ -14,16 +14,16 @@ __all__ = ["integrate_coefficients"]
 
 
 SOLVED = 0.01
-"""Accuracy of accelerations, over the tolerance of the integration."""
+"""Ratio of the accuracy of accelerations to the tolerance of the integration."""
 
 WATCHED = 20
-"""Number of calls of an observer."""
+"""Approximate number of calls of an observer."""
 
 
 def integrate_coefficients(
     projected: ProjectedEquations, times: Array, rtol: float, watch: Watch | None = None
 ) -> tuple[IntegrationState, str]:
-    """Integrate; the run holds coefficients (P, T, width), and there is a reason if it could not go on."""
+    """Integrate; return the run with coefficients (P, T, width), and the reason of a failure or an empty text."""
     start, velocities = projected.start, projected.model.layout.velocities
     longest = longest_step(projected.model.rough, times)
     intervals = pace(projected.ensemble, times, rtol, knots=True)

@@ -1,4 +1,4 @@
-"""Implicit integration of the projected stabilised index-2 form by IDA, with the linear solver that suits its size."""
+"""Implicit integration of the projected stabilised index-2 form by IDA, with a linear solver for its size."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
 LINEAR_SOLVERS: tuple[LinearSolver, ...] = ("auto", "dense", "sparse", "krylov-nodal", "krylov-mean")
 
 DENSE_TO = 150
-"""Unknowns up to which a dense factorisation wins."""
+"""Largest number of unknowns for which a dense factorisation is fastest."""
 SPARSE_TO = 400
-"""Unknowns up to which a sparse factorisation wins; beyond, Krylov."""
+"""Largest number of unknowns for which a sparse factorisation is faster than a Krylov solver."""
 
 
 @dataclass
 class ImplicitResult:
     """Result of an implicit integration."""
 
-    coefficients: Array  # (P, T, 2 coordinate + state): NaN from the time at which it stopped
-    message: str = ""  # why it stopped, or empty
+    coefficients: Array  # (P, T, 2 coordinate + state): NaN after an early end
+    message: str = ""  # reason of an early end, or empty
     # residuals, Jacobians or their products, factorisations, preconditioner solutions
     counters: dict[str, float] = field(default_factory=dict)
 
 
 class CoefficientJacobian:
-    """Jacobian of the coefficients in the form that IDA needs."""
+    """Jacobian of the coefficients in the form required by IDA."""
 
     def __init__(self, projected: ProjectedEquations, kind: LinearSolver, counters: dict[str, float]) -> None:
         self.projected, self.counters = projected, counters
@@ -59,7 +59,7 @@ class CoefficientJacobian:
             kind = "dense" if unknowns <= DENSE_TO else "sparse"
         self.kind = kind
         if kind == "sparse":
-            # columns (j, column), in each the rows (i, row): the order of a matrix compressed by columns
+            # order of a matrix compressed by columns: columns (j, column), in each column the rows (i, row)
             order = np.lexsort(
                 (
                     *(x.ravel() for x in np.meshgrid(np.arange(self.terms), self.rows, indexing="ij")[::-1]),
@@ -73,7 +73,7 @@ class CoefficientJacobian:
         self.inverse = np.zeros((0, 0, 0))
 
     def options(self) -> dict[str, Any]:
-        """Options of the solver."""
+        """Return the options of IDA for the linear solver."""
         if self.kind == "dense":
             return {"linsolver": "dense", "jacfn": self._dense}
         if self.kind == "sparse":
@@ -104,7 +104,7 @@ class CoefficientJacobian:
     def _sparse(self, t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
         self._count("factorisations")
         blocks = self.projected.jacobian_blocks(t, self._shaped(y), self._shaped(yp), c)
-        # (i, j, entry) -> column by column
+        # from (i, j, entry) to the order by columns
         jac[:] = blocks.transpose(1, 0, 2).reshape(self.terms, -1)[:, self.order].ravel()
 
     def _evaluate(self, t: float, y: Array, yp: Array, c: float) -> Array:
@@ -127,7 +127,7 @@ class CoefficientJacobian:
             values = (self.projected.weights @ values)[None]
         matrix = np.zeros((len(values), self.n, self.n))
         matrix[:, self.rows, self.columns] = values
-        # rows of light bodies are scaled up: the pivots see comparable numbers
+        # scale rows of light bodies, so that pivots of the factorisation compare similar numbers
         scale = np.abs(matrix).max(axis=2, keepdims=True)
         scale = np.where(scale > 0, scale, 1.0)
         try:
@@ -154,14 +154,14 @@ def implicit(
     linear_solver: LinearSolver = "auto",
     watch: Watch | None = None,
 ) -> ImplicitResult:
-    """Integrate the coefficients by IDA, at output times (T,), s.
+    """Integrate the coefficients by IDA at output times (T,), s.
 
-    The linear solver is dense, sparse, or Krylov with a preconditioner: the exact Jacobians of all nodes, or their
-    mean.  The callable `watch` is called ten times with the coefficients so far, and stops the integration by returning
-    True.
+    The linear solver is dense, sparse, or Krylov.  The Krylov preconditioner consists of the exact Jacobians of all
+    nodes, or of their mean.  IDA pauses about ten times to call `watch` with the coefficients so far; a true return
+    value ends the integration.
     """
     if linear_solver == "auto" and projected.unknowns > SPARSE_TO:
-        # the mean is cheaper where it converges, the nodes are safe
+        # the mean preconditioner costs less if it converges; the nodal preconditioner is robust
         found = implicit(projected, times, rtol, "krylov-mean", watch)
         if not found.message:
             return found
@@ -198,7 +198,7 @@ def implicit(
             state[:, layout.velocities :] += projected.impulse(state, now, rtol)
             path[:, np.flatnonzero(times[1:] == now) + 1] = state[:, None]
         q, s, v = projected.split(state)
-        # an instant later, as a force may jump at the start
+        # use a slightly later time, as a force may jump at the start
         accelerations, multipliers, rates = projected.accelerations(state, now + instant(now))
         y = ensemble.pack(q, s, v, multipliers)
         yp = ensemble.pack(v, rates, accelerations, np.zeros_like(multipliers))
@@ -229,7 +229,7 @@ def _sum(a: dict[str, float], b: dict[str, float]) -> dict[str, float]:
 
 
 def _expanded(projected: ProjectedEquations, y: Array, frozen: Array) -> Array:
-    """Return whole states (P, T, width) of unknowns (P, T, n); frozen coordinates have coefficients (P, frozen)."""
+    """Return full states (P, T, width) from unknowns (P, T, n) and coefficients (P, frozen) of frozen coordinates."""
     layout = projected.model.layout
     where = layout.slices
     result = np.zeros((*y.shape[:2], layout.width))

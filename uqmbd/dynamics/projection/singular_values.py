@@ -1,12 +1,13 @@
-"""Distance of projected constraint Jacobians from singularity, at several times at once, without eigenvalues.
+"""Distance of projected constraint Jacobians from singularity, for several times together.
 
-The projected Jacobian ``A_ij = sum_k adjoint_ik psi_kj d_k`` has P m rows; all eigenvalues of ``A A^T`` took half the
-time of a study.  The smallest one follows from products with the nodal Jacobians ``d_k`` alone, by the method of
-Davidson preconditioned with the mean of ``d_k d_k^T``.  Those of all times are computed together: NumPy's share of a
-step is then paid once.  :func:`scipy.sparse.linalg.lobpcg` takes one problem at a time, and five times as long.
+The projected Jacobian ``A_ij = sum_k adjoint_ik psi_kj d_k`` has P m rows.  The computation of all eigenvalues of
+``A A^T`` took half the time of a study.  The Davidson method needs only products with the nodal Jacobians ``d_k`` for
+the smallest eigenvalue; its preconditioner is the mean of ``d_k d_k^T``.  The eigenvalues of all times are computed
+together, which reduces the overhead of NumPy.  :func:`scipy.sparse.linalg.lobpcg` solves one problem at a time, and
+takes five times as long.
 
-An iteration may stop at an eigenvalue that is not the smallest one, so that none is below is shown: a Cholesky
-factorisation of ``A A^T`` less a bound exists, in single precision where that is enough.
+An iteration may converge to an eigenvalue other than the smallest.  The proof of a lower bound is that the Cholesky
+factorisation of ``A A^T`` minus the bound exists.  Single precision is used if it is sufficient.
 """
 
 from __future__ import annotations
@@ -22,34 +23,34 @@ __all__ = ["smallest_singular_values"]
 
 
 TOLERANCE = 1e-2
-"""Residual of an eigenvector of the product with the transpose, over the eigenvalue, at which it has converged."""
+"""Ratio of the residual of an eigenvector of ``A A^T`` to its eigenvalue, below which the iteration has converged."""
 
 BOUND = 0.99
-"""Part of an eigenvalue below which it is shown that there is no other: 0.5 % of the singular value."""
+"""Ratio of the verified lower bound of all eigenvalues to the computed one: 0.5 % of the singular value."""
 
 SINGLE = 1e-3
-"""Part of the largest eigenvalue from which single precision, of 1e-5 at worst, is enough to show that."""
+"""Least ratio of the bound to the largest eigenvalue for single precision, with an error of at most 1e-5."""
 
 STEPS = 60
-"""Most steps; unconverged values are computed from the whole matrix."""
+"""Largest number of steps; unconverged values are computed from the full matrix."""
 
 MOST, KEPT = 12, 4
-"""Vectors of a basis, and those that are left when it starts again."""
+"""Largest number of vectors of a basis, and number of vectors after a restart."""
 
 SMALL = 64
-"""Rows up to which the whole matrix is cheaper."""
+"""Largest number of rows for which the full matrix costs less."""
 
 CLOSE = 0.998
-"""Part of the smallest value of some nodes that is a bound for those of all others."""
+"""Ratio of the lower bound for squared singular values of all nodes to the value of the candidate node."""
 
 
 def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weights: Array) -> tuple[Array, Array]:
-    """Return the smallest singular values (T,) of projected Jacobians, and the smallest of those at the nodes (T,).
+    """Return the smallest singular values (T,) of projected Jacobians, and the smallest nodal ones (T,).
 
-    The Jacobians (T, K, m, n) have full rank as a rule, with 1 <= m <= n; psi (K, P), adjoint (P, K) and weights (K,).
-    Projected values are accurate to 0.5 %; they are accurate to rounding where the iteration does not converge, as for
-    a singular matrix, or has missed the smallest one.  Nodal values are exact values of nodes that no other undercuts
-    by more than 0.1 %.
+    The Jacobians (T, K, m, n) usually have full rank, with 1 <= m <= n; psi (K, P), adjoint (P, K) and weights (K,).
+    Projected values are accurate to 0.5 %.  They are accurate to rounding if the iteration does not converge, as for a
+    singular matrix, or misses the smallest value.  A nodal value is the exact value of one node; the values of other
+    nodes are less by at most 0.1 %.
     """
     grams = jacobians @ jacobians.swapaxes(2, 3)
     mean = np.einsum("k,tkab->tab", weights, grams)
@@ -68,14 +69,14 @@ def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weigh
 
 
 def _of_nodes(jacobians: Array, grams: Array, mean: Array) -> Array:
-    """Smallest singular value of all nodes: one that is probably the smallest, if it is shown that no other is."""
+    """Return the smallest nodal singular values (T,); check a probable candidate before computing all nodes."""
     rows, every = jacobians.shape[2], np.arange(len(jacobians))
     weakest = np.linalg.eigh(mean)[1][:, None, None, :, 0]
     candidate = np.linalg.norm((weakest @ jacobians)[:, :, 0], axis=2).argmin(axis=1)
     found: Array = np.linalg.svd(jacobians[every, candidate], compute_uv=False)[:, -1]
     for k, (value, some) in enumerate(zip(found, grams, strict=True)):
         try:
-            # it exists if no eigenvalue of any node is below the bound
+            # the factorisation exists if all eigenvalues of all nodes exceed the bound
             np.linalg.cholesky(some - (CLOSE * value**2) * np.eye(rows))
         except np.linalg.LinAlgError:
             found[k] = np.linalg.svd(jacobians[k], compute_uv=False)[:, -1].min()
@@ -83,12 +84,12 @@ def _of_nodes(jacobians: Array, grams: Array, mean: Array) -> Array:
 
 
 def _iterated(jacobians: Array, psi: Array, adjoint: Array, inverse: Array) -> tuple[Array, Mask]:
-    """Smallest singular values of the projected Jacobians (T,), and which of them have converged."""
+    """Return the smallest singular values of the projected Jacobians (T,), and a mask of the converged values."""
     times, _, rows, columns = jacobians.shape
     terms = psi.shape[1]
     to_nodes, to_terms = np.ascontiguousarray(adjoint.T), np.ascontiguousarray(psi.T)
     basis, images = np.zeros((times, MOST, terms * rows)), np.zeros((times, MOST, terms * columns))
-    # from anywhere, so that no part of a mechanism that is by itself is missed
+    # a random start includes all isolated parts of a mechanism
     x = np.random.default_rng(0).standard_normal((times, terms, rows))
     for _ in range(5):
         x = x @ inverse
@@ -120,8 +121,8 @@ def _iterated(jacobians: Array, psi: Array, adjoint: Array, inverse: Array) -> t
 
 
 def _of_the_whole(jacobians: Array, psi: Array, adjoint: Array) -> float:
-    """Smallest singular value of one projected Jacobian, from its entries."""
-    # the precision of a root is enough to see a singularity
+    """Return the smallest singular value of one projected Jacobian, from its entries."""
+    # the square root halves the number of correct digits, which still suffices to detect a singularity
     least = scipy.linalg.eigh(_gram(jacobians, psi, adjoint), eigvals_only=True, subset_by_index=[0, 0])[0]
     return float(np.sqrt(max(least, 0.0)))
 
@@ -137,7 +138,7 @@ def _bounded(jacobians: Array, psi: Array, adjoint: Array, bound: float) -> bool
 
 
 def _gram(jacobians: Any, psi: Any, adjoint: Any) -> Any:
-    """Multiply one projected Jacobian by its transpose, (P m, P m), in the precision that is given."""
+    """Return the product of one projected Jacobian and its transpose, (P m, P m), in the precision of the input."""
     _, rows, columns = jacobians.shape
     terms = psi.shape[1]
     products = np.einsum("ik,kj->ijk", adjoint, psi).reshape(-1, len(psi))

@@ -13,7 +13,7 @@ __all__ = ["ProjectedTrajectories", "Watch"]
 
 
 Watch = Callable[[Array], bool]
-"""Is given the coefficients (P, T, width) so far, NaN from the present time on; true: stop."""
+"""Function of coefficients (P, T, width), NaN from the present time on; a true return value ends the integration."""
 
 
 @typechecked
@@ -24,15 +24,15 @@ class ProjectedTrajectories:
     Attributes
     ----------
     times : array, shape (T,)
-        s.
+        Output times, s.
     coefficients : array, shape (P, T, 2 coordinate + state)
-        Of coordinates, auxiliary states and velocities; NaN from the time on at which it stopped.
+        Coefficients of coordinates, auxiliary states and velocities; NaN after an early end.
     message : str
-        Why it stopped, or empty.
+        Reason of an early end; otherwise empty.
     integrator : str
-        ``dop853``, ``ida``, or ``none`` where nothing moves.
+        Integrator: ``dop853``, ``ida``, or ``none`` if nothing moves.
     counters : dict
-        What it cost.
+        Operations of the integration.
 
     Examples
     --------

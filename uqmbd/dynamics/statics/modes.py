@@ -1,16 +1,16 @@
-"""Eigenfrequencies and damping of a constrained mechanism, linearised about a pose at rest.
+"""Compute eigenfrequencies and damping of a constrained mechanism, linearised about a pose at rest.
 
-Small motions within the constraints are ``dq = N x``, with a basis ``N`` of the null space of ``D``. So neither
-multipliers nor the length of a quaternion add modes::
+Small motions within the constraints are ``dq = N x``, with a basis ``N`` of the null space of ``D``. Multipliers and
+quaternion norms therefore add no modes::
 
     M x'' + C x' + K x + F s = 0        s' = A x + B x' + E s
 
-with ``M``, ``C`` and ``K`` projected by ``N``; ``K`` contains ``(D^T lambda)_q``, the stiffness that constraint forces
-give.  Everything comes from the exact Jacobian of the stabilised index-2 form.  Auxiliary states that only follow the
-bodies (angles that are counted) are eliminated and add to ``K``; only states with dynamics of their own stay as ``s``.
+with ``M``, ``C`` and ``K`` projected by ``N``; ``K`` contains ``(D^T lambda)_q``, the stiffness of constraint forces.
+All matrices are blocks of the exact Jacobian of the stabilised index-2 form.  Auxiliary states that only follow the
+bodies (counted angles) are eliminated and add to ``K``; only states with separate dynamics remain as ``s``.
 
-Time is frozen at the initial time: drivers hold still.  About a pose that is no equilibrium the forces that are not
-balanced are taken to be balanced by constant forces.
+Time is frozen at the initial time, so drivers stand still.  If the pose is not an equilibrium, constant forces are
+assumed to balance the remaining forces.
 """
 
 from __future__ import annotations
@@ -30,40 +30,40 @@ __all__ = ["Modes", "Pairs", "Solved", "eigenpairs", "gathered", "linearise", "n
 
 
 ZERO = 1e-11
-"""Stiffness, as a part of the largest one, that is no stiffness but rounding."""
+"""Stiffness, relative to the largest stiffness, that counts as rounding."""
 
 
 @dataclass(frozen=True)
 class Modes:
     """Eigenvalues and mode shapes of K linearised realisations."""
 
-    # (K, mode), 1/s: of a conjugate pair the one with positive imaginary part, by absolute value; NaN after the last
-    # mode of a realisation with fewer modes
+    # (K, mode), 1/s, sorted by absolute value; of a conjugate pair, the eigenvalue with positive imaginary part; NaN
+    # after the last mode of a realisation with fewer modes
     eigenvalues: NDArray[np.complex128]
-    # of each realisation (time, mode, coordinate), up to a factor of each mode: about a pose at rest at one time, about
-    # a steady motion at the examined times, without their exponential; NaN of rigid-body modes
+    # per realisation (time, mode, coordinate), up to a factor per mode, without the exponential: at one time for a pose
+    # at rest, at the examined times for a steady motion; NaN for rigid-body modes
     shapes: tuple[NDArray[np.complex128], ...]
 
     @property
     def frequency(self) -> Array:
-        """Natural frequencies ``|eigenvalue| / 2 pi``, Hz: of proportional damping, those without it."""
+        """Natural frequencies ``|eigenvalue| / 2 pi``, Hz; with proportional damping, the undamped frequencies."""
         return np.asarray(np.abs(self.eigenvalues) / (2 * np.pi))
 
     @property
     def damping_ratio(self) -> Array:
-        """``-Re(eigenvalue) / |eigenvalue|``.
+        """Damping ratios ``-Re(eigenvalue) / |eigenvalue|``.
 
-        1 of modes that decay without oscillation, -1 of those that grow so, 0 of rigid-body modes.
+        Without oscillation, the ratio is 1 for modes that decay and -1 for modes that grow; rigid-body modes have 0.
         """
         size = np.abs(self.eigenvalues)
         return np.asarray(0.0 - self.eigenvalues.real / np.where(size == 0, 1.0, size))
 
 
 def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
-    """Linearise K realisations about poses at rest (K, coordinate) that satisfy the constraints.
+    """Linearise K realisations about poses at rest (K, coordinate), which satisfy the constraints.
 
-    There is a mode for each degree of freedom; an overdamped one gives two.  Modes are NaN where a pose is not finite
-    or a mass is not positive.
+    Each degree of freedom has one mode, or two if it is overdamped.  Modes are NaN if a pose is not finite or a mass is
+    not positive.
     """
     rest, every = RestEquations(ensemble), np.arange(len(ensemble))
     layout = ensemble.model.layout
@@ -104,7 +104,7 @@ def gathered(each: Sequence[Solved]) -> Modes:
 
 
 def _multipliers(mass: Array, transposed: Array, force: Array) -> Array:
-    """Multipliers at rest: ``M a + D^T lambda = Q``, ``D a = 0``."""
+    """Return multipliers at rest: ``M a + D^T lambda = Q``, ``D a = 0``."""
     count, n, m = transposed.shape
     matrix = np.zeros((count, n + m, n + m))
     matrix[:, :n, :n], matrix[:, :n, n:] = mass, transposed
@@ -115,13 +115,13 @@ def _multipliers(mass: Array, transposed: Array, force: Array) -> Array:
 
 
 Pairs = tuple[NDArray[np.complex128], NDArray[np.complex128]]
-"""Eigenvalues (mode,), and their vectors as columns."""
+"""Eigenvalues (mode,), and eigenvectors as columns."""
 
 
 def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> Pairs:
-    """Eigenvalues of one realisation, one of each pair, sorted, and their vectors in the directions of the basis."""
+    """Return sorted eigenvalues of one realisation, one per conjugate pair, and eigenvectors in the basis."""
     own = (blocks["sq"] != 0).any(axis=1) | (blocks["ss"] != 0).any(axis=1)
-    # the others follow the coordinates: ds = T dq with T = dg/dv
+    # states without separate dynamics follow the coordinates: ds = T dq with T = dg/dv
     carry = np.where(own[:, None], 0.0, -blocks["sv"])
     whole = blocks["vq"] + blocks["vs"] @ carry
     largest = float(np.abs(whole).max(initial=0.0))
@@ -154,9 +154,9 @@ def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> Pairs:
 
 
 def eigenpairs(matrix: Array, zeros: int, twice: int) -> Pairs:
-    """Return sorted eigenvalues and vectors of a first-order matrix (n, n), one of each conjugate pair.
+    """Return sorted eigenvalues and eigenvectors of a first-order matrix (n, n), one per conjugate pair.
 
-    There are `zeros` eigenvalues at zero, whose vectors are NaN; `twice` of them are double.
+    The matrix has `zeros` eigenvalues at zero, with NaN vectors; `twice` of these eigenvalues are double.
     """
     values, vectors = np.linalg.eig(matrix)
     values, vectors = values.astype(complex), vectors.astype(complex)
@@ -169,7 +169,7 @@ def eigenpairs(matrix: Array, zeros: int, twice: int) -> Pairs:
 
 
 def zeros_of(static: Array, first: Array, noise: float) -> tuple[int, int]:
-    """Count modes at zero, and those of them that are double eigenvalues (bodies that move on undamped)."""
+    """Count modes at zero, and double eigenvalues among them (undamped free motion of bodies)."""
     left, values, right = np.linalg.svd(static)
     none = values <= max(noise, 1e-13 * float(values[:1].max(initial=0.0)))
     if not none.any():
@@ -180,7 +180,7 @@ def zeros_of(static: Array, first: Array, noise: float) -> tuple[int, int]:
 
 
 def sorted_pairs(values: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> Pairs:
-    """Sort eigenvalues and their vectors, which are columns, by their size."""
-    size = np.round(np.abs(values), 12)  # a growing mode behind the decaying one of the same size
+    """Sort eigenvalues and eigenvectors (columns) by the absolute value of the eigenvalues."""
+    size = np.round(np.abs(values), 12)  # a growing mode comes after the decaying mode of the same size
     order = np.lexsort((values.real, size))
     return np.asarray(values[order], dtype=complex), np.asarray(vectors[:, order], dtype=complex)

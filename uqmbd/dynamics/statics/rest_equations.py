@@ -1,15 +1,14 @@
-"""The equations of motion at rest, and their exact derivatives, for statics and linearisation.
+"""Equations of motion at rest, and their exact derivatives, for statics and linearisation.
 
 The unknowns at rest, at one time, are the coordinates ``q``, the auxiliary states ``s`` and the multipliers ``lambda``
 of the stabilised index-2 form. Their equations are::
 
     0 = -Q(q, s) + D(q, s)^T lambda        s' = g(q, s)        0 = Phi(q, s)
 
-Coordinates that a constraint holds for good (``Layout.frozen``) are no unknowns here either.
+Coordinates fixed permanently by a constraint (``Layout.frozen``) are not unknowns in these equations either.
 
-An auxiliary state is carried along when the pose changes: ``ds = T dq`` with ``T = dg/dv``, its rate per velocity.  A
-state whose rate depends on the state itself (that relaxes) has an equilibrium of its own instead, ``g(q, s) = 0``, and
-``T`` follows from that.
+An auxiliary state changes with the pose by ``ds = T dq`` with ``T = dg/dv``, its rate per velocity.  A relaxing state,
+whose rate depends on the state itself, has a separate equilibrium ``g(q, s) = 0`` instead, which determines ``T``.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ __all__ = ["Forces", "RestEquations", "apply", "tangents"]
 
 
 def apply(matrices: Array, vectors: Array) -> Array:
-    """Multiply each matrix (K, m, n) with its vector (K, n)."""
+    """Multiply matrices (K, m, n) with vectors (K, n)."""
     product: Array = (matrices @ vectors[:, :, None])[:, :, 0]
     return product
 
@@ -43,13 +42,13 @@ def tangents(gradient: Array) -> Array:
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces, constraints and rates of auxiliary states, of K states at rest."""
+    """Forces, constraints and rates of auxiliary states in K states at rest."""
 
     force: Array  # (K, n): applied generalised forces Q on the unknown coordinates
     phi: Array  # (K, m): constraints
-    rates: Array  # (K, k): of the auxiliary states
+    rates: Array  # (K, k): rates of the auxiliary states
     gradient: Array  # (K, m, n): D
-    carry: Array  # (K, k, n): T, derivative of the auxiliary states by the coordinates
+    carry: Array  # (K, k, n): T, derivative of the auxiliary states with respect to the coordinates
     settle: Array  # (K, k): change of the relaxing auxiliary states to their equilibrium
 
     def select(self, members: Index) -> Forces:
@@ -57,16 +56,16 @@ class Forces:
         return Forces(**{name: value[members] for name, value in vars(self).items()})
 
     def multipliers(self) -> Array:
-        """Multipliers that balance the forces as well as constraints can, in the least-squares sense."""
+        """Return the multipliers that balance the forces in the least-squares sense, (K, m)."""
         return _normal(self.gradient, apply(self.gradient, self.force))
 
     def within(self, direction: Array) -> Array:
-        """Part of directions (K, n) along which the constraints stay closed."""
+        """Project directions (K, n) onto the tangent space of the constraints."""
         back = _normal(self.gradient, apply(self.gradient, direction))
         return direction - apply(self.gradient.transpose(0, 2, 1), back)
 
     def closing(self) -> Array:
-        """Smallest change of the coordinates that closes the constraints, to first order."""
+        """Return the smallest change of the coordinates that closes the constraints to first order, (K, n)."""
         return -apply(self.gradient.transpose(0, 2, 1), _normal(self.gradient, self.phi))
 
 
@@ -81,11 +80,12 @@ def _normal(gradient: Array, right: Array) -> Array:
             return np.asarray(x, dtype=float)
     except np.linalg.LinAlgError:
         pass
+    # the tolerance is squared, because singular values of the Gram matrix are squares of singular values of D
     return apply(np.linalg.pinv(np.nan_to_num(gram), rcond=RANK_TOLERANCE**2, hermitian=True), right)
 
 
 class RestEquations:
-    """Equations of realisations at rest, whose assembled start gives the frozen coordinates."""
+    """Equations of realisations at rest; the assembled start determines the frozen coordinates."""
 
     def __init__(self, ensemble: Batch) -> None:
         self.model, self.parameters = ensemble.model, ensemble.block
@@ -104,14 +104,15 @@ class RestEquations:
         if self.states:
             every = np.arange(len(ensemble))
             own = self.derivatives(every, self.coordinates(ensemble.start.q), ensemble.start.s)["ss"]
+            # no tolerance is needed: the derivative is exactly zero if the rate does not contain the state
             self.relaxing = np.diagonal(own, axis1=1, axis2=2) != 0
 
     def coordinates(self, q: Array) -> Array:
-        """Return the unknown coordinates from all of them, shape (K, n)."""
+        """Select the unknown coordinates from all coordinates, shape (K, n)."""
         return q[:, self.model.layout.free]
 
     def whole(self, members: Index, q: Array) -> Array:
-        """All coordinates, with the frozen ones."""
+        """Return all coordinates, including the frozen ones."""
         layout = self.model.layout
         result = np.zeros((len(q), layout.coordinates))
         result[:, layout.free], result[:, layout.frozen] = q, self.frozen[members]
@@ -120,7 +121,7 @@ class RestEquations:
     def forces(self, members: Index, q: Array, s: Array) -> Forces:
         """Evaluate forces and constraints at rest of members (K,), at coordinates (K, n) and auxiliary states (K, k).
 
-        The coordinates are the unknown ones.
+        The arguments `q` are the unknown coordinates.
         """
         layout = self.model.layout
         where = layout.slices
@@ -133,6 +134,7 @@ class RestEquations:
         rates = -full[:, where["s"]]
         if self.states:
             relaxing = self.relaxing[members]
+            # relaxing states solve g(q, s) = 0; other states integrate velocities, so that ds = -(dr/dv) dq
             matrix = np.where(relaxing[:, :, None], found["ss"], np.eye(self.states))
             right = np.where(relaxing[:, :, None], -found["sq"], -found["sv"])
             settled = np.where(relaxing, rates, 0.0)[:, :, None]
@@ -144,9 +146,9 @@ class RestEquations:
     def derivatives(
         self, members: Index, q: Array, s: Array, multipliers: Array | None = None, c: float = 0.0
     ) -> dict[str, Array]:
-        """Blocks of the Jacobian of the residual at rest, ``dr/dy + c dr/dy'``, by row and column.
+        """Return blocks of the Jacobian of the residual at rest, ``dr/dy + c dr/dy'``, by row and column.
 
-        ``vq``, ``vs``, ``vv``, ``vl``, ``sq``, ``ss`` and ``sv``, each of shape (K, rows, columns).
+        The blocks are ``vq``, ``vs``, ``vv``, ``vl``, ``sq``, ``ss`` and ``sv``, each of shape (K, rows, columns).
         """
         arguments = self._arguments(members, q, s, multipliers, (c,))
         values = self.model.evaluators["jacobian"](arguments, self.parameters[members])
@@ -159,7 +161,7 @@ class RestEquations:
         return result
 
     def recomputed(self, members: Index, q: Array) -> Array:
-        """Auxiliary states as they would start at a pose."""
+        """Return the initial auxiliary states for a pose, (K, k)."""
         full = self.whole(members, q)
         arguments = state_arguments(self.time, full, np.zeros((len(q), self.states)), np.zeros_like(full))
         return self.model.evaluate("initial", arguments, self.parameters[members])["s"]

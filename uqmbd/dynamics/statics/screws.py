@@ -1,8 +1,8 @@
-"""Continuation of a steady motion: each body turns with a frame of constant angular velocity, and spins in it.
+"""Continuation of a steady motion: each body rotates with a frame of constant angular velocity, and spins in it.
 
 With the angular velocity ``W`` of the frame of a body and its spin ``sigma = R^T (omega - W)``, which is constant in
 the body, its rotation is ``exp(W t) R exp(sigma t)``; the velocity of its origin turns with a frame of angular velocity
-``U``.  The frames follow from velocities, accelerations and, where these leave a choice, the frames of other bodies.
+``U``.  Velocities and accelerations determine the frames; any remaining choice follows the frames of other bodies.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ __all__ = ["Screws", "cross_matrix", "left_product", "screws_of"]
 
 
 SAME = 1e-6
-"""Part of an acceleration that counts as none."""
+"""Relative part of an acceleration that counts as zero."""
 
 PHASES = (0.0, 0.37, 1.13, 2.6)
-"""Turns of a frame, rad, at which a steady motion is examined."""
+"""Rotation angles of a frame, rad, at which a steady motion is examined."""
 
 NONE = 1e-7
-"""Acceleration, over the largest one, that counts as zero: the remainder of Newton's method."""
+"""Acceleration, relative to the largest, that counts as zero: the residual of Newton's method."""
 
 LEAST = 1e-9
-"""Acceleration, m/s^2 or rad/s^2, that is none but rounding."""
+"""Acceleration, m/s^2 or rad/s^2, that counts as rounding."""
 
 SLOW = 1e-6
-"""Angular velocity, rad/s, up to which nothing turns."""
+"""Angular velocity, rad/s, that counts as zero."""
 
 
 def cross_matrix(x: Array) -> Array:
-    """Matrix of ``x ×``."""
+    """Return the matrix of ``x ×``."""
     return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
 
 
 def left_product(x: Array) -> Array:
-    """Matrix of the product of quaternions ``(0, x) e``, by ``e``."""
+    """Return the matrix of the quaternion product ``(0, x) e``, as a linear map of ``e``."""
     a, b, c = x
     return np.array([[0, -a, -b, -c], [a, 0, -c, b], [b, c, 0, -a], [c, -b, a, 0]])
 
@@ -54,10 +54,10 @@ def _right_product(x: Array) -> Array:
 
 @dataclass(frozen=True)
 class Screws:
-    """The steady motion of one realisation."""
+    """Steady motion of one realisation."""
 
     model: Model
-    places: Array  # (body, 3): at the initial time, as in space
+    places: Array  # (body, 3): positions at the initial time, in three dimensions
     quaternions: Array  # (body, 4): at the initial time
     velocities: Array  # (body, 3): at the initial time
     turning: Array  # (body, 3): angular velocities W of frames, world axes
@@ -74,9 +74,9 @@ class Screws:
 
     @property
     def times(self) -> list[float]:
-        """Times after the initial one at which a steady motion is examined, s.
+        """Return times after the initial time at which a steady motion is examined, s.
 
-        At some angles that the fastest frame has turned by, and at those of the slowest turn of one frame in another.
+        The times correspond to rotation angles of the fastest frame, and of the slowest rotation between two frames.
         """
         vectors = [*self.frames, *self.spin]
         turns = [float(np.linalg.norm(x - y)) for x, y in combinations(vectors, 2)]
@@ -88,7 +88,7 @@ class Screws:
 
     @property
     def frames(self) -> list[Array]:
-        """Angular velocities of frames that may see constant coefficients; at rest first."""
+        """Return angular velocities of candidate frames for constant coefficients; the frame at rest is first."""
         found = [np.zeros(3)]
         every = np.concatenate([self.turning, self.moving, self.turning + self._spins()])
         limit = 1e-7 * max(self.fastest, 1e-12)
@@ -98,7 +98,7 @@ class Screws:
         return found
 
     def _spins(self) -> Array:
-        """Spins in world axes, of bodies that spin about the axis of their frame only: elsewhere no frame has them."""
+        """Spins in world axes of bodies that spin about the axis of their frame; other spins belong to no frame."""
         found = np.zeros_like(self.spin)
         for b, (e, w, x) in enumerate(zip(self.quaternions, self.turning, self.spin, strict=True)):
             spin = _rotation(e) @ x
@@ -107,7 +107,7 @@ class Screws:
         return found
 
     def attitudes(self, after: float) -> tuple[Array, Array, Array]:
-        """Quaternions of the bodies, and their first and second rates, at a time after the initial one."""
+        """Return quaternions of the bodies and their first and second rates, at a time after the initial time, s."""
         found = []
         for e, w, x in zip(self.quaternions, self.turning, self.spin, strict=True):
             left, right = left_product(w) / 2, _right_product(x) / 2
@@ -118,10 +118,10 @@ class Screws:
         return a, b, c
 
     def at(self, after: float) -> tuple[Array, Array, Array, Array, Array]:
-        """Coordinates, velocities, accelerations, auxiliary states and their rates, at a time after the initial one."""
+        """Return coordinates, velocities, accelerations, auxiliary states and their rates, `after` s from the start."""
         r, v, a = [], [], []
         for place, speed, u in zip(self.places, self.velocities, self.moving, strict=True):
-            turn = np.zeros((6, 6))  # of (integral of the velocity, velocity)
+            turn = np.zeros((6, 6))  # matrix for (integral of the velocity, velocity)
             turn[:3, 3:], turn[3:, 3:] = np.eye(3), cross_matrix(u)
             moved = expm(after * turn) @ np.concatenate([np.zeros(3), speed])
             r.append(place + moved[:3])
@@ -146,7 +146,7 @@ def _rotation(e: Array) -> Array:
 
 
 def _spatial(model: Model, x: Array, quaternion: float) -> tuple[Array, Array]:
-    """Coordinates, or their rates, as in space: of places (body, 3) and quaternions (body, 4)."""
+    """Return coordinates, or their rates, in three dimensions: positions (body, 3) and quaternions (body, 4)."""
     d, size = model.dimension, model.size
     parts = x.reshape(-1, size)
     places, e = np.zeros((len(parts), 3)), np.zeros((len(parts), 4))
@@ -159,14 +159,14 @@ def _spatial(model: Model, x: Array, quaternion: float) -> tuple[Array, Array]:
 
 
 def _angular(e: Array, rates: Array) -> Array:
-    """Vector parts of ``2 rates e*``."""
+    """Return the vector parts of ``2 rates e*``."""
     conjugate = e * np.array([1, -1, -1, -1])
     vector = rates[:, :1] * conjugate[:, 1:] + conjugate[:, :1] * rates[:, 1:]
     return np.asarray(2 * (vector + np.cross(rates[:, 1:], conjugate[:, 1:])))
 
 
 def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> Screws | str:
-    """Return the screws of the bodies of one realisation in a steady motion, or a message on why it is not steady."""
+    """Return the screws of the bodies of one realisation in a steady motion, or the reason why it is not steady."""
     row = parameters[None]
 
     def motion(x: Array, y: Array, z: Array, time: float) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
@@ -175,7 +175,7 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
         velocity, e1 = _spatial(model, z, 0.0)
         acceleration, e2 = _spatial(model, a, 0.0)
         omega = _angular(e, e1)
-        # the square of a rate is a number: it has no part in the vector
+        # the square of a rate is a scalar and does not contribute to the vector part
         return velocity, acceleration, omega, _angular(e, e2), a, rates, e
 
     velocity, acceleration, omega, alpha, a, rates, e = motion(q, s, v, model.time)
@@ -189,7 +189,7 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
         found = motion(q + t * v + t * t / 2 * a, s + t * rates, v + t * a, model.time + t)
         return found[1], found[3]
 
-    # the rate at the middle of any curve through the state with its rates, by differences of order 4
+    # rate at the middle of any curve through the state with its rates, by differences of order 4
     ends = [jerk(x) for x in (-2.0, -1.0, 1.0, 2.0)]
     jerks, snaps = ((x - 8 * y + 8 * z - w) / (12 * h) for x, y, z, w in zip(*ends, strict=True))
     known = [np.zeros(3), *omega]
@@ -197,7 +197,7 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
     floor = NONE * angular + LEAST
     turning = [_frame(w, b, c, known, fastest, floor) for w, b, c in zip(omega, alpha, snaps, strict=True)]
     known += [x for x in turning if x is not None]
-    # points away from origins move with the angular velocities
+    # points off the origins move with the angular velocities
     linear = max(float(np.abs(acceleration).max(initial=0.0)), float(np.abs(velocity).max(initial=0.0)) * fastest)
     largest = max(linear, angular * model.length)
     floor = NONE * largest + LEAST
@@ -213,24 +213,24 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
 
 
 def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: float, floor: float) -> Array | None:
-    """Return the angular velocity of a frame in which a vector of known rates is constant; None: there is none.
+    """Return the angular velocity of a frame in which a vector with known rates is constant; None if none exists.
 
-    One of the `known` ones if there is one that fits, the slowest first.
+    A suitable angular velocity from `known` is preferred, the slowest first.
     """
     size = float(np.linalg.norm(x))
     noise = max(SAME * size * fastest, floor)
     fitting = [w for w in known if np.linalg.norm(np.cross(w, x) - rate) <= noise]
-    # what is constant is not turned
+    # constants are not rotated
     fitting = [w for w in fitting if np.linalg.norm(np.cross(w, rate) - second) <= 1e3 * noise * fastest]
     if fitting:
         return min(fitting, key=lambda w: float(np.linalg.norm(w)))
     if abs(float(rate @ x)) > 1e2 * noise * size or size <= 1e-9:
         return None
-    # W x X = X' leaves the part along X open; W x X' = X'' gives it
+    # W x X = X' does not determine the part along X; W x X' = X'' determines it
     across = np.cross(x, rate) / size**2
     unit = x / size
     along = np.cross(unit, rate)
-    if np.linalg.norm(along) <= noise:  # it does not turn, and changes all the same
+    if np.linalg.norm(along) <= noise:  # the vector does not rotate but changes
         return None
     part = float(along @ (second - np.cross(across, rate)) / max(float(along @ along), 1e-300))
     return np.asarray(across + part * unit)

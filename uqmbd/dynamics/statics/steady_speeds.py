@@ -1,9 +1,9 @@
-"""Velocities of a steady motion: drivers go on, stated velocities hold, and nothing else moves relative to its carrier.
+"""Compute velocities of a steady motion from drivers and given velocities; other bodies move with their carriers.
 
-A steady motion keeps its shape. The constraints, the drivers and stated velocities leave a space of velocities. Of
-these the motion is chosen in which connected bodies move least relative to each other: a pendulum hinged on a shaft
-goes round with it and does not swing. Where the shaft and the ground pull a body in different ways either may win; both
-are tried (`ORDERS`), and what is no steady motion is found out by the equations of motion.
+A steady motion keeps its shape. The constraints, drivers and given velocities determine a space of velocities. In this
+space, the chosen motion has the least relative motion of connected bodies: a pendulum hinged on a shaft rotates with it
+and does not swing. If the shaft and the ground imply different motions of a body, both orders are tried (`ORDERS`), and
+the equations of motion reject unsteady motions.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ __all__ = ["ORDERS", "flow", "solve_steady_speeds", "twists"]
 
 
 ORDERS = (("bodies", "ground"), ("ground", "bodies"))
-"""Order in which relative motions vanish."""
+"""Orders in which relative motions are minimised."""
 
 RANK = 1e-9
 """Relative size below which a singular value counts as zero."""
 
 
 def twists(model: Model, q: Array) -> Array:
-    """Matrices from the rates of a body's coordinates to its velocity and angular velocity, (K, body, 6, size).
+    """Return matrices from rates of body coordinates to velocity and angular velocity, (K, body, 6, size).
 
-    World axes; the motions of a space of fewer dimensions are those within it.
+    Vectors are in world axes; motions in a space of fewer dimensions are embedded in three dimensions.
     """
     count, d, size = len(q), model.dimension, model.size
     found = np.zeros((count, len(model.bodies), 6, size))
@@ -46,7 +46,7 @@ def twists(model: Model, q: Array) -> Array:
 
 
 def _relative(model: Model, q: Array, *, ground: bool) -> Array:
-    """Rows of motions of connected bodies relative to one another, by the velocities, shape (K, row, n)."""
+    """Return rows of the relative motions of connected bodies as functions of velocities, shape (K, row, n)."""
     count, n = q.shape
     turned = twists(model, q)
     places = np.zeros((count, len(model.bodies), 3))
@@ -69,7 +69,7 @@ def _relative(model: Model, q: Array, *, ground: bool) -> Array:
 def solve_steady_speeds(
     model: Model, q: Array, s: Array, time: float, parameters: Array, order: tuple[str, ...]
 ) -> Array:
-    """Return velocities (K, n) at poses (K, n), by the rule of this module; `order` is one of `ORDERS`, time in s."""
+    """Return velocities (K, n) at poses (K, n) by the rule of this module; `order` is in `ORDERS`, `time` in s."""
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     kept = model.layout.kept
     rows, values = [found["d"][:, kept], *statement_rows(model, q)], [-found["phi_t"][:, kept]]
@@ -96,7 +96,7 @@ def solve_steady_speeds(
 
 
 def _inverse(matrices: Array, smallest: float) -> Array:
-    """Pseudo-inverses; singular values below a size are none."""
+    """Return pseudo-inverses; singular values below the size `smallest` count as zero."""
     u, values, vt = np.linalg.svd(matrices, full_matrices=False)
     with np.errstate(divide="ignore"):
         inverted = np.where(values > smallest, 1 / values, 0.0)
@@ -106,7 +106,7 @@ def _inverse(matrices: Array, smallest: float) -> Array:
 def flow(
     model: Model, q: Array, s: Array, time: float, parameters: Array, order: tuple[str, ...], step: float
 ) -> tuple[Array, Array]:
-    """Follow the velocities of the rule for a step of time (Runge-Kutta of order 4); coordinates and states there."""
+    """Integrate the velocities of the rule over a step, s (Runge-Kutta of order 4); return coordinates and states."""
 
     def slope(x: Array, y: Array, at: float) -> tuple[Array, Array]:
         v = solve_steady_speeds(model, x, y, at, parameters, order)

@@ -1,11 +1,11 @@
-"""Places along a motion at which an expression is no finite real number, or cannot be resolved.
+"""Find places along a motion at which an expression is not finite and real, or cannot be resolved.
 
-Values at the places of parts show most of that, but not all.  What is computed from an expression may be real where the
-expression is not, as the square of a root; a pole is between two places, and a gap may be narrower than their distance.
-So the parts of an expression that have to be positive, or other than zero, are resolved, too.  Where one of them is
-zero the expression is followed towards that place: a ratio of two numbers that vanish together stays finite.
+Values at the places of parts show most such places, but not all.  The square of a root is real even where the root is
+not; a pole is between two places, and a gap may be narrower than their distance.  Parts of an expression that must be
+positive or nonzero are therefore also resolved.  At a zero of such a part, the limit of the expression is examined: a
+ratio of two numbers that vanish together remains finite.
 
-How fast an expression of time changes at most, by its symbols alone.
+The symbols of an expression of time also bound its rate of change.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["Domain", "Unresolved", "domain_map", "exponential_types", "not_finite_since", "outside_since", "unresolved"]
 
 DEGREE = 16
-"""Degree of the polynomials in time, at most: those of a high degree have narrow peaks, as ``(t * (1 - t))**10000``."""
+"""Largest degree of polynomials in time; a high degree has narrow peaks, such as ``(t * (1 - t))**10000``."""
 
 MANY = 64
-"""Terms, at most."""
+"""Largest number of terms."""
 
 
 def exponential_types(expression: sympy.Expr) -> tuple[sympy.Expr, ...] | None:
-    """Return numbers, the largest of which is the exponential type of an expression of time, rad/s; None: unknown."""
+    """Return numbers whose maximum is the exponential type of an expression of time, rad/s; None: unknown."""
     found = _growth(expression)
     return None if found is None or found[1] > DEGREE else tuple(found[0])
 
@@ -72,43 +72,44 @@ def _growth(e: sympy.Expr) -> tuple[list[sympy.Expr], sympy.Expr] | None:
 
 
 INTEGRAL = 3
-"""Kind of parts that are resolved (`Need.kind`): equally everywhere."""
+"""Kind of uniformly resolved parts (`Need.kind`)."""
 
 ROUNDS = 20
-"""Most rounds that narrow the place of a zero: to rounding."""
+"""Largest number of rounds to locate a zero to rounding."""
 
 OCTAVES = 36
-"""Halvings of the distance at which an expression is followed towards the zero of a part."""
+"""Number of halvings of the distance to the zero of a part, at which an expression is evaluated."""
 
 GROWING = 10
-"""Halvings one after the other in which it changes as much as before, from which on it has no limit there."""
+"""Number of consecutive halvings without decreasing changes that indicates a missing limit."""
 
 STEADY = 0.99
-"""Part of the change in a halving that the next one has at least there: 1 of a logarithm, more of a pole.
+"""Least ratio of the changes in consecutive halvings without a limit: 1 for a logarithm, larger for a pole.
 
-Less of a finite limit: ``2**-p`` of a power with the exponent p.  Those below 0.015 are taken for infinite.
+The ratio of a finite limit is smaller: ``2**-p`` for a power with the exponent p.  Exponents below 0.015 count as
+infinite.
 """
 
 CHANGE = 1e-12
-"""Change, as a part of the values, that is none: rounding."""
+"""Change, relative to the values, that counts as rounding."""
 
 DEEPEST = 40
-"""Divisions after which a part is accepted: as in ``parts.c``."""
+"""Number of divisions after which a part is accepted, as in ``parts.c``."""
 
 
 @dataclass(frozen=True)
 class Domain:
     """Conditions under which expressions are finite real numbers."""
 
-    parts: OutputMap | None  # of the expressions; None: they are finite real numbers everywhere
-    # of each expression: index of a part, and whether it must differ from zero; else it must not be negative
+    parts: OutputMap | None  # parts of the expressions; None: the expressions are finite and real everywhere
+    # for each expression: index of a part, and whether it must be nonzero; else it must not be negative
     conditions: tuple[tuple[tuple[int, bool], ...], ...]
     timed: TimedOutputs | None = None  # expressions of time and inputs alone
-    exact: tuple[bool, ...] = ()  # whether a part is one of them: it has no integration error
+    exact: tuple[bool, ...] = ()  # whether a part is an expression of time and inputs alone, without integration error
 
     @property
     def needs(self) -> list[Need]:
-        """Quantities that have to be resolved."""
+        """Quantities to resolve."""
         return [] if self.parts is None else [Need(INTEGRAL, 0.0, k) for k in range(len(self.parts.names))]
 
 
@@ -117,11 +118,11 @@ def domain_map(
 ) -> Domain:
     """Compile the conditions under which expressions are finite real numbers.
 
-    The expressions are `written` by the user, and evaluated in the form `followed`; `compiled` makes a map of outputs.
+    The expressions `written` by the user are evaluated in the form `followed`; `compiled` returns a map of outputs.
     """
     found = []
     for expression, shown in zip(written, followed, strict=True):
-        # what does not change along a motion shows in all values, or in none
+        # a constant condition is violated by all values or by none
         shown_by = domain_of(shown)
         found.append([one for one in domain_of(expression) if one.moves or one not in shown_by])
     parts = list(dict.fromkeys(one.part for some in found for one in some))
@@ -137,7 +138,7 @@ def domain_map(
 
 
 def not_finite_since(parts: StepParts, column: int) -> Array:
-    """Find when a value of an output is no finite number first, s, of each realisation, shape (R,); infinite: never."""
+    """Find the first time at which an output is not finite, s, of each realisation, shape (R,); infinite: never."""
     since = np.full(len(parts.first), np.inf)
     which = parts.unknown
     if len(which):
@@ -174,7 +175,7 @@ def outside_since(
 
 
 def _negative_since(motion: SteppedMotion, domain: Domain, column: int, parts: StepParts, slack: Array) -> Array:
-    """Find when a part is below zero first, s, shape (R,), where it is by more than its own error."""
+    """Find the first time at which a part is negative by more than its error, s, shape (R,)."""
     assert domain.parts is not None
     since = np.full(len(parts.first), np.inf)
     which = np.flatnonzero(parts.of("least", column) < -slack[parts.number])
@@ -183,7 +184,7 @@ def _negative_since(motion: SteppedMotion, domain: Domain, column: int, parts: S
     place, _ = parts.fitted(column).peaks(-1.0, which)
     table, order = parts.table, parts.order[which]
     at = table.low[order] + 0.5 * (1 + place) * (table.high[order] - table.low[order])
-    # beside a jump a polynomial reaches values that there are not
+    # next to a jump, a polynomial overshoots
     value = motion.observed(domain.parts, table.step[order], at, at)[:, column, 0]
     which = which[value < -slack[parts.number[which]]]
     rows, earliest = np.unique(parts.number[which], return_index=True)
@@ -200,7 +201,7 @@ def _negative_since(motion: SteppedMotion, domain: Domain, column: int, parts: S
 
 
 def _fine(parts: StepParts, column: int, which: Index) -> Array:
-    """Values of some parts at the fine places, (N, fine); at the ends those that are known."""
+    """Return values of some parts at the fine places, (N, fine), with known values at the ends."""
     series, values = (parts.of(name, column, which) for name in ("coefficients", "values"))
     fine = np.polynomial.chebyshev.chebvander(FINE, series.shape[1] - 1) @ series.T
     fine[[0, -1]] = values[:, [0, -1]].T
@@ -259,7 +260,7 @@ def _unbounded_since(motion: SteppedMotion, outputs: OutputMap, column: int, zer
     """Find the first zeros of a part at which an expression has no finite limit, s, of each realisation, shape (R,)."""
     since = np.full(count, np.inf)
     _, earliest = np.unique(zeros.number, return_index=True)
-    # mostly the first ones settle it
+    # the first zeros are mostly sufficient
     for some in (zeros.some(earliest), zeros.some(np.setdiff1d(np.arange(len(zeros.number)), earliest))):
         left = some.some(np.flatnonzero(some.time < since[some.number]))
         for side in (-1.0, 1.0):
@@ -269,7 +270,7 @@ def _unbounded_since(motion: SteppedMotion, outputs: OutputMap, column: int, zer
 
 
 def _unbounded(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Zeros, side: float) -> Array:
-    """Return at which zeros of a part an expression has no finite limit from one side, shape (Z,)."""
+    """Return a mask of the zeros of a part without a finite one-sided limit of the expression, shape (Z,)."""
     course, count = motion.course, len(zeros.step)
     extent = course.last[zeros.step] - course.begin[zeros.step]
     end = np.where(extent > 0, (course.end - course.begin)[zeros.step] / np.where(extent > 0, extent, 1.0), 1.0)
@@ -283,7 +284,7 @@ def _unbounded(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Z
     low, high = (place - far, place - far / 2) if side < 0 else (place + far / 2, place + far)
     steps = np.repeat(zeros.step[which], OCTAVES)
     values = motion.observed(outputs, steps, low.ravel(), high.ravel())[:, column]
-    values = values.reshape(len(which), OCTAVES, len(PLACES))[..., :: int(-side)]  # towards the zero
+    values = values.reshape(len(which), OCTAVES, len(PLACES))[..., :: int(-side)]  # in the order towards the zero
     with np.errstate(invalid="ignore", over="ignore"):
         rises = np.diff(values, axis=2)
         way = np.where((rises > 0).all(axis=2), 1, np.where((rises < 0).all(axis=2), -1, 0))
@@ -306,7 +307,7 @@ class Unresolved:
     error: Array  # (U,); infinite where the values grow as far as the part can be divided
 
     def since(self, parts: StepParts, some: Mask) -> Array:
-        """Find the first of some of them, s, of each realisation, shape (R,); infinite: there is none."""
+        """Find the first time among some of the parts, s, of each realisation, shape (R,); infinite: none."""
         since, which = np.full(len(parts.first), np.inf), self.which[some]
         np.minimum.at(since, parts.number[which], parts.begin[which])
         return since
@@ -315,7 +316,7 @@ class Unresolved:
 def unresolved(parts: StepParts, column: int, allowed: Array) -> Unresolved:
     """Find the parts on which an output is not resolved; tolerances of its polynomials are (R,).
 
-    A jump is resolved: on both sides of it are the values that it has there, however far it is divided.
+    A jump counts as resolved: bisection does not change the values on its two sides.
     """
     which, table = parts.deep, parts.table
     if len(which):

@@ -1,4 +1,4 @@
-"""Largest and smallest values along a motion, and where they are."""
+"""Largest and smallest values along a motion, and their times."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ __all__ = ["SAME", "find_extremes"]
 
 
 EQUAL = 1e-14
-"""Part of the largest value by which others are as large: rounding."""
+"""Difference, relative to the largest value, within which values count as equal."""
 
 
 SAME = 10.0
-"""Tolerances of the integration, as parts of the largest value, by which a peak may be lower and count as equal: errors
-of peaks one after the other differ by several of them."""
+"""Difference of peaks that count as equal, in tolerances of the integration relative to the largest value: errors of
+consecutive peaks differ by several tolerances."""
 
 
 def find_extremes(parts: StepParts, tolerance: Array, column: int, sign: float) -> tuple[Array, Array]:
     """Return the largest (sign 1) or smallest (-1) value of an output, and its time, s, of each realisation: (R,) each.
 
-    Of several values that agree within `SAME` tolerances of the integration it is the first.  The parts are resolved;
+    Of several values within `SAME` tolerances of the integration, the first counts.  The parts are resolved;
     the polynomials have tolerances (R, O).
     """
     most, least, error = (parts.of(name, column) for name in ("most", "least", "error"))
@@ -36,7 +36,7 @@ def find_extremes(parts: StepParts, tolerance: Array, column: int, sign: float) 
     times, owner = parts.time(which, place), parts.number[which]
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     peak = np.maximum.reduceat(value, first)
-    # a largest value at an end, beside a part that goes on rising there, is none
+    # not a maximum at the end of a part if the next part continues to rise
     beside = (which[1:] == which[:-1] + 1) & (owner[1:] == owner[:-1])
     slope, tiny = np.zeros(len(which), dtype=bool), EQUAL * size[owner[:-1]]
     slope[:-1] |= beside & (place[:-1] == 1.0) & (value[1:] > value[:-1] + tiny)

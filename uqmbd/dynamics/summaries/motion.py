@@ -1,4 +1,4 @@
-"""The motion of realisations at any time, from recorded steps, and expressions of it."""
+"""Motion of realisations at any time from recorded steps, and expressions along it."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ __all__ = ["SteppedMotion", "motion_of"]
 
 
 AT_ONCE = 1 << 9
-"""Parts that are evaluated at once where the driver does not."""
+"""Number of parts in one evaluation outside the driver."""
 
 
 @dataclass(frozen=True)
 class SteppedMotion:
-    """The motion of realisations, by their steps."""
+    """Motion of realisations, given by steps."""
 
     batch: Batch
     course: StepHistory
 
     def observed(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:
-        """Evaluate outputs at the places of parts of steps (E,), from one part of each to another: (E, output, 8)."""
+        """Evaluate outputs at eight places of parts of steps, bounded by `low` and `high` (E,): (E, output, 8)."""
         program, count = output_program(self.batch.model, outputs), len(outputs.names)
         if program is None:
             found = np.empty((len(steps), count, len(PLACES)))
@@ -57,7 +57,7 @@ class SteppedMotion:
         return found.reshape(len(steps), len(PLACES), -1).transpose(0, 2, 1)
 
     def _interpolated(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:
-        """Interpolate outputs where contacts last: only recorded states are on these."""
+        """Interpolate outputs in persistent contact: only recorded states satisfy the contacts."""
         which, back = np.unique(steps, return_inverse=True)
         owner = np.repeat(self.course.owner[which], len(PLACES))
         states, times = self.course.states_of(which, np.zeros(len(which)), np.ones(len(which)))
@@ -69,13 +69,13 @@ class SteppedMotion:
 
 
 STEPS = ("owner", "begin", "end", "last", "kept")
-"""Data of each step of a motion, except the place of its states."""
+"""Data of each step of a motion, except the location of its states."""
 
 
 def motion_of(batch: Batch, path: RecordedSteps, members: Index, time: float, states: Array) -> SteppedMotion:
     """Return the motion of some realisations (ascending numbers) from recorded steps; later steps replace earlier ones.
 
-    Those without steps, as there is one time only, stay in their `states` (K, width) at a time.
+    With a single time there are no steps; the realisations then stay in their `states` (K, width).
     """
     if len(still := np.setdiff1d(members, path.owner)):
         ends, kept = np.tile([time, time], (len(still), 1)), np.zeros(len(still), dtype=bool)

@@ -1,9 +1,9 @@
-"""Expressions along a motion, resolved: polynomials on parts of steps, which are divided where they are not accurate.
+"""Resolve expressions along a motion by polynomials on parts of steps, and divide inaccurate parts.
 
 A step of an integrator is long: an output of the states may have a peak or a kink within it. So an expression is
 evaluated at interpolated states, at eight Chebyshev points of a part of a step. The part is divided until the last
-coefficients of its polynomial are small, if the rest can change the result. All realisations are divided together, and
-each by what is its own.
+coefficients of its polynomial are small, if the rest can change the result. All realisations are divided together, but
+each by its own errors.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ __all__ = ["SHARE", "StepParts", "TimedOutputs", "part_table", "resolve_outputs"
 
 
 SHARE = 0.02
-"""Part of the tolerance of the integration by which a polynomial may be wrong, and at least ..."""
+"""Allowed error of a polynomial, relative to the tolerance of the integration; at least `ROUNDING`."""
 
 ROUNDING = 2e-12
-"""... as a part of the largest value."""
+"""Least allowed error of a polynomial, relative to the largest value."""
 
 SHY = 1e-6
-"""Part of a part that is left before a time at which an output is no finite real number any more."""
+"""Distance, relative to a part, before a time from which an output is not finite and real."""
 
 SURPRISE = 0.3
 """Share of the last four coefficients of a polynomial by which values between its points may deviate. Smooth outputs
 stay below, and a peak at only one point exceeds it."""
 
 ROUGH = 6
-"""Divisions after which a part may be accepted, because further ones do not improve it: as in ``parts.c``."""
+"""Number of divisions after which a part may be accepted without further improvement, as in ``parts.c``."""
 
 FINEST = 1 / 4096
 """Share of the whole time within which an output of time alone is sampled at eight points: the steps of an integrator
 do not show its rate."""
 
 LONGEST = 1 / 64
-"""Longest part, over the whole time, so that short changes of an output occur at some of its points."""
+"""Longest part, relative to the whole time, so that some points detect short changes of an output."""
 
 
 SLOW = 4 / LONGEST
@@ -51,7 +51,7 @@ SLOW = 4 / LONGEST
 coefficients of its polynomial resolve."""
 
 VALUES_AT_ONCE = 1 << 18
-"""Numbers that are evaluated at once, which bounds the memory."""
+"""Number of values in one evaluation, which limits the memory."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class TimedOutputs:
     """Outputs of time and inputs alone, whose rate of change does not depend on the state."""
 
     outputs: OutputMap
-    rates: OutputMap | None  # bounds on their rate of change, rad/s, of inputs alone; None: unknown
+    rates: OutputMap | None  # bounds on rates of change, rad/s, from inputs only; None: unknown
 
 
 def values_at(coefficients: Array, places: Array) -> Array:
-    """Values (E,) of Chebyshev series (E, 8) at places (E,), by the recurrence of Clenshaw."""
+    """Return values (E,) of Chebyshev series (E, 8) at places (E,), by Clenshaw's recurrence."""
     one, two = np.zeros(len(places)), np.zeros(len(places))
     for k in range(coefficients.shape[1] - 1, 0, -1):
         one, two = coefficients[:, k] + 2 * places * one - two, one
@@ -88,33 +88,33 @@ class StepParts:
 
     @cached_property
     def deep(self) -> Index:
-        """Numbers of parts that were divided so often that they may have been accepted unresolved."""
+        """Numbers of parts after many divisions, which may have been accepted unresolved."""
         return np.flatnonzero(self.table.depth[self.order] > ROUGH)
 
     @cached_property
     def unknown(self) -> Index:
-        """Numbers of those in which any output is not finite."""
+        """Numbers of the parts in which any output is not finite."""
         wrong = np.asarray(np.isnan(self.table.highest[: self.table.count]).any(axis=1))
         return np.flatnonzero(wrong[self.order]) if wrong.any() else np.zeros(0, dtype=np.int64)
 
     @cached_property
     def begin(self) -> Array:
-        """When each begins, s."""
+        """Begin of each part, s."""
         return self.table.begin[self.order]
 
     @cached_property
     def end(self) -> Array:
-        """When each ends, s."""
+        """End of each part, s."""
         return self.table.end[self.order]
 
     @cached_property
     def first(self) -> Index:
-        """First part of each realisation that has some, shape (R,)."""
+        """First part of each realisation with parts, shape (R,)."""
         return np.flatnonzero(np.diff(self.owner, prepend=-1))
 
     @cached_property
     def number(self) -> Index:
-        """Number of the realisation of each part, among those that have some, shape (E,)."""
+        """Index of the realisation of each part, among realisations with parts, shape (E,)."""
         return np.cumsum(np.diff(self.owner, prepend=self.owner[:1]) != 0)
 
     def of(self, name: str, column: int, which: Index | slice = slice(None)) -> Array:
@@ -133,7 +133,7 @@ class StepParts:
 
 
 def part_table(outputs: OutputMap, rtol: float, needs: Sequence[Need]) -> PartTable:
-    """Return a table for the parts on which outputs are resolved, with the relative tolerance of the integration."""
+    """Return a table for resolved parts of outputs, with the relative tolerance of the integration."""
     return PartTable(len(outputs.names), needs, max(SHARE * rtol, ROUNDING))
 
 
@@ -146,8 +146,8 @@ def resolve_outputs(
 ) -> StepParts:
     """Resolve outputs along a motion as far as required; the previous content of the table is lost.
 
-    The outputs of time and inputs alone are `timed`.  From the times `since` (R,), s, on an output is not a finite real
-    number (infinite: never); parts begin there, because values that are not finite are not divided.
+    `timed` are the outputs of time and inputs only.  From the times `since` (R,), s, on, an output is not finite and
+    real (infinite: never). Parts begin at these times, because values that are not finite are not divided.
     """
     begun = _initial_parts(motion.course)
     if timed is not None:
@@ -162,11 +162,11 @@ def resolve_outputs(
 
 
 def _initial_parts(course: StepHistory) -> tuple[Index, Array, Array]:
-    """Return the steps, divided evenly where they are long: of which step each part is, from where to where."""
+    """Divide long steps evenly; return the step, begin and end of each part."""
     length, turns = course.end - course.begin, np.flatnonzero(np.diff(course.owner, prepend=-1))
     whole = np.add.reduceat(length, turns)[np.cumsum(np.diff(course.owner, prepend=course.owner[:1]) != 0)]
     share = length / np.where(whole > 0, whole, 1.0)
-    # contacts that last are interpolated whole
+    # persistent contacts are interpolated over whole steps
     counts = np.where(course.kept, 1, np.maximum(1, np.ceil(share / LONGEST - 1e-9))).astype(np.int64)
     extent = course.last - course.begin
     reached = np.where(extent > 0, length / np.where(extent > 0, extent, 1.0), 1.0)
@@ -205,7 +205,7 @@ def _divide_timed(
 def _divided(
     motion: SteppedMotion, outputs: OutputMap, step: Index, low: Array, high: Array, share: float
 ) -> tuple[Index, Array, Array]:
-    """Divide parts of some realisations where outputs leave their polynomials: of which step, from, to."""
+    """Divide parts of some realisations in which outputs deviate from their polynomials: step, begin, end."""
     course = motion.course
     extent = (course.last - course.begin)[step]
     turns = np.flatnonzero(np.diff(course.owner[step], prepend=-1))
@@ -224,7 +224,7 @@ def _divided(
         highest = np.abs(seen).max(axis=2)
         size = np.maximum.reduceat(highest, np.flatnonzero(np.diff(number[part], prepend=-1)))
         wrong = np.empty((len(step), len(outputs.names)))
-        for c in np.unique(count).tolist():  # mostly a few: the parts of a step are alike
+        for c in np.unique(count).tolist():  # few distinct counts: the parts of a step are similar
             alike = np.flatnonzero(count == c)
             places = 2 * (np.arange(c)[:, None] + PLACES) / c - 1
             vander = np.polynomial.chebyshev.chebvander(places.ravel(), len(PLACES) - 1)

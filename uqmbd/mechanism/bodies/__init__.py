@@ -1,4 +1,4 @@
-"""Bodies and the ground, and their inertia: given, checked, or random."""
+"""Bodies, the ground, and the inertia of bodies: checks and random inertia."""
 
 from __future__ import annotations
 

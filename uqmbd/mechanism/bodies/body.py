@@ -27,11 +27,11 @@ __all__ = ["Body", "Ground", "StateSymbol"]
 
 
 UNITS = {"q": "m", "v": "m/s", "a": "m/s^2"}
-"""Units of positions, and their rates; quaternions are dimensionless."""
+"""Units of positions and of their rates; quaternions are dimensionless."""
 
 
 class StateSymbol(Symbolic, Symbol):
-    """A coordinate, rate or acceleration of a body in output expressions."""
+    """Symbol of a coordinate, rate or acceleration of a body in output expressions."""
 
     owner: Any
     quantity: str
@@ -52,9 +52,9 @@ class StateSymbol(Symbolic, Symbol):
 
 
 class PlaneScalar(StateSymbol):
-    """A rotation in the plane: one number, which may also be written with ``[0]`` like a vector."""
+    """Rotation in the plane: a scalar that also accepts the index ``[0]``, like a vector."""
 
-    _iterable = False  # SymPy shall not take it for a sequence
+    _iterable = False  # SymPy must not treat the symbol as a sequence
 
     def __getitem__(self, index: int) -> PlaneScalar:
         if index not in (0, -1):
@@ -63,7 +63,7 @@ class PlaneScalar(StateSymbol):
 
 
 class Ground(NamedFrame):
-    """The world: a body that does not move.  Points and axes on it are in world coordinates."""
+    """The ground: a fixed body.  Points and axes on the ground are in world coordinates."""
 
     name = "ground"
 
@@ -83,10 +83,10 @@ class BodyPose:
 
 
 class Body(NamedFrame):
-    """A rigid body (in translational space a point mass).
+    """Rigid body (in translational space a point mass).
 
-    Made by `Mechanism.body`.  Its properties (`position`, `velocity`, `acceleration`, `rotation`, `quaternion`,
-    `angle`, `angular_velocity`, `angular_acceleration`, `point(local)`, `point_velocity(local)`) are SymPy
+    `Mechanism.body` creates bodies.  The properties `position`, `velocity`, `acceleration`, `rotation`, `quaternion`,
+    `angle`, `angular_velocity`, `angular_acceleration`, `point(local)` and `point_velocity(local)` are SymPy
     expressions for outputs.
 
     Examples
@@ -108,7 +108,7 @@ class Body(NamedFrame):
         self.name = name
         self.terms = inertia
         self.pose = pose
-        self.drafts: dict[str, str] = {}  # components that touch it and were not given to `Mechanism.add`: their kinds
+        self.drafts: dict[str, str] = {}  # kinds of attached components that `Mechanism.add` has not received
         marks = {"q": "", "v": "'", "a": "''"}
         symbols = {
             kind: [
@@ -121,7 +121,7 @@ class Body(NamedFrame):
 
     @property
     def angle(self) -> sympy.Symbol:
-        """Angle in the plane, rad, counted over any number of turns; for outputs, parameters and laws."""
+        """Angle in the plane, rad, counted over any number of turns, for use in outputs, parameters and laws."""
         if self.space.dimension != 2 or not self.space.turns:
             raise AttributeError(
                 f"body {self.name!r} has no .angle: only bodies in Planar space do; use .quaternion or .rotation."
@@ -146,13 +146,13 @@ class Body(NamedFrame):
         return super().angular_acceleration
 
     def expand(self, symbol: StateSymbol) -> sympy.Expr:
-        """Write a derived symbol of this body (`PlaneScalar`) in coordinates."""
+        """Return a derived symbol of this body (`PlaneScalar`) as an expression in coordinates."""
         plain = Frame(self.space, self.q, self.v, self._a)
         return getattr(plain, symbol.quantity)[0]
 
     @property
     def mass(self) -> sympy.Expr:
-        """The mass, kg: a number or an expression in random variables."""
+        """Mass, kg: a number or an expression in random variables."""
         return as_symbolic(self.terms.mass)
 
     @property
@@ -163,7 +163,7 @@ class Body(NamedFrame):
 
     @property
     def inertia(self) -> Any:
-        """Inertia about the centre of mass, body axes, kg m^2: in the plane a number, in space ``(Ixx, ..., Iyz)``."""
+        """Inertia about the centre of mass, body axes, kg m^2: a number (plane) or ``(Ixx, ..., Iyz)`` (space)."""
         entries = tuple(as_symbolic(x) for x in self.terms.inertia or ())
         if not entries:
             raise AttributeError(f"body {self.name!r} has no .inertia: it is a point mass; use .mass.")
@@ -174,7 +174,7 @@ class Body(NamedFrame):
 
 
 class BodyTerms(Component):
-    """Inertia, weight and unit-norm condition of a body, written as a component like any other."""
+    """Component that yields the inertia, the weight and the unit-norm condition of a body."""
 
     bodies = ("body",)
     offered = True
@@ -184,7 +184,7 @@ class BodyTerms(Component):
     inertia = Parameter("kg m^2", "inertia about the centre of mass, body axes", kind="numbers")
 
     def terms(self, p: Local) -> list[Term]:
-        """Kinetic energy through ``d/dt(A c)``, weight, unit norm."""
+        """Return the kinetic energy in terms of ``d/dt(A c)``, the weight and the unit-norm condition."""
         v, w = p.body.point_velocity(p.com), p.body.body_angular_velocity
         energy = p.mass * v.dot(v) / 2
         terms: list[Term] = []

@@ -1,4 +1,4 @@
-"""Components: their parameters, their terms, and the values and bodies that they use."""
+"""Components: parameters, terms, values and bodies."""
 
 from __future__ import annotations
 

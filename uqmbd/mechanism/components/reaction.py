@@ -21,14 +21,14 @@ class ReactingComponent(Protocol):
 
 
 class ReactionSymbol(Symbolic, Symbol):
-    """One number of a component's reaction, a placeholder in output expressions."""
+    """Symbol of one component of a reaction vector, a placeholder in output expressions."""
 
     component: ReactingComponent
     quantity: str
     index: int
 
     def __new__(cls, component: ReactingComponent, quantity: str, index: int) -> ReactionSymbol:
-        """Name it after the component and the quantity."""
+        """Make a symbol named after the component and the quantity."""
         self: ReactionSymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{quantity}[{index}]", real=True)
         self.component, self.quantity, self.index = component, quantity, index
         self.units = UNITS.get(quantity, "")
@@ -42,9 +42,9 @@ class ReactionSymbol(Symbolic, Symbol):
 
 
 class PlaneReaction(ReactionSymbol):
-    """A moment in the plane: one number, which may also be written with ``[0]``."""
+    """Moment in the plane: a scalar that also accepts the index ``[0]``."""
 
-    _iterable = False  # SymPy shall not take it for a sequence
+    _iterable = False  # SymPy must not treat the symbol as a sequence
 
     def __getitem__(self, index: int) -> PlaneReaction:
         if index not in (0, -1):

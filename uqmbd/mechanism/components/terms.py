@@ -31,11 +31,11 @@ class Kinetic:
     Parameters
     ----------
     energy : expression
-        J.
+        Kinetic energy, J.
 
     Examples
     --------
-    A mass that is added at the origin of a body halves what a force brings about:
+    A mass at the origin of a body halves the acceleration due to a force:
 
     >>> import uqmbd
     >>> class Load(uqmbd.Component):
@@ -56,12 +56,12 @@ class Kinetic:
 
 @dataclass(frozen=True)
 class Potential:
-    """Potential energy, J, in coordinates (and auxiliary states whose rate is linear in the velocities).
+    """Potential energy, J, in coordinates and in auxiliary states whose rates are linear in the velocities.
 
     Parameters
     ----------
     energy : expression
-        J.
+        Potential energy, J.
 
     Examples
     --------
@@ -84,16 +84,16 @@ class Potential:
 
 @dataclass(frozen=True)
 class VirtualWork:
-    """A force and the velocity it acts along: generalised force ``Q_i = force . d velocity / d v_i``.
+    """Force and conjugate velocity, with the generalised force ``Q_i = force . d velocity / d v_i``.
 
-    Both are scalars, or both are vectors of one length.
+    Force and velocity are scalars, or vectors of the same length.
 
     Parameters
     ----------
-    force : expression, or vector of them
-        N, or N m.
-    velocity : expression, or vector of them
-        What it does work on, m/s or rad/s, linear in the velocities.
+    force : expression, or vector of expressions
+        Force, N, or moment, N m.
+    velocity : expression, or vector of expressions
+        Velocity at which the force does work, m/s or rad/s; linear in the velocities of the mechanism.
 
     Examples
     --------
@@ -120,14 +120,14 @@ class VirtualWork:
 class Constraint:
     """Holonomic equations ``phi(q, t) = 0``.
 
-    What binds velocities alone is a `VelocityConstraint`.
+    Use `VelocityConstraint` for equations in velocities.
 
     Parameters
     ----------
-    equations : expression, or vector of them
-        Polynomials in the coordinates wherever the geometry allows.
+    equations : expression, or vector of expressions
+        Left-hand sides ``phi``; use polynomials in the coordinates if the geometry allows it.
     label : str
-        What they hold together ("point", "axis"), for messages; numbered where there are several.
+        Name of the constrained quantity (``point``, ``axis``), for messages. Several equations are numbered.
 
     Examples
     --------
@@ -153,26 +153,26 @@ class Constraint:
 class VelocityConstraint:
     """Equations ``a(q, t) . v + b(q, t) = 0`` between velocities: nonholonomic constraints.
 
-    Of wheels that roll, skates and knife edges, whose equations are no derivatives of equations of positions.  They
-    hold at the level of velocities: initial velocities satisfy them, impacts keep them, and positions are not
-    assembled by them.  Their reactions do no work where ``b`` is zero (Lagrange and d'Alembert; Neimark and Fufaev,
-    Dynamics of Nonholonomic Systems, 1972).
+    Examples are rolling wheels, skates and knife edges.  Their equations are not derivatives of equations in positions.
+    Initial velocities and velocities after impacts satisfy the equations.  The assembly of positions does not use the
+    equations.  Their reactions do no work if ``b`` is zero (Lagrange and d'Alembert; Neimark and Fufaev, Dynamics of
+    Nonholonomic Systems, 1972).
 
     Parameters
     ----------
-    equations : expression, or vector of them
-        In coordinates, velocities, states and time, linear in the velocities; m/s, or rad/s.
+    equations : expression, or vector of expressions
+        Left-hand sides, m/s or rad/s, in coordinates, velocities, states and time; linear in the velocities.
     label : str
-        What they hold together ("rolling", "blade"), for messages; numbered where there are several.
+        Name of the constrained quantity (``rolling``, ``blade``), for messages. Several equations are numbered.
 
     Raises
     ------
     uqmbd.StudyError
-        When the mechanism is built: an equation contains no velocity, or is not linear in the velocities.
+        When the mechanism is built, if an equation contains no velocity or is not linear in the velocities.
 
     Examples
     --------
-    A knife edge under the origin of a body, seen from above: no velocity across its x axis.
+    A knife edge under the origin of a body, in top view, prevents velocities perpendicular to the x axis of the body:
 
     >>> import uqmbd
     >>> class Edge(uqmbd.Component):
@@ -194,20 +194,20 @@ class VelocityConstraint:
 
 @dataclass(frozen=True)
 class Auxiliary:
-    """A differential state of the component's own, ``state' = rate``.
+    """Auxiliary differential state of a component, with the equation ``state' = rate``.
 
     Parameters
     ----------
     state : symbol
-        From ``Local.state(name)``.
+        Symbol of the state, from ``Local.state(name)``.
     rate : expression
-        In coordinates, velocities, states and time.
+        Time derivative of the state, in coordinates, velocities, states and time.
     initial : expression
-        Its value at the start, in coordinates.
+        Initial value of the state, in coordinates.
 
     Examples
     --------
-    A force that comes with a delay has a state of its own; it drives a mass to the speed ``t - 1 + exp(-t)``:
+    A delayed force is a state; it drives a mass to the speed ``t - 1 + exp(-t)``:
 
     >>> import uqmbd
     >>> class Delayed(uqmbd.Component):
@@ -233,21 +233,21 @@ class Auxiliary:
 @typechecked
 @dataclass(frozen=True)
 class Upright:
-    """An expression that is positive in the intended assembly and negative in its mirror image.
+    """Expression that is positive in the intended assembly and negative in its mirror image.
 
-    The cosine between two axes that are to be parallel, for example: the dot products that make them so vanish as well
-    when one of them points the other way.
+    An example is the cosine of the angle between two axes that a constraint makes parallel. If the constraint uses dot
+    products, they also vanish if one axis has the opposite direction.
 
     Parameters
     ----------
     cosine : expression
-        In coordinates.
+        Expression in coordinates, such as the cosine of the angle between two axes.
     label : str
-        What it is of, for messages.
+        Name of the owner of the axes, such as a joint, for messages.
 
     Examples
     --------
-    A bead on a circle may start at the right or at the left; it is to be the right:
+    A bead on a circle can start on the right or on the left; this term selects the start on the right:
 
     >>> import uqmbd
     >>> class Ring(uqmbd.Component):
@@ -274,23 +274,23 @@ class Upright:
 @typechecked
 @dataclass(frozen=True)
 class Impact:
-    """How velocities jump where bodies hit each other: Newton's law of restitution, with Coulomb friction.
+    """Jump of velocities at an impact: Newton's law of restitution with Coulomb friction.
 
     Parameters
     ----------
     speed : expression
-        Rate at which the gap opens, m/s (``p.rate_of(gap)``), linear in the velocities; after the impact it is
-        ``-restitution`` times what it was.
+        Opening rate of the gap, m/s (``p.rate_of(gap)``), linear in the velocities. The impact multiplies this rate by
+        ``-restitution``.
     restitution : expression
-        From 0 (they stay together) to 1.
-    sliding : expression, or vector of them
-        Relative velocity along the surface, m/s, linear in the velocities; may be left out without friction.
+        Coefficient of restitution, from 0 (bodies stay together) to 1.
+    sliding : expression, or vector of expressions
+        Relative velocity along the surface, m/s, linear in the velocities. Optional without friction.
     friction : expression
-        Coefficient of friction, of the impulses and of the forces where bodies stay in contact.
+        Coefficient of friction, for impulses and for forces during contact.
 
     Examples
     --------
-    A ball that falls 1 m on a floor leaves it with half of its speed, and rises to a quarter of the height:
+    A ball falls 1 m to a floor, rebounds with half of its speed, and rises to a quarter of the height:
 
     >>> import uqmbd
     >>> class Floor(uqmbd.Component):
@@ -315,22 +315,23 @@ class Impact:
 @typechecked
 @dataclass(frozen=True)
 class Event:
-    """Event at which an expression falls through zero.
+    """Event at a falling zero crossing of an expression.
 
-    The time is found, and is available to outputs as `Component.event_time`.
+    The integrator locates the time of the event. `Component.event_time` returns the symbol of this time for outputs.
 
     Parameters
     ----------
     guard : expression
-        In coordinates, velocities, states and time; of an impact the gap, m.
+        Expression whose zero crossing is the event, in coordinates, velocities, states and time. For an impact: the
+        gap, m.
     jump : Impact, optional
-        None: nothing happens, the time is only noted.
+        Jump of the velocities at the event. Default: none, so that only the time of the event is recorded.
     label : str
-        What it is called.
+        Name of the event.
 
     Examples
     --------
-    A floor that throws a ball back, and when it does so:
+    A ball bounces on a floor, and an output records the time of the impact:
 
     >>> import uqmbd
     >>> class Floor(uqmbd.Component):
@@ -353,17 +354,17 @@ class Event:
 
 @dataclass(frozen=True)
 class Separation:
-    """A gap between bodies that is open, or hardly closed, where a motion starts.
+    """Gap between bodies that is open, or almost open, at the start of a motion.
 
-    It changes nothing about the motion; where bodies overlap by much at the start, a `uqmbd.StudyWarning` says so.
+    The gap does not affect the motion; a `uqmbd.StudyWarning` reports a large overlap at the start.
 
     Parameters
     ----------
     gap : expression
-        m, in coordinates and time; negative where the bodies overlap.
+        Gap, m, in coordinates and time; negative if the bodies overlap.
     reach : expression
-        Depth, m, beyond which the bodies overlap by much, such as a radius; 0: a tenth of the mechanism's size, which
-        is the most in any case.
+        Depth, m, above which an overlap counts as large, such as a radius. The upper limit is a tenth of the size of
+        the mechanism; 0 means this limit.
 
     Examples
     --------

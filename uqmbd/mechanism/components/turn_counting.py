@@ -1,4 +1,4 @@
-"""The angle between two bodies that turn about a common axis, counted over any number of turns."""
+"""Angle between two bodies about a common axis, counted over any number of turns."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ __all__ = ["counted_angle", "half_angle"]
 
 @typechecked
 def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any]) -> tuple[Any, Any]:
-    """Cosine and sine of half the angle by which body j has turned relative to body i since it was drawn.
+    """Return cosine and sine of half the rotation angle of body j relative to body i since the drawn pose.
 
     Parameters
     ----------
     p : Local
-        What `Component.terms` is given.
+        Argument of `Component.terms`.
     body_i, body_j : Frame
-        The bodies.
+        Frames of the bodies.
     drawn : sequence
-        Their relative quaternion as drawn, from `Component.drawn_quaternion`.
+        Relative quaternion in the drawn pose, from `Component.drawn_quaternion`.
     axis_j : sequence
-        Unit vector of the axis in the frame of body j; nothing in the plane.
+        Unit vector of the axis in the frame of body j; unused in the plane.
 
     Returns
     -------
     tuple of two expressions
-        Quadratic in the coordinates; known up to their common sign, and of length one where the axis is the only one
-        that the bodies turn about.
+        Cosine and sine, quadratic in the coordinates and known up to their common sign. The sum of their squares is one
+        if the bodies only rotate about this axis.
 
     Examples
     --------
-    A body that moves and does not turn, relative to how it was drawn:
+    A body moves without rotation relative to its drawn pose:
 
     >>> import uqmbd
     >>> class Held(uqmbd.Component):
@@ -60,26 +60,26 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
 def counted_angle(
     p: Local, state: str, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any] = ()
 ) -> tuple[sympy.Expr, Auxiliary]:
-    """Angle by which body j has turned relative to body i since it was drawn, any number of turns, for constraints.
+    """Return the angle of body j relative to body i since the drawn pose, any number of turns, for constraints.
 
-    The coordinates say what the angle is, and a state that follows its rate says which turn is meant.  So the angle
-    does not drift, and it does not depend on the state otherwise: constraints in it are geometric.
+    The coordinates determine the angle up to whole turns.  An auxiliary state, which integrates the rate, only selects
+    the turn.  The angle therefore does not drift, and constraints in the angle depend on the coordinates only.
 
     Parameters
     ----------
     p : Local
-        What `Component.terms` is given.
+        Argument of `Component.terms`.
     state : str
         Name of the state.
     body_i, body_j, drawn, axis_j
-        As in `half_angle`.
+        Bodies, drawn quaternion and axis, as for `half_angle`.
 
     Returns
     -------
     angle : expression
-        rad; zero as drawn.
+        Angle, rad; zero in the drawn pose.
     term : Auxiliary
-        To be yielded as well.
+        Term of the auxiliary state; the method `terms` must also yield it.
 
     Examples
     --------

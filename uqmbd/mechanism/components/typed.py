@@ -1,4 +1,4 @@
-"""Components whose arguments are known to editors and type checkers."""
+"""Components with typed arguments for editors and type checkers."""
 
 from __future__ import annotations
 
@@ -11,33 +11,32 @@ from uqmbd.mechanism.components.parameter import Parameter
 __all__ = ["TypedComponent"]
 
 
-# Attributes of the class that has the decorator are no arguments: `name` is one in the class below.
+# Attributes of the decorated class are not arguments; `name`, an attribute of the next class, is an argument.
 @dataclass_transform(eq_default=False, field_specifiers=(Parameter,))
 class _Fields(Component):
-    """Base for type checkers of classes whose annotations are the arguments of the constructor (PEP 681)."""
+    """Base class for type checkers: annotations of subclasses are arguments of the constructor (PEP 681)."""
 
 
 class TypedComponent(_Fields):
-    """A `uqmbd.Component` whose bodies and parameters are annotated, for editors and type checkers.
+    """A `uqmbd.Component` with annotated bodies and parameters, for editors and type checkers.
 
-    A body is annotated by `uqmbd.extend.NamedFrame`, a parameter by ``uqmbd.Parameter[type]`` with the type of what is
-    given:
-    `uqmbd.typing.Quantity`, `uqmbd.typing.Vector`, or that of an option.  Bodies come first, then parameters, those
-    with a default last.  mypy and pyright then find a wrong keyword, a wrong body and a missing argument in scripts,
-    without a plugin.
+    The annotation of a body is `uqmbd.extend.NamedFrame`; the annotation of a parameter is ``uqmbd.Parameter[type]``.
+    The type of the argument is `uqmbd.typing.Quantity`, `uqmbd.typing.Vector`, or the type of an option.  Bodies come
+    first, then parameters without a default, then parameters with a default.  mypy and pyright then detect a wrong
+    keyword, a wrong body and a missing argument in scripts, without a plugin.
 
-    What a component takes besides (``at=`` and ``axis=``, bodies that may be left out) they do not see: one that is
-    for them derives from `uqmbd.Component` and states ``__init__``, with overloads, below
+    Type checkers do not see the arguments ``at=`` and ``axis=`` and optional bodies. To declare types for these
+    arguments, derive the component from `uqmbd.Component` and declare ``__init__``, with overloads, below
     ``if typing.TYPE_CHECKING:``.
 
     Raises
     ------
     uqmbd.StudyError
-        When the class is made: if an annotation is missing, or checkers would see other arguments than there are.
+        At the definition of the class, if an annotation is missing or would declare wrong arguments to type checkers.
 
     Examples
     --------
-    A particle held on a circle about the world's origin:
+    A constraint holds a particle on a circle about the world's origin:
 
     >>> import uqmbd
     >>> from uqmbd.typing import Quantity

@@ -1,4 +1,4 @@
-"""Declarations of a mechanism in expressions: outputs, requirements, start conditions, and their allowed contents."""
+"""Outputs, requirements and start conditions of a mechanism, and the symbols that their expressions may contain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outputs: the named scalars that a study records."""
+"""Outputs: named scalars that a study records."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sympy
 __all__ = ["TURNS", "Output"]
 
 TURNS = {"rad": 2 * math.pi, "deg": 360.0}
-"""Length of a turn in the units that an angle may have."""
+"""Length of a turn in the allowed units of an angle."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Output:
     name, units : str
     expression : expression
     turn : float
-        Length of a turn of an angle, else 0.
+        Length of one turn in the units of an angle; 0 for other outputs.
     over : str
-        Name of the output over which it is drawn, too; empty: over time alone.
+        Name of a second output, over which reports also draw this output. Empty: reports draw it over time only.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Conditions on the parts of an expression under which it is a finite real number.
 
-What is computed from an expression may be real where the expression is not: the square of a root is.  So the conditions
-are taken from the expression as the user wrote it.
+A function of an expression may be real where the expression is not; an example is the square of a root.  The
+conditions are therefore taken from the expression as the user wrote it.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ __all__ = ["DomainCondition", "domain_of"]
 
 @dataclass(frozen=True)
 class DomainCondition:
-    """Condition under which an expression is a finite real number: a part is not zero, or not negative."""
+    """Condition for a finite real value of an expression: one of its parts must be nonzero, or nonnegative."""
 
     part: sympy.Expr
-    nonzero: bool  # whether the part must differ from zero; else it must be zero or above
+    nonzero: bool  # True: the part must differ from zero; False: the part must be zero or above
 
     @property
     def moves(self) -> bool:
@@ -32,17 +32,17 @@ class DomainCondition:
         return any(not isinstance(s, RandomVariable) for s in self.part.free_symbols)
 
     def within(self, condition: Any) -> DomainCondition:
-        """Return the same where a branch of a piecewise expression counts."""
+        """Return the condition restricted to the branch of a piecewise expression in which it applies."""
         return DomainCondition(sympy.Piecewise((self.part, condition), (1, True)), self.nonzero)
 
 
 def domain_of(expression: Any) -> tuple[DomainCondition, ...]:
-    """Return the conditions under which an expression is a finite real number; empty if it is one everywhere."""
+    """Return the conditions under which an expression is finite and real; empty if it is always finite and real."""
     return tuple(dict.fromkeys(_conditions(as_symbolic(expression), set())))
 
 
 def _conditions(expression: sympy.Basic, seen: set[sympy.Basic]) -> Iterator[DomainCondition]:
-    """Yield the conditions of an expression and its parts, but for those that were seen."""
+    """Yield the conditions of an expression and its parts, except for parts in `seen`."""
     waiting: list[sympy.Basic] = [expression]
     while waiting:
         part = waiting.pop()
@@ -68,7 +68,7 @@ def _of(part: sympy.Basic) -> Iterator[DomainCondition]:
         base, exponent = part.args[0], _exponent(part)
         if not exponent.is_integer and not nonnegative(base):
             real = DomainCondition(base, nonzero=False)
-            # a power of a negative number is real where the exponent is whole, as a discrete random variable may be
+            # a power of a negative number is real if the exponent, such as a discrete random variable, is an integer
             yield real if exponent.is_number else real.within(sympy.Ne(exponent, sympy.floor(exponent)))
         falls = exponent.is_negative if exponent.is_number else not nonnegative(exponent)
         if falls:
@@ -95,18 +95,18 @@ def _of(part: sympy.Basic) -> Iterator[DomainCondition]:
         yield from _other_than_zero(sympy.sin(x))
     elif isinstance(part, sympy.coth | sympy.csch):
         yield from _other_than_zero(x)
-    elif isinstance(part, sympy.gamma | sympy.loggamma):  # computed as the logarithm of the magnitude of gamma
+    elif isinstance(part, sympy.gamma | sympy.loggamma):  # the compiled code computes both from log |gamma|
         yield from _other_than_zero(sympy.Piecewise((sympy.sin(sympy.pi * x), x < sympy.Rational(1, 2)), (1, True)))
 
 
 def _exponent(power: sympy.Pow) -> sympy.Expr:
-    """Return the exponent of a power; of a float the rational number that it is: SymPy does not call 2.0 whole."""
+    """Return the exponent of a power; convert floats to rationals because SymPy does not treat 2.0 as an integer."""
     exponent = power.args[1]
     return sympy.Rational(exponent) if exponent.is_Float and exponent.is_finite else exponent
 
 
 def _other_than_zero(part: sympy.Expr) -> Iterator[DomainCondition]:
-    """Yield the conditions that a part is not zero, if it changes along a motion and may be: of its factors."""
+    """Yield the conditions that the factors of a part are nonzero, for parts that change and may be zero."""
     if isinstance(part, sympy.Abs | sympy.Mul) or (isinstance(part, sympy.Pow) and _exponent(part).is_positive):
         for factor in part.args[:1] if isinstance(part, sympy.Pow) else part.args:
             yield from _other_than_zero(factor)
@@ -117,7 +117,7 @@ def _other_than_zero(part: sympy.Expr) -> Iterator[DomainCondition]:
 
 
 def nonnegative(e: sympy.Basic) -> bool:
-    """Whether an expression is surely zero or above, by its structure alone: SymPy's own answer may take minutes."""
+    """Return whether the structure proves that an expression is nonnegative; the test of SymPy may take minutes."""
     if e.is_number or not e.args:
         return bool(e.is_nonnegative)
     if isinstance(e, sympy.Add | sympy.Mul):
@@ -130,7 +130,7 @@ def nonnegative(e: sympy.Basic) -> bool:
 
 
 def positive(e: sympy.Basic) -> bool:
-    """Return whether an expression is surely above zero, by its structure alone."""
+    """Return whether the structure alone proves that an expression is positive."""
     if e.is_number or not e.args:
         return bool(e.is_positive)
     if isinstance(e, sympy.Add):

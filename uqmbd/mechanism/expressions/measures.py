@@ -22,40 +22,41 @@ __all__ = [
 ]
 
 SAME = 1e-9
-"""Factors that differ by less than this, relatively, are the same."""
+"""Relative difference below which factors count as equal."""
 
 CLEARLY = 2.5
-"""Ratio of logarithms by which a number must be nearer to 1 than to the factor between two units, if that is missing.
+"""Ratio of logarithms by which a number must be nearer to 1 than to a missing factor between two units.
 
-A hundredth in millimetres of what is in metres has the number 10 in front, and is as near to 1 as to 1000.
+A hundredth of a length in metres, converted to millimetres, has the factor 10, which is as near to 1 as to 1000.
 """
 
 FAR = math.log(50)
-"""Logarithm of a factor between two units from which on that holds for any number; below, for 2, 3, 1/2 and alike.
+"""Logarithm of the factor between two units above which `CLEARLY` applies to any number.
 
-A third in km/h of what is in m/s has the number 1.2 in front.
+Below this limit it applies only to integers and their reciprocals, such as 2, 3 and 1/2.  A third of a speed in m/s,
+converted to km/h, has the factor 1.2.
 """
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number, or a symbol for one: it fits every dimension."""
+    """Measure of a number, or of a symbol that represents a number: it fits every dimension."""
 
     size: float = 1.0  # absolute value
-    seen: bool = False  # whether it is written, as is 1.0; the whole number 1 is not
+    seen: bool = False  # whether the number is visible in the expression: 1.0 is visible, the integer 1 is not
 
 
 @dataclass(frozen=True)
 class MeasuredProduct:
-    """A product whose dimension is known up to a number."""
+    """Measure of a product, whose dimension is known except for the dimension of a numerical factor."""
 
-    unit: Unit  # of its numbers, without the constant
-    constant: float = 1.0  # absolute value of the number in it; 1: there is none
-    free: bool = False  # whether it contains a number, which may have any dimension
+    unit: Unit  # unit of the product without the numerical factor
+    constant: float = 1.0  # absolute value of the numerical factor; 1 without a factor
+    free: bool = False  # whether the product contains a numerical factor, which may have any dimension
 
 
 Measure = Number | MeasuredProduct | None
-"""None: unknown."""
+"""Measure of an expression; None: unknown."""
 
 
 def product(one: Measure, other: Measure) -> Measure:
@@ -97,7 +98,7 @@ def greatest(numbers: list[Number]) -> Number:
 
 
 def common(measures: list[MeasuredProduct]) -> Measure:
-    """Return the measure of the sum of terms, one for each constant."""
+    """Return the measure of a sum, from measures of terms with different numerical factors."""
     if len(measures) == 1:
         return measures[0]
     for measure in measures:
@@ -108,7 +109,7 @@ def common(measures: list[MeasuredProduct]) -> Measure:
 
 
 def is_off(found: MeasuredProduct, expected: Unit) -> bool:
-    """Return whether numbers are wrong by the factor between two units: without it the constant is clearly nearer to 1.
+    """Return whether a conversion factor between two units is missing: the constant is clearly nearer to 1 than to it.
 
     >>> metres, millimetres = Unit(), Unit(factor=1e-3)
     >>> [is_off(MeasuredProduct(metres, number, free=True), millimetres) for number in (1.0, 2.0, 1000.0, 20.0)]
@@ -126,7 +127,7 @@ def is_off(found: MeasuredProduct, expected: Unit) -> bool:
 
 
 def factor_in_words(ratio: float) -> str:
-    """Return a factor between two units as text, exact where a closed form is found.
+    """Return a factor between two units as text, in closed form if possible.
 
     >>> [factor_in_words(x) for x in (1e3, 1e-3, math.pi / 180, 30 / math.pi, 25.4)]
     ['1000', '1/1000', 'pi/180', '30/pi', '127/5']

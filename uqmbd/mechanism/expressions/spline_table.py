@@ -1,4 +1,4 @@
-"""The table of a spline: its knots and values, and the evaluation."""
+"""Table of a spline: knots, values and evaluation."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ __all__ = ["LOOKED_UP", "SplineTable", "polynomial", "table_of"]
 
 
 BOUNDARY = {"not-a-knot": "not-a-knot", "natural": "natural", "flat": "clamped", "periodic": "periodic"}
-"""Conditions at the ends as SciPy calls them."""
+"""End conditions and their names in SciPy."""
 SLIVER = 1e-12
-"""Length next to the ends, over that of the table, that counts as rounding and belongs to the table."""
+"""Length beyond the ends, relative to the length of the table, that counts as rounding and as inside the table."""
 LOOKED_UP = 5
-"""Numbers of an interval: where it begins, and the coefficients of the cubic from there, constant first."""
+"""Numbers per interval: its begin, and the coefficients of the cubic about the begin, constant first."""
 
 
 class SplineTable(FunctionData):
-    """Knots and values of a spline: an atom of expressions, equal to any table with the same numbers."""
+    """Knots and values of a spline as an atom of expressions; tables with the same numbers are equal."""
 
     knots: Array  # (n,), ascending
-    values: Array  # (n, 1 + M): a constant, and the factors of the terms of the spline
+    values: Array  # (n, 1 + M): one column for the constant, one column for each of the M terms
     ends: str  # "not-a-knot", "natural", "flat" or "periodic"
     beyond: str  # "constant" or "linear"; unused if periodic
     digest: str
 
     def __new__(cls, knots: Array, values: Array, ends: str, beyond: str) -> SplineTable:
-        """Copy the numbers."""
+        """Copy and store the numbers."""
         self: SplineTable = super().__new__(cls)
         self.knots = np.array(knots, dtype=float)
         self.values = np.array(values, dtype=float)
@@ -50,12 +50,12 @@ class SplineTable(FunctionData):
 
     @property
     def name(self) -> str:
-        """Name of the function that looks it up; the same for the same numbers."""
+        """Name of the look-up function; equal tables have equal names."""
         return f"_table{self.digest[:24]}"
 
     @cached_property
     def rows(self) -> Array:
-        """Rows of coefficients, shape (n + 1, 1 + M, LOOKED_UP): below the table, in its intervals, beyond."""
+        """Rows of coefficients, shape (n + 1, 1 + M, LOOKED_UP): below the table, in its intervals, above the table."""
         from scipy.interpolate import CubicSpline
 
         x, y = self.knots, self.values
@@ -72,7 +72,7 @@ class SplineTable(FunctionData):
 
     @cached_property
     def edges(self) -> Array:
-        """Begins of the intervals; the ends belong to the table."""
+        """Lower ends of the intervals; the end knots are inside the table."""
         edges = self.knots.copy()
         sliver = SLIVER * (edges[-1] - edges[0])
         edges[0], edges[-1] = edges[0] - sliver, np.nextafter(edges[-1] + sliver, np.inf)
@@ -80,12 +80,12 @@ class SplineTable(FunctionData):
 
     @property
     def period(self) -> float:
-        """Period of the table, from its first knot on; 0: none."""
+        """Period of the table, which begins at its first knot; 0 for a table that is not periodic."""
         return float(self.knots[-1] - self.knots[0]) if self.ends == "periodic" else 0.0
 
     @cached_property
     def deviations(self) -> Array:
-        """Deviation of the next interval from the cubic of the one before, at each knot, over the range of values."""
+        """Deviation of the next interval from the cubic before each knot, divided by the range of the values."""
         x = self.knots
         cubic = self.rows[1:-1, :, 4]
         before, after = cubic[:-1], cubic[1:]
@@ -100,20 +100,20 @@ class SplineTable(FunctionData):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Ends at which the slope or the curvature jumps."""
+        """End knots at which the slope or the curvature jumps."""
         if self.ends == "periodic" or (self.ends == "natural" and self.beyond == "linear"):
             return ()
         return float(self.knots[0]), float(self.knots[-1])
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Ends at which the slope jumps."""
+        """End knots at which the slope jumps."""
         return () if self.ends == "flat" or self.beyond == "linear" else self.breaks
 
     def look_up(self, x: Array, terms: Array | None = None) -> Array:
-        """Return the begin of the interval and the coefficients of its cubic (K, LOOKED_UP) for each argument (K,).
+        """Return the lower end of the interval and the coefficients of its cubic, (K, LOOKED_UP), for arguments (K,).
 
-        The factors multiply the terms (K, M), if there are any.
+        The values of the terms (K, M), if there are any, multiply the columns of the table.
         """
         if self.ends == "periodic":
             first, period = self.knots[0], self.knots[-1] - self.knots[0]
@@ -132,13 +132,13 @@ class SplineTable(FunctionData):
         return found
 
     def value(self, x: Array, order: int, terms: Array | None = None) -> Array:
-        """Values of the spline, or of a derivative of it, shape (K,); arguments as for `look_up`."""
+        """Return values of the spline or of a derivative, shape (K,); arguments as for `look_up`."""
         knot, c0, c1, c2, c3 = self.look_up(np.asarray(x, dtype=float), terms).T
         result: Array = polynomial(order, x - knot, c0, c1, c2, c3)
         return result
 
     def folded(self, terms: dict[int, float]) -> SplineTable:
-        """Return the table in which some terms are numbers."""
+        """Return the table after replacement of terms by given numbers, by index of the term."""
         values = self.values.copy()
         for k, number in terms.items():
             values[:, 0] += number * values[:, 1 + k]
@@ -154,7 +154,7 @@ class SplineTable(FunctionData):
         return r"\mathrm{table}"
 
     def _text(self, printer: Any) -> str:
-        """Write it as a text in the source of a function, for `sympy.lambdify`."""
+        """Return the table as a string literal in the source of a function for `sympy.lambdify`."""
         numbers = base64.b64encode(np.column_stack([self.knots, self.values]).tobytes()).decode()
         return repr(f"{len(self.knots)} {self.ends} {self.beyond} {numbers}")
 
@@ -163,14 +163,14 @@ class SplineTable(FunctionData):
 
 @lru_cache(maxsize=64)
 def table_of(text: str) -> SplineTable:
-    """Return the table from its text for `sympy.lambdify`."""
+    """Return the table from the string that `_text` wrote for `sympy.lambdify`."""
     count, ends, beyond, rest = text.split(" ")
     stored = np.frombuffer(base64.b64decode(rest)).reshape(int(count), -1)
     return SplineTable(stored[:, 0], stored[:, 1:], ends, beyond)
 
 
 def polynomial(order: int, offset: Any, c0: Any, c1: Any, c2: Any, c3: Any) -> Any:
-    """Return a cubic, or a derivative of it, in an offset: of numbers, arrays or expressions."""
+    """Return the value of a cubic or its derivative at an offset, for numbers, arrays or expressions."""
     match order:
         case 0:
             return ((c3 * offset + c2) * offset + c1) * offset + c0

@@ -1,4 +1,4 @@
-"""Angles of which a pair of cosine and sine is known, in the turn that is meant."""
+"""Angles from cosine and sine, with a given number of turns."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ __all__ = ["angle_at_start", "continued"]
 
 
 def continued(counted: Any, cosine: Any, sine: Any, *, half: bool) -> sympy.Expr:
-    """Return the angle of a pair of cosine and sine, in the turn of a counted angle.
+    """Return the angle of a cosine-sine pair, in the same turn as a counted angle.
 
-    Exact and smooth, whatever the turn; where the pair is that of half the angle, its sign does not matter.
+    The angle is exact and smooth for any number of turns.  The common sign of a half-angle pair is irrelevant.
     """
     if half:
         c, s = sympy.cos(counted / 2), sympy.sin(counted / 2)
-        # the tangent does not know the sign of a quaternion, nor does the angle
+        # the tangent and the angle are independent of the sign of a quaternion
         return counted + 2 * sympy.atan((sine * c - cosine * s) / (cosine * c + sine * s))
     c, s = sympy.cos(counted), sympy.sin(counted)
     return counted + sympy.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
 
 def angle_at_start(cosine: Any, sine: Any, near: Any, *, half: bool, signed: bool) -> sympy.Expr:
-    """Return the angle of a pair of cosine and sine that is nearest to another angle; smooth in its neighbourhood."""
+    """Return the angle of a cosine-sine pair that is nearest to `near`; the result is smooth close to `near`."""
     if half and not signed:
         return continued(near, cosine, sine, half=True)
     parts = 2 if half else 1

@@ -1,6 +1,6 @@
-"""Columns and matrices of expressions, as checkers of types are to see them."""
+"""Types of columns and matrices of expressions for type checkers."""
 
-# ruff: noqa: D102 - SymPy's methods are documented there
+# ruff: noqa: D102 - SymPy documents these methods
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, overload
 __all__ = ["Matrix"]
 
 MYPY = False
-"""True to mypy alone, for which SymPy has no types."""
+"""True only for mypy, because SymPy has no types for mypy."""
 
 if TYPE_CHECKING and not MYPY:
     import sympy
 
     class Matrix(sympy.Matrix):
-        """Read from SymPy's sources an entry of a matrix may be a list, and a sum of two has no type."""
+        """Matrix type for mypy, because by SymPy's types an entry may be a list, and sums of matrices have no type."""
 
         @overload
         def __getitem__(self, key: int | tuple[int, int]) -> sympy.Expr: ...

@@ -1,7 +1,7 @@
-"""The spaces: which coordinates a body has, and how they rotate a vector.
+"""Spaces: coordinates of bodies, and rotations as functions of these coordinates.
 
 Rotations are unit quaternions, scalar first, from the body to the world; in the plane the half-angle pair
-``(cos(theta/2), sin(theta/2))``.  Nothing here takes a trigonometric function of a coordinate.
+``(cos(theta/2), sin(theta/2))``.  This module uses no trigonometric functions of coordinates.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ __all__ = ["Line", "Planar", "Space", "Spatial", "Translational"]
 
 @dataclass(frozen=True)
 class Space:
-    """The space in which bodies of a mechanism move.
+    """Space in which bodies of a mechanism move.
 
     Parameters
     ----------
     gravity : sequence of numbers or expressions
-        Acceleration of free fall, world axes, m/s^2; on a line one number.
+        Acceleration of gravity, world axes, m/s^2; on a line one number.
     """
 
     gravity: Any = None
@@ -38,7 +38,7 @@ class Space:
     turns: ClassVar[bool] = True
 
     def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
-        """Refuse arguments that there are not."""
+        """Raise for unknown arguments."""
         check_arguments(cls.__name__, inspect.signature(cls.__init__), (None, *arguments), keywords, bound=True)
         return super().__new__(cls)
 
@@ -74,12 +74,12 @@ class Space:
 
 @dataclass(frozen=True)
 class Spatial(Space):
-    """Three dimensions: ``q = (x, y, z, e0, e1, e2, e3)``.
+    """Three-dimensional space: ``q = (x, y, z, e0, e1, e2, e3)``.
 
     Parameters
     ----------
     gravity : sequence
-        Acceleration of gravity, m/s^2, three components, which may be random; default: none.
+        Acceleration of gravity, m/s^2: three components, which may be random. Default: none.
 
     Examples
     --------
@@ -127,12 +127,12 @@ class Spatial(Space):
 
 @dataclass(frozen=True)
 class Planar(Space):
-    """The plane, with rotation: ``q = (x, y, e0, e1)``.
+    """Plane with rotation: ``q = (x, y, e0, e1)``.
 
     Parameters
     ----------
     gravity : sequence
-        Acceleration of gravity, m/s^2, two components, which may be random; default: none.
+        Acceleration of gravity, m/s^2: two components, which may be random. Default: none.
 
     Examples
     --------
@@ -154,7 +154,7 @@ class Planar(Space):
         return sympy.Matrix([2 * (e[0] * rate[1] - e[1] * rate[0])])
 
     def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """One number, the same as in world axes."""
+        """Return one number, the same as in world axes."""
         return self.angular_velocity(e, rate)
 
     def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
@@ -164,7 +164,7 @@ class Planar(Space):
 
 @dataclass(frozen=True)
 class _Turnless(Space):
-    """Common base of spaces of point masses."""
+    """Base class of spaces of point masses."""
 
     turns: ClassVar[bool] = False
 
@@ -187,12 +187,12 @@ class _Turnless(Space):
 
 @dataclass(frozen=True)
 class Translational(_Turnless):
-    """The plane without rotation, for point masses: ``q = (x, y)``.
+    """Plane without rotation, for point masses: ``q = (x, y)``.
 
     Parameters
     ----------
     gravity : sequence
-        Acceleration of gravity, m/s^2, two components, which may be random; default: none.
+        Acceleration of gravity, m/s^2: two components, which may be random. Default: none.
 
     Examples
     --------
@@ -207,19 +207,20 @@ class Translational(_Turnless):
 
 @dataclass(frozen=True)
 class Line(_Turnless):
-    """One direction, for point masses that slide: ``q = (x,)``.
+    """One-dimensional space for sliding point masses: ``q = (x,)``.
 
-    Points, positions, velocities, forces and the gravity are single numbers (or sequences of one); an axis is ``1`` or
-    ``-1``.  ``body.position`` is a column of one.  What makes sense on a line says so in its `Component.spaces`.
+    Points, positions, velocities, forces and gravity are single numbers, or sequences of one number.  An axis is ``1``
+    or ``-1``.  ``body.position`` is a column of one symbol.  Components for lines declare this space in
+    `Component.spaces`.
 
-    Two points have a side there: which of them is ahead of the other as drawn. Lengths of springs, distances and gaps
-    of spheres are positive towards that side. They become negative when the points pass each other, and have no kink
-    there.
+    The drawn order of two points on a line defines their side: one point is ahead of the other. Lengths of springs,
+    distances and gaps of spheres are positive towards this side. These values become negative, without a kink, when the
+    points pass each other.
 
     Parameters
     ----------
     gravity : number or expression
-        Acceleration of free fall along the line, m/s^2.
+        Acceleration of gravity along the line, m/s^2.
 
     Examples
     --------

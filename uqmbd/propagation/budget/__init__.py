@@ -1,4 +1,4 @@
-"""Runs whose sizes follow from a budget and an accuracy."""
+"""Runs with sizes that follow from a budget and an accuracy."""
 
 from __future__ import annotations
 

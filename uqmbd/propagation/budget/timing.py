@@ -1,4 +1,4 @@
-"""What realisations take on this machine, measured by a few of them."""
+"""Measure the computing time of a few realisations on this machine."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from uqmbd.propagation.problem import Problem
 __all__ = ["Timing", "first_problem", "timing_of"]
 
 GROWTH, MOST = 8, 512
-"""By how much the number of realisations grows that are timed, and the largest."""
+"""Growth factor, and maximum, of the number of timed realisations."""
 
 FIRST = 4.0
-"""How many times the limit the second number may take: of one realisation most is what a chunk costs besides."""
+"""Ratio of the time limit of the second measurement to `limit`: the first one mostly measures the cost of a chunk."""
 
 MOST_PER_NODE = 30.0
-"""Cost of one node in realisations, at most, of a method that solves for all nodes together."""
+"""Maximum cost of a node, in realisations, of a method that solves for all nodes together."""
 
 
 @dataclass(frozen=True)
 class Timing:
     """Measured computing time of realisations."""
 
-    each: float  # seconds of a realisation, in one process
-    count: int  # realisations that were timed together
+    each: float  # time of a realisation in one process, s
+    count: int  # number of realisations that were timed together
 
     def seconds(self, propagator: Propagator, study: Studied, limit: float = 0.5) -> float:
-        """Return the seconds that a method is going to take; NaN where that is not known.
+        """Return the predicted time of a method, s; NaN if unknown.
 
-        A method that solves for all nodes together is run at its smallest size, if that is no matter of more than
-        `limit` seconds.
+        For the prediction, a method that solves for all nodes together runs at its smallest size. This run is omitted
+        if it is expected to take more than `limit` seconds.
         """
         estimate = propagator.estimate(study)
         if estimate is None:
@@ -51,7 +51,7 @@ class Timing:
         cost = least.estimate(study).realisations
         if MOST_PER_NODE * cost * self.each > limit:
             return np.nan
-        for _ in range(2):  # the first one compiles
+        for _ in range(2):  # the first run compiles
             begin = time.perf_counter()
             run_method(least, study.problem(least), check=False)
             took = time.perf_counter() - begin
@@ -61,10 +61,10 @@ class Timing:
 def timing_of(
     study: Any, propagator: Propagator, limit: float = 0.3, clock: Callable[[], float] | None = None
 ) -> Timing | None:
-    """Time realisations of a study: one at the means for compilation, then growing numbers.
+    """Time realisations of a study: first one at the means, for compilation, then increasing numbers.
 
-    Return None where no realisation can be computed. `propagator` is the method whose realisations are timed; `limit`
-    is the approximate time, s, that may be spent, less where a single realisation needs more.
+    Return None if no realisation can be computed. `propagator` is the method of the timed realisations. `limit` is the
+    approximate time limit, s; a single realisation may exceed it.
     """
     found, clock = None, clock or time.perf_counter
     with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
@@ -79,7 +79,7 @@ def timing_of(
             took = clock() - begin
             spent += took
             found = Timing(took / count, count)
-            # many together take less than as many times one: how much less, two numbers tell
+            # a realisation takes less time together with others than alone, and two sizes show the difference
             if count == 1:
                 expected, most = GROWTH * took, FIRST * limit
             else:
@@ -91,7 +91,7 @@ def timing_of(
 
 
 def first_problem(study: Any, propagator: Propagator) -> Problem:
-    """Return the problem whose realisations a method asks for first."""
+    """Return the problem of the first realisations of a method."""
     problem: Problem = study.problem(propagator)
     if problem.model.outputs.names:
         return problem

@@ -1,4 +1,4 @@
-"""Clocks: phases of a motion that grow in all realisations, at equal values of which they are compared.
+"""Clocks: angles or oscillations whose phase grows with time, for the comparison of realisations at equal phase.
 
 References
 ----------
@@ -24,35 +24,37 @@ __all__ = ["TURN", "Clock", "Phases"]
 
 TURN = 2 * np.pi
 LEAST_TURNS = 1.0
-"""Turns that a clock makes in every realisation, at least: in less there is nothing to align."""
+"""Minimum number of turns of a clock in a realisation: fewer turns do not require an alignment."""
 
 SETTLING_TURNS = 5.0
-"""The same where it comes to rest: phases of what settles sooner hardly drift apart."""
+"""Minimum number of turns of a clock that comes to rest: with fewer turns the phases hardly drift apart."""
 
 STEADY = 1e-3
-"""Least rate of a clock, over its mean one: below it nearly stands, and times of equal phase are far apart.
+"""Minimum ratio of the smallest to the mean rate of a clock: below it, times of equal phase are far apart.
 
-Near a separatrix a motion is slow beside the saddle: the Kraichnan-Orszag problem has elements at equal phase down to
-xi = 1e-3 by this, which sixteen points of a quarter turn resolve; with 0.02 its variance is ten times as wrong.
+Near a separatrix, a motion is slow close to the saddle. With this value, the Kraichnan-Orszag problem has elements at
+equal phase down to xi = 1e-3, which sixteen points per quarter turn resolve. With 0.02, the error of the variance is
+ten times as large.
 """
 
 
 @typechecked
 @dataclass(frozen=True)
 class Clock:
-    """What the phase of a realisation is read from.
+    """An angle or an oscillation whose phase replaces the time.
 
     Attributes
     ----------
     name : str
-        Of the output, or of the body.
+        Name of the output or the body.
     row : int
-        Of the watched outputs.
+        Index of the watched output.
     turn : float
-        Length of a turn, in the units of the output; negative where it turns backwards; 0: it oscillates, and the
-        phase is that of value and rate.
+        Length of a turn, in the units of the output; negative for a backward rotation. 0 for an oscillation, with the
+        phase in the plane of value and rate.
     start : float
-        Phase near which realisations start, rad: which of the phases that differ by whole turns is meant.
+        Phase near the initial phase of the realisations, rad. It selects one of several phases that differ by whole
+        turns.
 
     Examples
     --------
@@ -75,12 +77,12 @@ class Clock:
 
     @property
     def words(self) -> str:
-        """What it is."""
+        """Describe the clock."""
         return f"the angle {self.name!r}" if self.turn else f"the oscillation of {self.name!r}"
 
     @property
     def kinds(self) -> tuple[Clock, ...]:
-        """Ways to read the phase from it: an angle may turn forwards, turn backwards, or oscillate."""
+        """Return clocks for the possible readings of the phase: forward or backward rotation, or oscillation."""
         return (self, replace(self, turn=-self.turn), replace(self, turn=0.0)) if self.turn else (self,)
 
     def phases(self, found: Dense, near: Array | None = None) -> Phases:
@@ -89,14 +91,14 @@ class Clock:
         Parameters
         ----------
         found : Dense
-            Realisations.
+            Realisations with their outputs as functions of time.
         near : array, shape (K,), optional
-            Of an oscillation: phases near which realisations start, rad; default: `start`.
+            Phases near which realisations start, rad, for an oscillation. Default: `start`.
 
         Returns
         -------
         Phases
-            Of all of them.
+            Phases of all realisations.
         """
         values = found.values[:, self.row]
         if self.turn:
@@ -110,7 +112,7 @@ class Clock:
         return Phases(found.times, np.stack([s.values if s else nothing for s in swings]), tuple(swings))
 
     def fitted(self, found: Dense) -> Clock:
-        """Return the clock that runs forwards in most of some realisations, and starts near where these do."""
+        """Return the clock with the sense of rotation of most realisations, and an origin near their start."""
         phase = self.phases(found).values
         if self.turn:
             return replace(self, turn=self.turn * float(np.sign(np.median(phase[:, -1] - phase[:, 0])) or 1.0))
@@ -125,11 +127,11 @@ class Phases:
     Attributes
     ----------
     times : array, shape (T,)
-        s.
+        Times, s.
     values : array, shape (K, T)
-        rad.
+        Phases, rad.
     swings : tuple, length K
-        Of oscillations, none of what does not swing; empty: of angles.
+        Oscillation of each realisation, or None if it does not oscillate; empty for angles.
 
     Examples
     --------
@@ -150,9 +152,10 @@ class Phases:
     swings: tuple[Swing | None, ...] = ()
 
     def running(self, end: float) -> Mask:
-        """Say in which realisations the clock runs until a time, or comes to rest, shape (K,).
+        """Return a mask of the realisations whose phase grows until a time, s, or until it stops, shape (K,).
 
-        It makes a turn, and never nearly stands before; an oscillation changes its size slowly.
+        The phase makes at least one turn, and its rate never becomes very small before. The amplitude of an oscillation
+        changes slowly.
         """
         even = np.array([swing is not None and swing.even for swing in self.swings] or [True])
         rests = np.array([swing is not None and swing.rests and swing.rest <= end for swing in self._swings])
@@ -161,23 +164,23 @@ class Phases:
 
     @property
     def lasting(self) -> Array:
-        """Phases (K,) up to which marks are passed for ever, rad: inf where the clock does not come to rest."""
+        """Return the phases (K,) of the last possible event marker, rad; inf if the phase does not stop."""
         return np.array([s.last if s is not None and s.rests else np.inf for s in self._swings])
 
     def passed(self, k: Size, marks: Array) -> Array:
-        """Find the times (S,) at which one realisation passes phases, s; NaN where it does not reach one.
+        """Return the times (S,) at which one realisation passes given phases, s; NaN for phases out of reach.
 
         Parameters
         ----------
         k : int
-            Which.
+            Index of the realisation.
         marks : array, shape (S,)
             Increasing phases, rad; those of an oscillation are multiples of a quarter turn.
 
         Returns
         -------
         array, shape (S,)
-            s.
+            Times, s.
 
         Raises
         ------
@@ -203,7 +206,7 @@ class Phases:
         return np.array([np.interp(time, self.times, row) for row in self.values])
 
     def reaching(self, phase: float) -> Array:
-        """Estimate when a phase is reached, s, shape (K,), if realisations go on as they do at the end; inf: never."""
+        """Estimate the times (K,) of a phase, s, by extrapolation of the final motion; inf for phases out of reach."""
         if self.swings:
             return np.array([np.inf if s is None else s.reaching(phase, float(self.times[-1])) for s in self.swings])
         last = self.values[:, -1]
@@ -215,7 +218,7 @@ class Phases:
         return np.asarray(self.times[-1] + np.where(self.values.max(axis=1) >= phase, 0.0, behind))
 
     def steadiness(self, end: float) -> float:
-        """Return the least rate over the mean one, of the worst realisation, until a time."""
+        """Return the ratio of the smallest to the mean phase rate until a time, s, in the worst realisation."""
         return float(self._least(end).min())
 
     @property
@@ -230,9 +233,9 @@ class Phases:
         return np.asarray(phase[:, -1] - phase[:, 0])
 
     def _least(self, end: float) -> Array:
-        """Least rate (K,) over the mean one; a motion that starts at rest counts from its first quarter turn on.
+        """Return the ratio (K,) of smallest to mean phase rate; after a start from rest, omit the first quarter turn.
 
-        An oscillation counts between its first and its last extreme.
+        For an oscillation, the ratio refers to the interval between the first and the last extreme.
         """
         phase = self._until(end)
         times = self.times[: phase.shape[1]]

@@ -1,4 +1,4 @@
-"""Outputs of a chaos that must not be trusted: how wrong, and from when on."""
+"""Find outputs of a chaos with a stated error above the limit, with the size of the error and its first time."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class Exceedance:
     Attributes
     ----------
     output : str
-        Its name.
+        Name of the output.
     row : int
-        Its place among the outputs.
+        Index of the output.
     limit : float
-        What is exceeded.
+        Limit of the error.
     begin : float
-        First time at which it is, s.
+        First time at which the error exceeds the limit, s.
     above : int
-        Number of times at which it is.
+        Number of times at which the error exceeds the limit.
     times : int
         Number of all times.
     largest : float
@@ -56,7 +56,7 @@ class Exceedance:
     largest: NotNegativeOrInfinite
 
     def words(self, note: str = "") -> str:
-        """Return the output, from when on its error is too large, and how large it gets; a note in front of these."""
+        """Describe the output, the first time at which its error is too large, and the largest error."""
         return (
             f"{self.output!r} from t = {self.begin:.6g} s on ({note}error up to {self.largest:.2g}, above "
             f"{self.limit:g} at {self.above} of {self.times} times)"
@@ -70,18 +70,18 @@ def find_exceedances(labels: Labels, errors: Array, limit: NotNegativeOrInfinite
     Parameters
     ----------
     labels : uqmbd.extend.Labels
-        With times.
+        Labels of the outputs and times.
     errors : array, shape (O, T)
-        Errors; NaN where nothing is known.
+        Errors; NaN if unknown.
     limit : float
-        Of the errors.
+        Limit of the errors.
     loud : array of bool, shape (O,)
-        Outputs that vary, see `varying`; the others are left out.
+        Whether each output varies; see `varying`. Outputs that do not vary are excluded.
 
     Returns
     -------
     sequence of Exceedance
-        In the order of the outputs.
+        Exceedances in the order of the outputs.
 
     Raises
     ------
@@ -114,14 +114,14 @@ def find_exceedances(labels: Labels, errors: Array, limit: NotNegativeOrInfinite
 
 @typechecked
 def errors_over_largest(chaos: Surrogate) -> Array:
-    """Return the stated errors (O, T) over the largest standard deviation over time of each output.
+    """Return the ratio (O, T) of stated error to the largest standard deviation over time of each output.
 
-    Where all realisations come to nearly the same, as at nodal points, a chaos need not follow what little is left.
+    If all realisations nearly agree, as at nodal points, a chaos need not represent the small remaining variation.
 
     Parameters
     ----------
     chaos : uqmbd.results.Surrogate
-        Of outputs over time, with verification realisations.
+        Surrogate of outputs over time, with verification realisations.
 
     Examples
     --------
@@ -151,15 +151,15 @@ def errors_over_largest(chaos: Surrogate) -> Array:
 
 @typechecked
 def varying(chaos: Surrogate, rtol: NotNegative) -> Mask:
-    """Say which outputs (O,) vary by more than the integration errs, in the chaos or at its verification realisations.
+    """Return a mask (O,) of outputs that vary by more than the integration error, in the chaos or its verification.
 
     Parameters
     ----------
     chaos : uqmbd.results.Surrogate
-        Of outputs over time.
+        Surrogate of outputs over time.
     rtol : float
-        Relative tolerance of the integration. The error of 100 steps, and that of outputs with the same units, which
-        may be terms of this one, are worth no word.
+        Relative tolerance of the integration. The limit is the error of 100 steps, or of one step of an output
+        with the same units if larger. That output may be a term of this one.
 
     Examples
     --------

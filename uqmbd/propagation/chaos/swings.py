@@ -1,9 +1,10 @@
-"""Swings: a motion from extreme to extreme, whose middle and size may change from one to the next.
+"""Half-swings: intervals of a motion between successive extremes, whose centre and amplitude may change.
 
-An extreme is where the rate is zero, a half-swing what lies between two of them.  Each half-swing has its own phase
-plane of value and rate, centred and scaled by itself; the phase grows by half a turn in it, and passes the quarter
-where the value is midway.  So nothing but what is near in time tells the phase: a swing that dies down, or whose middle
-moves, has one, and a steady swing has that of its one phase plane.
+An extreme is a zero of the rate, and a half-swing is the interval between two extremes. Each half-swing has a separate
+phase plane of value and rate, with its own centre and scale. The phase grows by half a turn in a half-swing, and passes
+the quarter turn at the mean of the two extremes. The phase therefore depends only on the motion nearby in time.
+Decaying oscillations and oscillations with a moving centre have a phase. For a steady oscillation all phase planes are
+the same.
 """
 
 from __future__ import annotations
@@ -24,43 +25,43 @@ __all__ = ["QUARTER", "Swing", "passing"]
 QUARTER = np.pi / 2
 
 REST = 1e-3
-"""Size of a half-swing, over the largest so far, below which, and for ever, a swing has come to rest."""
+"""Ratio to the largest half-swing so far: an oscillation is at rest if all later half-swings are smaller."""
 
 FLOOR = 1e-5
-"""The same: so far the moments are known nevertheless, where others come to rest somewhat later."""
+"""Ratio, as `REST`, up to which the moments are still recorded, because other realisations come to rest later."""
 
 ROUNDING = 1e-13
-"""Size of the largest half-swing, over the largest value, up to which nothing swings."""
+"""Ratio of the largest half-swing to the largest value up to which there is no oscillation."""
 
 EVEN = 0.25
-"""Least size of a half-swing over that of its neighbours, where they change slowly: new extremes begin at zero."""
+"""Minimum ratio between the sizes of neighbouring half-swings that change slowly: new extremes begin at zero."""
 
 PATIENCE = 3.0
-"""So many times the last half-swing without another extreme, and a swing has come to rest."""
+"""Duration without an extreme, relative to the last half-swing, after which an oscillation is at rest."""
 
 STILL = 1e-6
-"""Rate at the start, over the largest, below which the start is an extreme."""
+"""Ratio of the initial to the largest rate below which the start is an extreme."""
 
 NEWTON = 8
-"""Steps in which a time is found."""
+"""Number of Newton steps for a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
     """Oscillation of one realisation."""
 
-    values: Array  # (T,) phase at its times, rad: a multiple of a turn at its highest extremes
-    first: int  # phase of the first of the moments, quarter turns
-    moments: Array  # (M,) s, consecutive multiples of a quarter turn in phase: extremes, and middles between them
-    begin: float  # first extreme, s
-    rest: float  # last extreme, s
-    rests: bool  # whether it has come to rest after the last
-    last: float  # phase of the last extreme before rest, or of the last known one, rad
+    values: Array  # (T,) phase, rad: a multiple of a turn at maxima
+    first: int  # phase of the first moment, quarter turns
+    moments: Array  # (M,) times of consecutive quarter turns, s: extremes, and middles between them
+    begin: float  # time of the first extreme, s
+    rest: float  # time of the last extreme, s
+    rests: bool  # whether the oscillation comes to rest after the last extreme
+    last: float  # phase of the last extreme before rest, or of the last known extreme, rad
     even: bool  # whether sizes of half-swings change slowly
 
     @classmethod
     def of(cls, times: Array, values: Array, spline: BSpline) -> Swing | None:
-        """Find the swing of values (T,) at times, and of the spline through them; none where there is no half-swing."""
+        """Return the oscillation of values (T,) at times (T,), s, and of their spline; None without a half-swing."""
         slope = spline.derivative()
         rate = slope(times)
         extremes, highest = _extremes(times, rate, slope)
@@ -71,19 +72,19 @@ class Swing:
             return None
         rests = kept < len(size) or times[-1] - extremes[kept] > PATIENCE * (extremes[kept] - extremes[kept - 1])
         extremes, size, middle = extremes[: count + 1], size[:count], (heights[1:] + heights[:-1])[:count] / 2
-        # numbers of half-swings; what lies before the first and behind the last has the plane of its neighbour
+        # indices of half-swings; times before the first and after the last one use the plane of their neighbour
         number = np.searchsorted(extremes, times, side="right") - 1
         own = np.clip(number, 0, count - 1)
         fastest = np.zeros(count)
         np.maximum.at(fastest, own, np.where(number == own, np.abs(rate), 0.0))
-        # each begins at the extreme (1, 0) of its plane, and ends at (-1, 0)
+        # each half-swing begins at the extreme (1, 0) of its plane, and ends at (-1, 0)
         side = np.where((number % 2 == 0) == highest, 1.0, -1.0)
-        # what stands has half-swings of no size
+        # at rest, half-swings have the amplitude zero
         x = side * (values - middle[own]) / np.where(size > 0, size, 1.0)[own]
         y = side * -rate / np.where(fastest > 0, fastest, 1.0)[own]
         angle = np.where((number == count) & rests, 0.0, np.arctan2(np.maximum(y, 0.0), x))
         begins = 0 if highest else 2
-        # middles, each between the last time before it and the first one behind
+        # middles, each between the last earlier time and the first later time
         low, high = extremes[:-1].copy(), extremes[1:].copy()
         inside = number == own
         np.maximum.at(low, own[inside & (x > 0)], times[inside & (x > 0)])
@@ -103,7 +104,7 @@ class Swing:
         )
 
     def moved(self, turns: float) -> Swing:
-        """Return it with phases that differ by whole turns."""
+        """Return the oscillation with phases shifted by whole turns."""
         return replace(
             self,
             values=self.values + turns * 4 * QUARTER,
@@ -112,15 +113,15 @@ class Swing:
         )
 
     def passed(self, marks: Array) -> Array:
-        """Return when phases (S,), multiples of a quarter turn, are passed, s; NaN where one is not."""
+        """Return the times (S,), s, of phases (multiples of a quarter turn, rad); NaN for phases out of reach."""
         at = np.round(marks / QUARTER).astype(int) - self.first
         known = (at >= 0) & (at < len(self.moments))
         return np.where(known, self.moments[np.clip(at, 0, len(self.moments) - 1)], np.nan)
 
     def reaching(self, phase: float, known: float) -> float:
-        """Estimate when a phase, rad, is known to be passed, s, from what is known until a time; inf: never.
+        """Estimate the time, s, of a phase, rad, from the motion until a known time, s; inf for a phase out of reach.
 
-        A middle is known when the extreme behind it is.
+        A middle is known as soon as the next extreme is known.
         """
         passed = float(self.passed(np.array([phase]))[0])
         if np.isfinite(passed) or self.rests:
@@ -132,16 +133,16 @@ class Swing:
 
 
 def _last(size: Array, least: float) -> int:
-    """Return how many half-swings (N,) there are until they are for ever smaller than a part of the largest so far."""
+    """Return the number of half-swings (N,) after which all are smaller than a part of the largest so far."""
     large = np.flatnonzero(size >= least * np.maximum.accumulate(size))
     return int(large[-1]) + 1 if len(large) else 0
 
 
 def passing(spline: BSpline, slope: BSpline, wanted: Array, low: Array, high: Array) -> Array:
-    """Find times (S,) at which a spline has given values (S,), each between two times where it lies on both sides."""
+    """Return the times (S,), s, at which a spline has given values (S,), each within a bracketing interval."""
     start, end = spline(low) - wanted, spline(high) - wanted
     rise = end - start
-    # the first guess is linear; Newton's steps stay between the neighbours
+    # the first guess is a linear interpolation; Newton steps stay within the interval
     at = low + (high - low) * np.clip(-start / np.where(rise == 0, np.inf, rise), 0, 1)
     for _ in range(NEWTON):
         rate = slope(at)
@@ -150,7 +151,7 @@ def passing(spline: BSpline, slope: BSpline, wanted: Array, low: Array, high: Ar
 
 
 def _extremes(times: Array, rate: Array, slope: BSpline) -> tuple[Array, bool]:
-    """Find where a rate (T,) is zero, and whether the first is a highest; the start is one where it is at rest."""
+    """Return the zeros of a rate (T,), s, and whether the first is a maximum; a start from rest is an extreme."""
     fastest = np.abs(rate).max()
     if not fastest > 0:
         return np.zeros(0), True

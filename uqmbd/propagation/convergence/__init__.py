@@ -1,4 +1,4 @@
-"""Studies of convergence, and convergence of samples within a study."""
+"""Convergence studies, and convergence of samples within a study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How realisations are computed: chunks, tasks, workers, checkpoints, progress."""
+"""Execution of realisations: chunks, tasks, workers, checkpoints, progress."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions from event to event: what methods need that follow events instead of times."""
+"""Motions from event to event, for methods that use events instead of output times."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ __all__ = ["History", "event_histories"]
 
 
 MARGIN = 1
-"""Further segments that a realisation is followed for: others may have more of them within the output times."""
+"""Number of additional segments of a realisation, because others may have more segments within the output times."""
 
 LONGEST = 8.0
-"""How much longer than the output times a realisation is followed for its next events."""
+"""Maximum length of the integration for further events, relative to the range of the output times."""
 
 
 @typechecked
@@ -33,18 +33,19 @@ class History:
     Attributes
     ----------
     labels : tuple of str, length S
-        What ends each segment ("floor: impact"; a force that switches: "break"); empty where it ends without an event.
+        Event that ends each segment, such as ``floor: impact``, or ``break`` for a force that switches. The label is
+        empty for a segment without a final event.
     edges : array, shape (S + 1,)
         Times at which segments begin and end, s.
     response : array, shape (S, output, P)
-        Outputs at `uqmbd.extend.AlignedElement.points` of each segment; at its ends right after and right before the
-        events.
+        Outputs at `uqmbd.extend.AlignedElement.points` of each segment. The first value of a segment is the value right
+        after an event; the last value is the value right before an event.
     message : str
-        Reason of failure, or empty.
+        Reason of a failure; otherwise empty.
     inside : int
-        Segments that begin before the last output time.
+        Number of segments that begin before the last output time.
     final : bool
-        No further event happens for long after the last output time.
+        Whether no further event occurs until long after the last output time.
 
     Examples
     --------
@@ -74,12 +75,12 @@ def event_histories(
     integrator: str = "auto",
     longer: float = 1.0,
 ) -> list[History]:
-    """Integrate each row of inputs (K, input) from event to event, on all workers.
+    """Integrate each row of inputs (K, input) from event to event on all workers.
 
-    `run` executes tasks like `uqmbd.extend.Problem.run`; `times` are first and last, s; `points` is the number in a
-    segment. Motions are continued beyond the last output time until they have `least` segments. A last segment that no
-    event ends continues until `longer` times the range of the output times; both at most to eight times this range. The
-    integrator declares ``segments``.
+    `run` executes tasks like `uqmbd.extend.Problem.run`. `times` are the first and last output time, s; `points` is the
+    number of points in a segment. Motions continue beyond the last output time until they have `least` segments. A last
+    segment without a final event continues until `longer` times the range of the output times. Motions continue until
+    at most eight times this range. The integrator must declare ``segments``.
     """
     tasks = [(row, times, rtol, points, least, integrator, longer) for row in np.ascontiguousarray(values, dtype=float)]
     found = []
@@ -101,7 +102,7 @@ def followed(
     integrator: str,
     longer: float,
 ) -> dict[str, NDArray[Any]]:
-    """Follow one realisation; the arrays are those of a `History`."""
+    """Integrate one realisation from event to event; return the arrays of a `History`."""
     cls: Any = integrator_class(integrator)
     ensemble = Ensemble(model, values[None, :])
     begin, end = times
@@ -120,7 +121,7 @@ def followed(
     while True:
         run = cls().integrate_segments(ensemble, np.array([begin, begin + span * (end - begin)]), rtol)
         inside = sum(segment.begin < end for segment in run.segments)
-        complete = len(run.segments) - 1  # the last one was ended by no event
+        complete = len(run.segments) - 1  # the last segment has no final event
         if run.message or complete >= max(least, inside + MARGIN) or span >= LONGEST:
             break
         span = min(2 * span, LONGEST)
@@ -128,7 +129,8 @@ def followed(
         return {**none, "response": empty, "message": np.array([run.message])}
     final = complete < max(least, inside + MARGIN)
     pieces = run.segments if final else run.segments[:-1]
-    # where nothing ends a motion, the output times do, or what is asked for behind them
+    # a last segment without a final event ends at the last output time, or at the requested multiple of the range of
+    # times
     last_of_all = begin + longer * (end - begin) if longer > 1 else end
     ends = [max(p.begin, min(p.end, last_of_all)) if final and p is pieces[-1] else p.end for p in pieces]
     where = AlignedElement.points(points)

@@ -1,4 +1,4 @@
-"""Processes that end with the one that started them, however that ends."""
+"""Processes that end with their parent process, even if it is killed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ __all__ = ["end_with_parent"]
 
 
 def end_with_parent() -> None:
-    """Let this process end at once when its parent has, which may be killed without a chance to say so.
+    """Make this process end as soon as its parent process ends, even if the parent is killed.
 
-    The operating system closes what the parent holds open; a thread waits for that.
+    The operating system closes the open files of the parent; a thread of this process waits until they are closed.
     """
     from multiprocessing import parent_process
 

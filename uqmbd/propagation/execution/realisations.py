@@ -1,4 +1,4 @@
-"""Responses of some realisations, margins of requirements, and the realisations that errors are measured on."""
+"""Responses of realisations, margins of requirements, and the selection of realisations for error measurement."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ class Realisations:
     Attributes
     ----------
     values : array, shape (K, input)
-        The inputs.
+        Inputs of the realisations.
     response : array, shape (K, output, time)
-        NaN where a realisation failed.
+        Outputs; NaN for failed realisations.
     status : array of int, shape (K,)
-        0: fine; `uqmbd.results.STATUS_MEANINGS` names the others.
+        Status of each realisation; 0 means success. `uqmbd.results.STATUS_MEANINGS` explains the other values.
     messages : tuple of str
-        Reason of each failure, else empty.
+        Reason of each failure; empty for successful realisations.
     counters : dict
-        Solver counters, summed.
+        Solver counters, summed over the realisations.
     wall_time : float
-        s.
+        Wall-clock time, s.
     scalars : ScalarValues, optional
-        Outputs without a time: `values` (K, scalar) with a `status` and `messages` of their own, where the mechanism
-        has some.
+        Scalar outputs: `values` (K, scalar), with a separate `status` and `messages`. None if there are no scalar
+        outputs.
     margins : MarginValues, optional
-        Margins of requirements: `running` (K, requirement, T), `values` (K, requirement) of the whole motion, negative
-        if the requirement is violated, and `failed` (K,). It is None without requirements.
+        Margins of requirements: `running` (K, requirement, T), `values` (K, requirement) and `failed` (K,). `values`
+        refer to the whole motion; a value is negative if the requirement is violated. None if there are no
+        requirements.
 
     Examples
     --------
@@ -76,23 +77,23 @@ class Realisations:
     def joined(
         cls, values: Array, parts: Sequence[Realisations], shape: tuple[int, ...], wall_time: float
     ) -> Realisations:
-        """Join those of several chunks: of all inputs (K, input), with responses of a shape (output, time).
+        """Join several chunks into one object for all inputs (K, input), with responses of shape (output, time).
 
         Parameters
         ----------
         values : array, shape (K, input)
-            Inputs of all.
+            Inputs of all realisations.
         parts : sequence of Realisations
-            In their order.
+            Chunks, in order.
         shape : tuple of int
-            (output, T) of each response.
+            Shape (output, T) of each response.
         wall_time : float
-            s.
+            Wall-clock time, s.
 
         Returns
         -------
         Realisations
-            K of them.
+            All K realisations.
         """
         counters: Counter[str] = Counter()
         for part in parts:
@@ -111,35 +112,35 @@ class Realisations:
         )
 
     def __getitem__(self, rows: slice | Index) -> Realisations:
-        """Return some of them, in order; what solvers counted, and the time, are those of all alone."""
+        """Return selected realisations in the order of `rows`; solver counters are empty, and the time is 0 s."""
         messages = tuple(np.array(self.messages, dtype=object)[rows])
         return Realisations(self.values[rows], self.response[rows], self.status[rows], messages, {}, 0.0)
 
     @classmethod
     def of(cls, values: Array, chunk: Chunk, wall_time: float) -> Realisations:
-        """Return those of a chunk.
+        """Return the realisations of a chunk.
 
         Parameters
         ----------
         values : array, shape (K, input)
-            Inputs.
+            Inputs of the realisations.
         chunk : Chunk
-            What a worker computed.
+            Results that a worker computed.
         wall_time : float
-            s.
+            Wall-clock time, s.
         """
         about = (chunk.response, chunk.status, chunk.messages, dict(chunk.counters), wall_time)
         return cls(values, *about, chunk.scalars, chunk.margins)
 
     def choosing(self, seen: ScalarMap, chosen: Sequence[str]) -> Realisations:
-        """Return them with some of the outputs without a time; those in which one does not happen are censored.
+        """Return realisations with some of the scalar outputs; a realisation without one of these outputs is censored.
 
         Parameters
         ----------
         seen : ScalarMap
-            Which outputs without a time the model has.
+            Scalar outputs of the model.
         chosen : sequence of str
-            Names of some of them.
+            Names of the scalar outputs to select.
         """
         columns = [k for k, name in enumerate(seen.names) if name in chosen]
         response, status, messages = self.response[:, columns], self.status.copy(), list(self.messages)
@@ -150,21 +151,21 @@ class Realisations:
 
     @property
     def censored(self) -> int:
-        """In how many of them an output that is asked for does not happen: they have not failed."""
+        """Return the number of realisations without a requested output; they do not count as failures."""
         return int(np.count_nonzero(self.status == Status.CENSORED))
 
     @property
     def good(self) -> Mask:
-        """Which succeeded, with outputs that are all finite, shape (K,)."""
+        """Return a mask of the successful realisations with finite outputs, shape (K,)."""
         return np.asarray((self.status == Status.OK) & np.isfinite(self.response).all(axis=(1, 2)))
 
     @property
     def failures(self) -> int:
-        """How many failed."""
+        """Return the number of failed realisations."""
         return int(np.count_nonzero(self.status)) - self.censored
 
     def most_frequent_reason(self) -> str:
-        """Return the reason that most failures share (numbers aside), in its first wording."""
+        """Return the first message with the most frequent reason of failure; the comparison ignores digits."""
         reasons = [m for m, status in zip(self.messages, self.status, strict=True) if m and status != Status.CENSORED]
         if not reasons:
             return ""
@@ -174,24 +175,24 @@ class Realisations:
 
 @dataclass(frozen=True)
 class Margins:
-    """How far realisations are from the limits that they have to stay within.
+    """Distances of realisations from the limits of requirements.
 
     Attributes
     ----------
     values : array, shape (K, requirement)
-        Of the whole motion, in the units of the relations: below zero, the requirement is violated.  NaN where a
-        realisation failed.
+        Margins over the whole motion, in the units of the relations. A negative margin violates the requirement. NaN
+        for failed realisations.
     running : array, shape (K, requirement, T)
-        The smallest margin until each output time, located between the times, too.  Margins that are known at the end
-        only, as of an integral, are +inf before the last time.
+        The smallest margin until each output time, including minima between the times. If a margin is only defined at
+        the end, such as the margin of an integral, its values before the last time are +inf.
     failed : array of bool, shape (K,)
-        Which realisations have no margins: they are neither safe nor unsafe.
+        Whether each realisation failed. A failed realisation has no margins, and is neither safe nor unsafe.
     messages : tuple of str
-        Reasons of failures, else empty.
+        Reason of each failure; empty for successful realisations.
     counters : dict
-        Solver counters, summed.
+        Solver counters, summed over the realisations.
     wall_time : float
-        s.
+        Wall-clock time, s.
 
     Examples
     --------
@@ -220,14 +221,14 @@ class Margins:
 
     @classmethod
     def of(cls, found: Realisations, shape: tuple[int, ...]) -> Margins:
-        """Return those of some realisations, the shape of each being (requirement, T).
+        """Return the margins of realisations, each of shape (requirement, T).
 
         Parameters
         ----------
         found : Realisations
-            With margins.
+            Realisations with margins.
         shape : tuple of int
-            (requirement, T).
+            Shape (requirement, T) of the margins of a realisation.
         """
         known = found.margins
         if known is None:
@@ -236,32 +237,32 @@ class Margins:
 
 
 AGAIN, MOST = 3, 100
-"""Realisations that are integrated again, at least and at most."""
+"""Minimum and maximum number of realisations that are integrated again."""
 
 EACH = 20
-"""Successful realisations per realisation that is integrated again: an integration with a hundredth of the tolerance
-costs up to twice as much."""
+"""Number of successful realisations for each one that is integrated again. An integration with one hundredth of the
+tolerance costs up to twice as much."""
 
 NUMBERS = 1 << 24
-"""Numbers in the responses of realisations that are integrated again, at most, except for the first `AGAIN`."""
+"""Maximum number of response values of realisations that are integrated again; the first `AGAIN` are exempt."""
 
 
 @dataclass
 class Observed:
-    """Some of the successful realisations of a method, and counts of all of them."""
+    """A selection of the successful realisations of a method, and counts of all realisations."""
 
     values: list[Array] = field(default_factory=list)  # inputs (input,)
     responses: list[Array] = field(default_factory=list)  # (output, time)
-    counters: Counter[str] = field(default_factory=Counter)  # of the solvers, summed
+    counters: Counter[str] = field(default_factory=Counter)  # counters of the solvers, summed
     missing: Counter[int] = field(default_factory=Counter)
-    """Realisations without the output, by its index; outputs that always occur are not in it."""
-    counted: int = 0  # successful realisations, those in `missing` included
+    """Number of realisations without an output, by the index of the output; outputs that always occur have no entry."""
+    counted: int = 0  # successful realisations, including those in `missing`
     failed: int = 0  # failed realisations
     extent: tuple[Array, Array, int] | None = None
-    """Smallest and largest values (output, time) and number of successful realisations that workers do not reduce."""
+    """Minimum and maximum (output, time), and number, of the successful realisations that workers do not reduce."""
 
     def add(self, part: Realisations) -> None:
-        """Count those of a chunk, and take some of it, evenly spread, until there are enough."""
+        """Count the realisations of a chunk, and select evenly spread realisations until there are enough."""
         self.count(part, late_outputs(part))
         chosen = offered(part.status)
         self.take(part.values[chosen], part.response[chosen])
@@ -274,14 +275,14 @@ class Observed:
             self.extent = low, high, count
 
     def count(self, part: Realisations, late: Index) -> None:
-        """Count those of a chunk, and in how many of them each output does not happen."""
+        """Count the realisations of a chunk, and count for each output the realisations in which it does not occur."""
         self.counters.update(part.counters)
         self.missing.update({k: int(late[k]) for k in np.flatnonzero(late).tolist()})
         self.counted += int(np.count_nonzero(part.status == Status.OK)) + part.censored
         self.failed += part.failures
 
     def take(self, values: Array, responses: Array) -> None:
-        """Select some of those offered, evenly spread, until there are enough for the realisations so far."""
+        """Select evenly spread realisations until there are enough for the current number of realisations."""
         most = min(MOST, NUMBERS // max(1, responses[:1].size), self.counted // EACH)
         wanted = min(max(AGAIN, most) - len(self.values), len(values))
         for k in np.linspace(0, len(values) - 1, max(0, wanted)).round().astype(int).tolist():
@@ -290,7 +291,7 @@ class Observed:
 
 
 def offered(status: Index) -> Index:
-    """Return the indices of successful realisations of a chunk that may be integrated again, evenly spread."""
+    """Return the indices of successful realisations of a chunk for re-integration, evenly spread."""
     good = np.flatnonzero(status == Status.OK)
     count = min(max(AGAIN, -(-len(status) // EACH)), len(good))
     found: Index = good[np.linspace(0, len(good) - 1, count).round().astype(int)]
@@ -298,13 +299,13 @@ def offered(status: Index) -> Index:
 
 
 def late_outputs(part: Realisations) -> Index:
-    """Return in how many realisations each output does not happen."""
+    """Return, for each output, the number of realisations in which it does not occur."""
     found: Index = np.isnan(part.response[part.status == Status.CENSORED]).any(axis=2).sum(axis=0)
     return found
 
 
 def log_realisations(label: str, kind: str, part: Realisations) -> None:
-    """Log a chunk of realisations, and what failed in it, for who listens to ``uqmbd.realisations``."""
+    """Log a chunk of realisations and its failures to the logger ``uqmbd.realisations``."""
     if not realisations.isEnabledFor(logging.INFO):
         return
     realisations.debug("%s: %d realisations of %s in %.3g s", label, len(part.status), kind, part.wall_time)

@@ -1,4 +1,4 @@
-"""Methods: what one is, what it would take, what keeps it from a study, and how it runs."""
+"""Methods: their interface, cost estimates, obstacles, and execution."""
 
 from __future__ import annotations
 

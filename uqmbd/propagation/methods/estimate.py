@@ -1,4 +1,4 @@
-"""What a method would take, found out before anything is computed or allocated; and which sizes of it there are."""
+"""Cost estimate of a method before any computation or allocation, and possible sizes of the method."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ __all__ = ["Estimate", "Sizing", "readable"]
 @typechecked
 @dataclass(frozen=True)
 class Estimate:
-    """What a method would take for a study.
+    """Estimated cost of a method for a study.
 
     Parameters
     ----------
     realisations : int
-        How many it computes.
+        Number of realisations.
     memory : int
-        Bytes of the arrays that it holds at once.
+        Size of the arrays that the method stores in memory at the same time, bytes.
     detail : str
-        What they are for, as "3542 nodes, 1771 terms".
+        Explanation of these numbers, such as "3542 nodes, 1771 terms".
     at_most : bool
-        Whether it is the most that a method may take that finds out by itself, rather than what it will.
+        Whether the numbers are upper bounds, because the method chooses its size automatically.
     disk : int, optional
-        Bytes of its results, before compression; None: it does not tell.
+        Size of the results before compression, bytes; None: unknown.
     together : bool
-        Whether its realisations are solved together, so that what one takes alone does not tell their time.
+        Whether the method solves for all realisations together. The time of a single realisation then does not predict
+        the total.
 
     Examples
     --------
@@ -48,7 +49,7 @@ class Estimate:
 
     @property
     def words(self) -> str:
-        """Both numbers, for people."""
+        """Return both numbers as text."""
         some = "" if self.realisations == 1 else "s"
         return f"{'up to ' if self.at_most else ''}{self.realisations} realisation{some}, {readable(self.memory)}"
 
@@ -56,33 +57,33 @@ class Estimate:
 @typechecked
 @dataclass(frozen=True, kw_only=True)
 class Sizing:
-    """How a method is made larger or smaller, so that a run can choose its size by a budget and an accuracy.
+    """Possible sizes of a method; a run chooses one by budget and accuracy.
 
-    A size is one whole number, which the larger takes more realisations and has the smaller error.
+    A size is an integer. A larger size requires more realisations and has a smaller error.
 
     Parameters
     ----------
     option : str
-        Name of the option that it is, as ``samples`` or ``order``.
+        Name of the option that sets the size, such as ``samples`` or ``order``.
     at : callable
-        From a size to the method (a `uqmbd.extend.Propagator`) of that size; it may raise a `uqmbd.StudyError` where
-        there is none of that size.
+        Function that maps a size to the method (a `uqmbd.extend.Propagator`) of this size. The function may raise a
+        `uqmbd.StudyError` if no method has this size.
     least : int
-        The smallest size that states an error.
+        Smallest size at which the method states an error.
     falls : {"root", "steps", "itself"}
-        How the error falls with the size.  ``root``: as 1 / sqrt(size), as of samples.  ``steps``: by a factor with
-        each step of the size, as of orders: one is tried after the other.  ``itself``: the method ends by itself at the
-        accuracy, and the size only bounds it.
+        Decrease of the error with the size. ``root``: the error is proportional to 1 / sqrt(size), as for samples.
+        ``steps``: each step reduces the error by a factor, as for orders; the steps run one after another. ``itself``:
+        the method ends when it reaches the accuracy, and the size is only an upper bound.
     allowed : callable, optional
-        From any number to the largest size that is not larger, where not all numbers are sizes.
+        Function that maps a number to the largest allowed size up to this number. Default: every number is allowed.
     extends : bool
-        Whether the realisations of a size are the first ones of a larger size, in the same order.
+        Whether the realisations of a size are the first realisations of a larger size, in the same order.
     of : {"moments", "probabilities"}
-        What its accuracy is of: see `uqmbd.results.stated_accuracy`.
+        Kind of the accuracy; see `uqmbd.results.stated_accuracy`.
     also : tuple of str
         Names of further options that `at` sets.
     bound : int, optional
-        Of a method that ends by itself: its size where there is no budget.
+        Size of a run without a budget, for a method that ends automatically.
 
     Examples
     --------
@@ -103,7 +104,7 @@ class Sizing:
     bound: Size | None = None
 
     def largest(self, number: Annotated[float, Bounds(0)]) -> int:
-        """Return the largest size up to a number; the least one where none is so small."""
+        """Return the largest allowed size up to a number, or the smallest size if no allowed size is that small."""
         found = int(number) if self.allowed is None else self.allowed(int(number))
         return max(found, self.least)
 

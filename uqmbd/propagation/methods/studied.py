@@ -1,4 +1,4 @@
-"""What the work on a study needs of it."""
+"""Interface of a study to the code that runs its methods."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Studied"]
 
 
 class Studied(Protocol):
-    """A study as those see it whom it asks to run methods: what it is, and the problems that it makes of itself."""
+    """Interface of a study for the code that runs methods: data, and problems of propagators."""
 
     name: str
     mechanism: Mechanism
@@ -34,7 +34,7 @@ class Studied(Protocol):
 
     @property
     def model(self) -> Model:
-        """The compiled model."""
+        """Return the compiled model."""
 
     def problem(
         self,
@@ -43,7 +43,7 @@ class Studied(Protocol):
         progress: Progress | bool | None = None,
         folder: Path | None = None,
     ) -> Problem:
-        """Make the problem that a propagator is given."""
+        """Make the problem for a propagator."""
 
     def with_propagators(self, propagators: Iterable[Propagator]) -> Self:
         """Make a copy with other propagators."""

@@ -1,4 +1,4 @@
-"""Realisations that are reduced by those who compute them, and stored a chunk at a time."""
+"""Reduction of realisations by workers, and storage by chunks."""
 
 from __future__ import annotations
 

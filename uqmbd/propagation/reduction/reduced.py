@@ -1,4 +1,4 @@
-"""Chunks of realisations of which a worker hands over little: what a function makes of them."""
+"""Reduced chunks of realisations: a worker applies a function to a chunk and returns only its result."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["Handover", "ReductionOrder", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk"]
 
 Reduction = Callable[..., Arrays]
-"""From realisations, the index of the first of them, and further arguments to arrays by name."""
+"""Function that maps realisations, the index of the first one, and further arguments to arrays by name."""
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """What is left of the realisations of a chunk.
+    """Reduced realisations of a chunk.
 
     Attributes
     ----------
     first : int
-        Index of the first of them.
+        Index of the first realisation of the chunk.
     values : array, shape (K, input)
-        The inputs.
+        Inputs of the realisations.
     result : dict of str to array
-        What the function gave.
+        Return value of the function.
     status : array of int, shape (K,)
-        0: fine; `uqmbd.results.STATUS_MEANINGS` names the others.
+        Status of each realisation; 0: success. `uqmbd.results.STATUS_MEANINGS` names the other values.
     messages : tuple of str
-        Reason of each failure, else empty.
+        Reason of each failure; empty for successful realisations.
     good : array of bool, shape (K,)
-        Which succeeded, with outputs that are all finite.
+        Whether each realisation succeeded, with finite outputs.
     response : array, shape (W, output, time)
-        Of the first W of them, as many as were asked for.
+        Responses of the first W realisations, where W is the requested number.
     counters : dict
-        Solver counters, summed.
+        Solver counters, summed over the realisations.
     wall_time : float
-        s.
+        Wall-clock time, s.
 
     Examples
     --------
@@ -85,12 +85,12 @@ class Reduced:
 
     @property
     def censored(self) -> int:
-        """In how many of them an output that is asked for does not happen: they have not failed."""
+        """Return the number of realisations without a requested output; they do not count as failures."""
         return int(np.count_nonzero(self.status == Status.CENSORED))
 
     @property
     def realisations(self) -> Realisations:
-        """The realisations without the responses that were not asked for: of what failed, and why."""
+        """Return the realisations with their failures and reasons, but without responses that were not requested."""
         response = np.zeros((len(self.status), 0, 0))
         return Realisations(self.values, response, self.status, self.messages, self.counters, self.wall_time)
 
@@ -99,46 +99,46 @@ class Reduced:
 class ReductionOrder:
     """Instructions to a worker for the reduction of a chunk."""
 
-    first: int  # index of its first realisation
-    function: Reduction  # that reduces the chunk, with `arguments`
+    first: int  # index of the first realisation of the chunk
+    function: Reduction  # function that reduces the chunk, with `arguments`
     arguments: tuple[Any, ...]
     chosen: tuple[str, ...] | None  # requested outputs without a time
     wanted: int  # number of realisations whose responses are returned
     shelves: Mapping[Kind, ResponseFile]  # stores of responses, by kind
-    margins: bool  # whether margins of requirements are requested in addition
-    stored: Chunk | None = None  # the stored chunk without its response, if there is one
+    margins: bool  # whether margins of requirements are also requested
+    stored: Chunk | None = None  # stored chunk without its response, if it exists
     known: bool = False  # whether the result of the function for the stored chunk is known
     here: bool = False
-    """Whether the folder is certainly that of who does it."""
+    """Whether the process that reduces the chunk certainly has access to the same folder."""
 
 
 @dataclass(frozen=True)
 class Handover:
     """Result of a worker for a chunk."""
 
-    chunk: Chunk  # without its response
-    response: Array  # (W, output, time), those that are wanted
+    chunk: Chunk  # chunk without its response
+    response: Array  # (W, output, time), requested responses
     status: Index
-    messages: tuple[str, ...]  # where a requested output does not occur, the status of the realisation is censored
+    messages: tuple[str, ...]  # a realisation without a requested output is censored
     good: Mask  # (K,)
     missing: Index  # (output,) number of realisations without the output
     seen: Index  # indices of some successful realisations
-    responses: Array  # of `seen`, from which the integration error is measured
-    result: Arrays | None  # of the function
-    computed: bool = False  # whether the chunk was computed, not read
+    responses: Array  # responses of `seen`, for the measurement of the integration error
+    result: Arrays | None  # result of the function
+    computed: bool = False  # whether the chunk was computed instead of read
     unread: bool = False  # whether the worker cannot read the stored chunk; then the other fields are empty
     companions: dict[Kind, Chunk] = field(default_factory=dict)
-    """Chunks of other kinds; without a response where it is stored."""
+    """Chunks of other kinds, without responses that are stored."""
     files: dict[Kind, tuple[int, bytes | None]] = field(default_factory=dict)
-    """By kind, checksum of the file of the responses, and its content where it could not be written."""
+    """Checksum of the file of the responses, and its content if it could not be written, by kind."""
 
 
 def compute_reduced(
     packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: ReductionOrder
 ) -> Handover:
-    """Compute realisations, or read them where they are stored, and reduce them.
+    """Compute realisations, or read stored ones, and reduce them.
 
-    Arguments are those of `compute_chunk`. Responses are written once, where requested.
+    `compute_chunk` documents the arguments. Requested responses are written once.
     """
     if order.stored is not None:
         if not (order.here or order.shelves[kind].shared):
@@ -152,7 +152,7 @@ def compute_reduced(
 
 
 def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: ReductionOrder) -> Handover:
-    """Reduce a chunk that has been computed, and write its responses."""
+    """Reduce a computed chunk, and write its responses."""
     answer = reduce_chunk(packed, values, full, order)
     companions = full.companions(kind, margins=order.margins)
     files = {}
@@ -160,7 +160,7 @@ def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: R
         if (stored := full if name == kind else companions.get(name)) is not None:
             files[name] = shelf.put(stored.response)
             companions |= {name: _bare(stored)} if name != kind else {}
-    if order.chosen is not None and not order.shelves:  # others of them may be asked for next
+    if order.chosen is not None and not order.shelves:  # other outputs may be requested next
         companions[kind] = replace(full, counters={})
     return replace(answer, computed=True, companions=companions, files=files)
 
@@ -168,7 +168,7 @@ def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: R
 def reduce_chunk(
     packed: Packed, values: Array, chunk: Chunk, order: ReductionOrder, *, known: bool = False
 ) -> Handover:
-    """Reduce a chunk that is there; what the function makes of it may be known."""
+    """Reduce an available chunk; the result of the function may already be known."""
     part = Realisations.of(values, chunk, 0.0)
     if order.chosen is not None:
         part = part.choosing(packed.value().scalars, order.chosen)

@@ -1,4 +1,4 @@
-"""One motion, or one equilibrium, without any uncertainty."""
+"""One motion or one equilibrium, without uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Static equilibrium and eigenfrequencies, without any uncertainty."""
+"""Static equilibrium and eigenfrequencies, without uncertainty."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ __all__ = ["eigenfrequencies", "static_equilibrium"]
 def static_equilibrium(
     mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0
 ) -> xr.Dataset:
-    """Compute the static equilibrium: at the means of the random variables, or at given values.
+    """Compute the static equilibrium, at the means of the random variables or at given values.
 
-    It is found from the drawn pose, downhill; a pose that is an unstable equilibrium exactly is left as it is.  Angles
-    that springs count follow the bodies on the way, any number of turns.  Wheels roll on the way; where they may
-    come to rest in one place by one way and in another by another, it is an error.
+    The search starts at the drawn pose and goes downhill: forces do work. If the drawn pose is exactly an unstable
+    equilibrium, it is the result. During the search, the angles of rotational springs follow the bodies over any number
+    of turns, and wheels roll. It is an error if the rest position of a wheel may depend on its path.
 
     Parameters
     ----------
     mechanism : Mechanism
-        With at least one output.
+        Mechanism with at least one output.
     values : mapping, optional
-        Values of random variables by name; the others are at their means.
+        Values of random variables by name. Default: their means.
     time : float
-        At which drivers and loads are held, s.
+        Time for the values of drivers and loads, s.
 
     Returns
     -------
     xarray.Dataset
-        One variable for each output, with its units, at rest.  The attribute ``stable`` is 0 where the equilibrium is
+        One variable for each output, with its units, at rest. The attribute ``stable`` is 0 if the equilibrium is
         unstable.
 
     Raises
     ------
     uqmbd.StudyError
-        If something cannot be used.
+        If an argument is invalid.
     uqmbd.AssemblyError
-        If there is no assembly, or no equilibrium; names the body that is farthest from balance.
+        If there is no assembly or no equilibrium. The message names the body with the largest imbalance.
 
     Examples
     --------
@@ -85,36 +85,37 @@ def static_equilibrium(
 def eigenfrequencies(
     mechanism: Mechanism, values: Mapping[str, float] | None = None, at: str = "equilibrium", time: float = 0.0
 ) -> xr.Dataset:
-    """Compute eigenfrequencies and damping of small motions: at the means of the random variables, or at given values.
+    """Compute eigenfrequencies and damping ratios of small motions, at the means of the inputs or at given values.
 
-    About a pose at rest drivers hold still, about a steady motion they go on.
+    For a pose at rest, drivers do not move; for a steady motion, drivers continue to move.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Outputs are not needed.
+        Mechanism; outputs are not required.
     values : mapping, optional
-        Values of random variables by name; the others are at their means.
+        Values of random variables by name. Default: their means.
     at : {"equilibrium", "start", "steady"}
-        About the static equilibrium; about the drawn pose, assembled, at rest; or about the steady motion that is found
-        from there (see `uqmbd.at_steady`, and `uqmbd.eigenfrequency` for the frame from which it is seen).
+        State about which the motion is linearised. ``equilibrium``: the static equilibrium. ``start``: the assembled
+        drawn pose, at rest. ``steady``: the steady motion, found from the assembled drawn pose (see `uqmbd.at_steady`;
+        `uqmbd.eigenfrequency` states the frame of reference).
     time : float
-        At which drivers and loads are held, s.
+        Time at which drivers and loads are held, s.
 
     Returns
     -------
     xarray.Dataset
         Over the dimension ``mode``, sorted: ``frequency``, ``|eigenvalue| / 2 pi``, Hz;
         ``damping_ratio``, ``-Re(eigenvalue) / |eigenvalue|``; ``eigenvalue_real`` and ``eigenvalue_imaginary``, 1/s.
-        A degree of freedom that is damped too much to oscillate has two modes of damping ratio 1. An unstable one has a
-        mode of damping ratio -1; a rigid-body mode has frequency and damping ratio 0.
+        An overdamped degree of freedom has two modes of damping ratio 1. An unstable degree of freedom has a mode of
+        damping ratio -1; a rigid-body mode has frequency and damping ratio 0.
 
     Raises
     ------
     uqmbd.StudyError
-        If something cannot be used.
+        If an argument is invalid.
     uqmbd.AssemblyError
-        If there is no assembly, or no equilibrium or steady motion.
+        If there is no assembly, no equilibrium, or no steady motion.
 
     Examples
     --------
@@ -175,7 +176,7 @@ def _moment(time: float, where: str) -> float:
 
 
 def _any_model(mechanism: Mechanism, time: float) -> Model:
-    """Build a mechanism, whether it has outputs or not."""
+    """Build a mechanism with or without outputs."""
     from uqmbd.dynamics import build
 
     if mechanism.outputs:
@@ -186,7 +187,7 @@ def _any_model(mechanism: Mechanism, time: float) -> Model:
 
 
 def _found(mechanism: Mechanism, ensemble: Ensemble) -> Equilibrium:
-    """Equilibrium of the one realisation of an ensemble."""
+    """Return the equilibrium of the only realisation of an ensemble."""
     from uqmbd.dynamics import static_equilibria
 
     found = static_equilibria(ensemble)

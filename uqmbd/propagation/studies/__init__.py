@@ -1,4 +1,4 @@
-"""Studies: a mechanism, times and methods; how they are read from scripts, and how their methods run."""
+"""Studies: a mechanism, times and methods, their import from scripts, and their execution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sampling designs: points in the unit cube, by name; those of the core and those of plugins alike."""
+"""Sampling designs of the core and of plugins, by name: points in the unit cube."""
 
 from __future__ import annotations
 

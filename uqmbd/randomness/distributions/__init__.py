@@ -1,6 +1,6 @@
-"""Distributions of chaospy: their structure, their existence, and the weight of their tails.
+"""Structure, validity and tails of chaospy's distributions.
 
-Those of other packages are adopted: they become distributions of chaospy.
+Distributions of other packages are converted to distributions of chaospy.
 """
 
 from __future__ import annotations

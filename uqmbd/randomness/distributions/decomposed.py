@@ -1,10 +1,10 @@
-"""Distributions of chaospy for one variable, taken apart: a core, an affine map around it, and its truncation.
+"""Decomposition of univariate distributions of chaospy into a core, an affine map and a truncation.
 
-chaospy nests: ``chaospy.Normal(mu, sigma)`` is a shifted and scaled standard one, arithmetic wraps further, joints of
-one variable are joints.  Three of its ways are mended here: infinite supports end at probabilities of about 1e-15,
-where moments of high degree are not negligible yet; arithmetic on arithmetic (``2 * X + 1``) has no inverse; and
-``chaospy.Trunc`` with a lower *and* an upper bound leaves a lump of probability at the upper one (it divides by
-``(1 - F(lower)) F(upper)``, not by ``F(upper) - F(lower)``).
+chaospy nests distributions: ``chaospy.Normal(mu, sigma)`` shifts and scales a standard distribution, arithmetic adds
+layers, and a joint of one variable is a joint. This module corrects three defects. Infinite supports end at
+probabilities of about 1e-15, where moments of high degree are not negligible yet. Arithmetic on arithmetic
+(``2 * X + 1``) has no inverse. ``chaospy.Trunc`` with a lower *and* an upper bound leaves an atom at the upper bound:
+it divides by ``(1 - F(lower)) F(upper)``, not by ``F(upper) - F(lower)``.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class AffineDistribution:
 
     @property
     def kind(self) -> str:
-        """The name of the core's class, e.g. ``"normal"``; ``"truncation"``."""
+        """Name of the class of the core, such as ``"normal"``, or ``"truncation"``."""
         return "truncation" if self.cut is not None else type(self.core).__name__
 
     @property
@@ -51,17 +51,17 @@ class AffineDistribution:
         return self.core.discrete if self.cut is not None else bool(getattr(self.core, "interpret_as_integer", False))
 
     def parameters(self, *names: str) -> tuple[float, ...]:
-        """Return numbers that the core was given."""
+        """Return parameters of the core by name."""
         return tuple(float(np.ravel(self.core._parameters[name])[0]) for name in names)
 
     @property
     def mends(self) -> bool:
-        """Whether chaospy's inverse is wrong or fails: truncations, and arithmetic on arithmetic."""
+        """Whether the inverse of chaospy is wrong or fails, as for truncations and arithmetic on arithmetic."""
         return self.cut is not None or self.operations > 1
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The support; infinite ones end far out, as in chaospy."""
+        """Ends of the support; as in chaospy, an infinite support ends at a finite bound far out."""
         low, high = self._ends_of_core() if self.cut is None else self.core.bounds
         if self.cut is not None:
             low, high = max(low, self.cut[0]), min(high, self.cut[1])
@@ -69,7 +69,7 @@ class AffineDistribution:
         return ends[0], ends[1]
 
     def pdf(self, x: Array) -> Array:
-        """Density; beyond the bounds of chaospy too where the core has a formula."""
+        """Return the density at `x`; with a formula of the core, also beyond the bounds of chaospy."""
         y = (x - self.shift) / self.scale
         with np.errstate(all="ignore"):
             if self.cut is not None:
@@ -83,7 +83,7 @@ class AffineDistribution:
         return np.where(np.isfinite(density), density, 0.0) / abs(self.scale)
 
     def cdf(self, x: Array) -> Array:
-        """Cumulated probability."""
+        """Return the cumulative probability at `x`."""
         values: Array
         y = (x - self.shift) / self.scale
         if self.cut is not None:
@@ -95,7 +95,7 @@ class AffineDistribution:
         return values if self.scale > 0 else 1 - values
 
     def quantile(self, u: Array) -> Array:
-        """Quantiles."""
+        """Return quantiles at the probabilities `u`."""
         y: Array
         p = u if self.scale > 0 else 1 - u
         if self.cut is not None:
@@ -107,7 +107,7 @@ class AffineDistribution:
         return self.shift + self.scale * y
 
     def far_quantile(self, u: Array) -> Array:
-        """Quantiles, from the core's formula where it has one: not clipped at the bounds of chaospy."""
+        """Return quantiles; with a formula of the core, without clipping at the bounds of chaospy."""
         if self.cut is None and self._simple:
             import chaospy
 
@@ -130,7 +130,7 @@ class AffineDistribution:
         low, high = _ends(self.core)
         if not self._simple or self.discrete:
             return low, high
-        # some finite ends are moved inwards, to a probability of 1e-12
+        # chaospy moves some finite ends inwards, to a probability of 1e-12
         import chaospy
 
         try:
@@ -154,7 +154,7 @@ class AffineDistribution:
         return float(below), float(above)
 
     def _peel(self) -> AffineDistribution | None:
-        """Remove one layer; None where there is none that is understood."""
+        """Return the distribution without its outer layer; None if there is no layer of a known type."""
         import chaospy
 
         core = self.core
@@ -209,7 +209,7 @@ class AffineDistribution:
 
 
 def is_dependent(distribution: Any) -> bool:
-    """Whether the components of a distribution depend on each other (a truncation does not tell that of its core)."""
+    """Return whether the components of a distribution are dependent; a truncation hides this property of its core."""
     wrapped = getattr(distribution, "_dist", None) is not None
     return len(distribution) > 1 and bool(distribution.stochastic_dependent or wrapped)
 

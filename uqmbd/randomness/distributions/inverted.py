@@ -1,9 +1,9 @@
-"""Quantiles of distributions of scipy with a formula of the density but none of the quantiles.
+"""Quantiles of scipy's distributions that have a formula for the density but none for the quantiles.
 
-scipy searches for each such quantile by Brent's method: the table of 6,601 that a surrogate needs took 3 to 60 s, and
-``norminvgauss`` failed in its tails.  By the density it takes 0.1 s.  UNU.RAN, which scipy has as
-`scipy.stats.sampling.NumericalInversePolynomial`, is as quick, but its errors are relative to the whole probability: of
-``norminvgauss`` the probability at the quantile of 1e-12 is wrong by 0.1 %, at that of 1e-14 by 5 %.
+scipy computes each such quantile by Brent's method. A surrogate needs a table of 6,601 quantiles; Brent's method took
+3 to 60 s for it, and failed in the tails of ``norminvgauss``. Integrating the density takes 0.1 s. UNU.RAN
+(`scipy.stats.sampling.NumericalInversePolynomial`) is as fast, but its errors are relative to the total probability.
+For ``norminvgauss``, the probability is wrong by 0.1 % at the quantile of 1e-12, and by 5 % at the quantile of 1e-14.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ __all__ = ["ACCURACY", "Inverted", "invert_distribution"]
 
 
 ACCURACY = 1e-10
-"""Error of probabilities above which a table is not used; it is measured by the distribution function of scipy."""
+"""Error of probabilities, measured by the distribution function of scipy, above which a table is not used."""
 
 POINTS = 20
-"""Nodes of the Gauss-Legendre rule on each panel."""
+"""Number of nodes of the Gauss-Legendre rule on each panel."""
 
 SPARED = 1e-13
-"""Size of the last coefficients of a panel's density, relative to the largest, at which it is a polynomial."""
+"""Relative size of the last coefficients up to which the density on a panel counts as a polynomial."""
 
 SMALLEST = 1e-40
 """Probability beyond which tails are cut."""
 
 MOST = 1500
-"""Panels; more are a sign of a density full of noise, which is an integral itself."""
+"""Largest number of panels; more indicate a noisy density, which is itself a numerical integral."""
 
 STEPS = 60
-"""Steps of Newton's method or bisection."""
+"""Number of steps of Newton's method or bisection."""
 
 PROBE = np.array([1e-12, 1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
 """Probabilities at which a table is compared with the distribution function."""
@@ -43,20 +43,20 @@ PROBE = np.array([1e-12, 1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-
 
 @dataclass(frozen=True, eq=False)
 class Inverted:
-    """Integral of a density on panels, each a polynomial, summed from both ends."""
+    """Piecewise polynomial integral of a density on panels, summed from both ends."""
 
-    edges: Array  # (n + 1,) of the panels
+    edges: Array  # (n + 1,) edges of the panels
     series: Array  # (n, 21) Legendre coefficients of the integral from the left edge of each panel
-    below: Array  # (n + 1,) probability below each edge, with a small relative error, as `above`
-    above: Array  # (n + 1,)
+    below: Array  # (n + 1,) probability below each edge, with a small relative error
+    above: Array  # (n + 1,) probability above each edge, with a small relative error
 
     def quantile(self, u: Array) -> Array:
-        """Return quantiles; those beyond the tails that are cut are the last edges."""
+        """Return quantiles; probabilities in the cut tails give the outermost edges."""
         lower = u < 0.5
         return self._solved(np.where(lower, u, 1 - u), lower)
 
     def _solved(self, wanted: Array, lower: NDArray[np.bool_]) -> Array:
-        """Return where a probability is below, or else above: Newton's method within a bracket."""
+        """Return points with the `wanted` probability below, or above if not `lower`, by bracketed Newton's method."""
         last = len(self.series)
         left = np.searchsorted(self.below, wanted, side="right") - 1
         right = last - np.searchsorted(self.above[::-1], wanted, side="right")
@@ -65,7 +65,7 @@ class Inverted:
         series, width = self.series[panel].T, (self.edges[1:] - self.edges[:-1])[panel]
         slope = np.polynomial.legendre.legder(series)
         low, high, at = np.full(wanted.shape, -1.0), np.full(wanted.shape, 1.0), np.zeros(wanted.shape)
-        for _ in range(STEPS):  # as many for all: a value does not hang on which others are asked for
+        for _ in range(STEPS):  # equally many for all, so that a value does not depend on the others
             value = np.polynomial.legendre.legval(at, series, tensor=False) - missing
             low, high = np.where(value < 0, at, low), np.where(value < 0, high, at)
             with np.errstate(all="ignore"):
@@ -80,10 +80,10 @@ def invert_distribution(
 ) -> Inverted | None:
     """Return a table of the quantiles of a distribution.
 
-    It is None where the integral of its density is less exact than `ACCURACY`. The panels begin at the quartiles (3,),
-    double outwards, and are bisected until the density is a polynomial on each. The result is compared with the
-    distribution function at probabilities from 1e-12 to 1 - 1e-6. `density` and `cdf` map arrays (N,); the ends of the
-    support may be infinite.
+    The result is None if the integral of the density is less accurate than `ACCURACY`. Panels start at the quartiles
+    (3,), double in width outwards, and are bisected until the density is a polynomial on each panel. The table is
+    compared with the distribution function at probabilities from 1e-12 to 1 - 1e-6. `density` and `cdf` map arrays
+    (N,); the ends of the support may be infinite.
 
     >>> import scipy.stats
     >>> normal = scipy.stats.norm()
@@ -133,7 +133,7 @@ def invert_distribution(
 
 
 def _edges(density: Callable[[Array], Array], support: tuple[float, float], quartiles: Array) -> Array | None:
-    """Return edges from end to end: ever wider outwards, and ever narrower towards an end of the support."""
+    """Return edges of panels, which widen outwards and narrow towards a finite end of the support."""
     low, high = float(quartiles[0]), float(quartiles[2])
     spread = high - low
     if not 0 < spread < np.inf:
@@ -145,7 +145,7 @@ def _edges(density: Callable[[Array], Array], support: tuple[float, float], quar
             parts += [steps[np.abs(end - steps) > 1e-15 * max(abs(end), spread)], np.array([end])]
             continue
         reach: Array = spread * np.exp2(np.arange(-1.0, 1000.0))
-        with np.errstate(all="ignore"):  # some squares of what is far away are infinite
+        with np.errstate(all="ignore"):  # some squares of large distances are infinite
             values = density(start + sign * reach) * reach
         small = np.flatnonzero(~(values > SMALLEST))
         if not len(small):

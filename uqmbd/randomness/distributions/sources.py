@@ -1,6 +1,6 @@
-"""Distributions of scipy.stats and OpenTURNS behind one interface, as chaospy needs it for one variable.
+"""Common interface of univariate distributions of scipy.stats and OpenTURNS, as chaospy needs it.
 
-Neither package is imported here: objects of them bring what is needed.
+This module imports neither package when it is loaded: objects of the packages provide the methods.
 """
 
 from __future__ import annotations
@@ -18,37 +18,37 @@ from uqmbd.typing import Array
 __all__ = ["Frozen", "Infrastructure", "OpenTurns", "DistributionSource"]
 
 INTEGRALS = {"levy_stable", "studentized_range"}
-"""Families of scipy whose density is an integral, which takes milliseconds and is not smooth."""
+"""Families of scipy whose density is a numerical integral, which takes milliseconds per value and is not smooth."""
 
 
 class DistributionSource(Protocol):
-    """A distribution of another package, of one variable; every function takes and returns arrays of shape (N,)."""
+    """Univariate distribution of another package; arrays of arguments and results have the shape (N,)."""
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution is discrete."""
 
     @property
     def support(self) -> tuple[float, float]:
-        """Its ends, which may be infinite."""
+        """Ends of the support, which may be infinite."""
 
     def density(self, x: Array) -> Array:
-        """Density, or the probability of a single value where it is discrete."""
+        """Return the density at `x`; for a discrete distribution, the probabilities of the values `x`."""
 
     def cdf(self, x: Array) -> Array:
-        """Probability up to, and including, `x`."""
+        """Return the probability of values up to, and including, `x`."""
 
     def quantile(self, u: Array) -> Array:
-        """Quantiles."""
+        """Return quantiles at the probabilities `u`."""
 
     def upper_quantile(self, u: float) -> float:
-        """Value that is exceeded with probability `u`."""
+        """Return the value that is exceeded with probability `u`."""
 
     def lower_quantile(self, u: float) -> float:
-        """Quantile of one probability, without a table."""
+        """Return the quantile of one probability, without a table."""
 
     def moment(self, order: int) -> float:
-        """Raw moment; NaN or infinite where there is none."""
+        """Return a raw moment; NaN or infinite if it does not exist."""
 
 
 TURNS = {"vonmises": (-np.pi, np.pi)}
@@ -57,31 +57,31 @@ TURNS = {"vonmises": (-np.pi, np.pi)}
 
 @dataclass(frozen=True, eq=False)
 class Frozen:
-    """A distribution with parameters of ``scipy.stats.rv_continuous`` or ``rv_discrete``."""
+    """Frozen distribution of scipy: ``scipy.stats.rv_continuous`` or ``rv_discrete`` with given parameters."""
 
     given: Any
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes whole numbers only."""
+        """Whether the distribution takes whole numbers only."""
         return hasattr(self.given, "pmf")
 
     @property
     def support(self) -> tuple[float, float]:
-        """Its ends."""
+        """Ends of the support."""
         low, high = self.given.support()
         return float(low), float(high)
 
     def density(self, x: Array) -> Array:
-        """Density or probability."""
+        """Return the density or probabilities at `x`."""
         return np.asarray(self.given.pmf(x) if self.discrete else self.given.pdf(x), dtype=float)
 
     def cdf(self, x: Array) -> Array:
-        """Probability up to `x`."""
+        """Return the probability of values up to `x`."""
         return np.asarray(self.given.cdf(x), dtype=float)
 
     def quantile(self, u: Array) -> Array:
-        """Quantiles, of a table where scipy has no formula of them."""
+        """Return quantiles at `u`, from a table if scipy has no formula for them."""
         if self._table is None:
             return np.asarray(self.given.ppf(u), dtype=float)
         probability = np.asarray(u, dtype=float)
@@ -91,21 +91,21 @@ class Frozen:
         return np.where(inside, found, np.where(probability == 0, low, np.where(probability == 1, high, np.nan)))
 
     def upper_quantile(self, u: float) -> float:
-        """Value that is exceeded with probability `u`."""
+        """Return the value that is exceeded with probability `u`."""
         return float(self.given.isf(u))
 
     def lower_quantile(self, u: float) -> float:
-        """Quantile of one probability, without a table."""
+        """Return the quantile of one probability, without a table."""
         return float(self.given.ppf(u))
 
     def moment(self, order: int) -> float:
-        """Raw moment."""
-        # the mean of most has a formula of its own
+        """Return a raw moment."""
+        # most families have a formula for the mean
         return float(self.given.mean() if order == 1 else self.given.moment(order))
 
     @cached_property
     def _table(self) -> Inverted | None:
-        """Quantiles by the density, where it is all that scipy has a formula of."""
+        """Table of quantiles from the density, if scipy has a formula for the density only; else None."""
         from scipy.stats import rv_continuous
 
         family = getattr(self.given, "dist", None)
@@ -129,19 +129,19 @@ class Infrastructure(Frozen):
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution is discrete."""
         return any(kind.__name__ == "DiscreteDistribution" for kind in type(self.given).__mro__)
 
     def quantile(self, u: Array) -> Array:
-        """Quantiles."""
+        """Return quantiles at the probabilities `u`."""
         return np.asarray(self.given.icdf(u), dtype=float)
 
     def upper_quantile(self, u: float) -> float:
-        """Value that is exceeded with probability `u`."""
+        """Return the value that is exceeded with probability `u`."""
         return float(self.given.iccdf(u))
 
     def lower_quantile(self, u: float) -> float:
-        """Quantile of one probability."""
+        """Return the quantile of one probability."""
         return float(self.given.icdf(u))
 
 
@@ -153,38 +153,38 @@ class OpenTurns:
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution is discrete."""
         return bool(self.given.isDiscrete())
 
     @property
     def support(self) -> tuple[float, float]:
-        """Its ends."""
+        """Ends of the support."""
         found = self.given.getRange()
         low = float(found.getLowerBound()[0]) if found.getFiniteLowerBound()[0] else -np.inf
         return low, float(found.getUpperBound()[0]) if found.getFiniteUpperBound()[0] else np.inf
 
     def density(self, x: Array) -> Array:
-        """Density or probability."""
+        """Return the density or probabilities at `x`."""
         return np.asarray(self.given.computePDF(np.asarray(x)[:, None]), dtype=float).ravel()
 
     def cdf(self, x: Array) -> Array:
-        """Probability up to `x`."""
+        """Return the probability of values up to `x`."""
         return np.asarray(self.given.computeCDF(np.asarray(x)[:, None]), dtype=float).ravel()
 
     def quantile(self, u: Array) -> Array:
-        """Quantiles."""
+        """Return quantiles at the probabilities `u`."""
         return np.asarray(self.given.computeQuantile(np.asarray(u).tolist()), dtype=float).ravel()
 
     def upper_quantile(self, u: float) -> float:
-        """Value that is exceeded with probability `u`."""
+        """Return the value that is exceeded with probability `u`."""
         return float(self.given.computeQuantile(u, True)[0])
 
     def lower_quantile(self, u: float) -> float:
-        """Quantile of one probability."""
+        """Return the quantile of one probability."""
         return float(self.given.computeQuantile(u)[0])
 
     def moment(self, order: int) -> float:
-        """Raw moment; NaN where there is none, which OpenTURNS raises."""
+        """Return a raw moment; NaN if OpenTURNS raises an error because the moment does not exist."""
         try:
             return float(self.given.getMean()[0] if order == 1 else self.given.getMoment(order)[0])
         except (TypeError, RuntimeError, ValueError):

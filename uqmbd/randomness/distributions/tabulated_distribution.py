@@ -1,6 +1,6 @@
-"""A distribution whose quantile function is a table, for chaospy.
+"""Distribution of chaospy whose quantile function is a table.
 
-`chaospy.UserDistribution` holds functions, which are not sent to worker processes.
+`chaospy.UserDistribution` contains functions, which cannot be sent to worker processes.
 """
 
 from __future__ import annotations

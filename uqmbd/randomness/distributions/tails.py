@@ -1,4 +1,4 @@
-"""Tails: which distributions have no finite moments, and which have moments that do not determine them."""
+"""Tails of distributions: whether moments are finite, and whether moments determine the distribution."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ NO_MOMENTS = {"cauchy", "folded_cauchy", "levy"}
 """Families without an expectation for any parameters."""
 
 FEWEST = 4.0
-"""Moments of this order must be finite: the kurtosis of an input, the standard error of a standard deviation."""
+"""Order of moments that must be finite, for the kurtosis of an input and the standard error of a deviation."""
 
 POWER_LAW = 1.15
-"""Tail indices that grow by less than this from the probability 1e-5 to 1e-9 belong to a power law."""
+"""Growth of the tail index from the probability 1e-5 to 1e-9 below which the tail is a power law."""
 
 SLOWEST = 9.5
 """Tail index at 1e-9 below which polynomials do not converge: ``exp(-sqrt(x))``, the limit of determinacy, has 9.8."""
 
 SLOWEST_GROWTH = 1.6
-"""Limit of its growth: 2 for ``exp(-x**c)``, 1.4 for a lognormal distribution."""
+"""Limit of the growth of the tail index, which is 2 for ``exp(-x**c)`` and 1.4 for a lognormal distribution."""
 
 
 @dataclass(frozen=True)
 class Tail:
-    """Rate at which a tail of probability falls.
+    """Rate of decrease of the tail of a distribution.
 
     The index is minus the slope of log probability over log distance from the median, at the probability 1e-9. Moments
-    of an order below it are finite if it does not grow.
+    of an order below the index are finite if the index does not grow.
     """
 
     index: float
-    growth: float  # index over that at the probability 1e-5: 1 for a power law
+    growth: float  # ratio of the index to the index at the probability 1e-5; 1 for a power law
 
     @property
     def power_law(self) -> bool:
@@ -55,7 +55,7 @@ class Tail:
 
     @property
     def bounded(self) -> bool:
-        """Whether the support seems to end."""
+        """Whether the support seems to be bounded."""
         return self.growth > 4
 
     @property
@@ -83,7 +83,7 @@ def tail_of(quantile: Callable[[Array], Array]) -> Tail:
     for probabilities in (DEPTH, 1 - DEPTH):
         distance = np.abs(quantile(probabilities) - middle)
         grown = np.diff(distance)[[0, 2]]
-        if not np.all(grown > 1e-6 * np.maximum(high - low, distance[[1, 3]])):  # it ends there
+        if not np.all(grown > 1e-6 * np.maximum(high - low, distance[[1, 3]])):  # the support ends there
             tails.append(Tail(np.inf, np.inf))
             continue
         first, second = np.log(10) / np.log(distance[[1, 3]] / distance[[0, 2]])

@@ -1,4 +1,4 @@
-"""Standard variables: their orthonormal polynomials, recurrences, discretised measures and tables of quantiles."""
+"""Standard variables with orthonormal polynomials, recurrences, discretised measures and tables of quantiles."""
 
 from __future__ import annotations
 

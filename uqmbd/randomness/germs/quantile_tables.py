@@ -1,4 +1,4 @@
-"""Quantile functions as tables: monotone cubic interpolation over the probit scale, and its inverse."""
+"""Tables of quantile functions: monotone cubic interpolation over the probit scale, and its inverse."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["KNOTS", "interpolate", "invert", "probit", "slope_at"]
 
 
 KNOTS: Array = np.linspace(-8.25, 8.25, 6601)
-"""Points of a standard normal at which quantile functions are tabulated; probabilities 8e-17 to 1 - 1.1e-16."""
+"""Standard normal values at which quantile functions are tabulated; their probabilities are 8e-17 to 1 - 1.1e-16."""
 
 SMALLEST = 1e-300
 LARGEST = 1 - 2.0**-53
 
 
 def probit(uniform: Array) -> Array:
-    """Return standard normal quantiles; 0 and 1 are moved into the open interval.
+    """Return standard normal quantiles; move 0 and 1 into the open interval first.
 
     >>> probit(np.array([0.5, 1.0])).round(2).tolist()
     [0.0, 8.21]
@@ -31,9 +31,9 @@ def probit(uniform: Array) -> Array:
 def slopes(knots: Array, values: Array) -> Array:
     """Return derivatives at the knots that keep a cubic Hermite interpolant monotone.
 
-    Derivatives of fourth order from five points, limited to three times the smaller neighbouring secant (the sufficient
-    condition of Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238): the interpolation error falls with the fourth
-    power of the distance wherever the limit is not reached.
+    Five points give derivatives of fourth order, which are limited to three times the smaller neighbouring secant. This
+    limit is the sufficient condition of Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238. The interpolation
+    error decreases with the fourth power of the distance between knots if the limit is not reached.
     """
     secants = np.diff(values) / np.diff(knots)
     result = np.empty_like(values)
@@ -46,7 +46,7 @@ def slopes(knots: Array, values: Array) -> Array:
 
 
 def interpolate(table: Array, where: Array) -> Array:
-    """Evaluate a table (2, M) of knots and non-decreasing values; it continues by straight lines beyond its ends.
+    """Evaluate a table (2, M) of knots and non-decreasing values; extrapolate linearly beyond its ends.
 
     >>> interpolate(np.array([KNOTS, 2 * KNOTS]), np.array([0.123, 10.0])).round(12).tolist()
     [0.246, 20.0]
@@ -79,7 +79,7 @@ def slope_at(table: Array, where: Array) -> Array:
 
 
 def invert(table: Array, values_at: Array) -> Array:
-    """Return the points where a table takes values: bisection, then Newton's method within its bracket.
+    """Return the points where a table takes the given values, by bisection; extrapolate linearly beyond its ends.
 
     >>> invert(np.array([KNOTS, 2 * KNOTS]), np.array([0.246])).round(12).tolist()
     [0.123]
@@ -107,5 +107,5 @@ def _cubic(cell: NDArray[np.int64], offset: Array, knots: Array, values: Array, 
     t = offset / width
     rise = values[cell + 1] - values[cell]
     first, last = slope[cell] * width, slope[cell + 1] * width
-    # nothing that cancels: the value at the left plus a cubic of the fraction
+    # without cancellation: the value at the left plus a cubic of the fraction
     return values[cell] + t * (first + t * ((3 * rise - 2 * first - last) + t * (first + last - 2 * rise)))

@@ -10,7 +10,7 @@ __all__ = ["CLASSICAL", "recurrence"]
 
 
 CLASSICAL = ("hermite", "legendre", "jacobi", "laguerre")
-"""Families with a closed form, for any degree."""
+"""Families with a closed form of the recurrence for any degree."""
 
 
 def recurrence(family: str, parameters: tuple[float, ...], count: int) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Recurrence coefficients of any distribution: its density on a fine quadrature, then the Lanczos process."""
+"""Recurrence coefficients of any distribution, from a fine quadrature of the density and the Lanczos process."""
 
 from __future__ import annotations
 
@@ -16,43 +16,43 @@ __all__ = ["COUNT", "Discretised", "discretise", "discretise_quantiles", "lanczo
 
 
 COUNT = 40
-"""Recurrence coefficients that are computed: polynomials up to degree 39, Gauss rules of up to 40 nodes."""
+"""Number of computed recurrence coefficients, for polynomials up to degree 39 and Gauss rules of up to 40 nodes."""
 
 MOST_PANELS = 3000
-"""Panels that are bisected at once; more are a sign of a density full of noise."""
+"""Largest number of panels that are bisected at once; more indicate a noisy density."""
 
 NARROWEST = 1e-7
-"""Half width of the panels, relative to all, at which kinks and singularities are left to the distribution function."""
+"""Half width of panels, relative to the whole range, below which quantiles integrate kinks and singularities."""
 
 POINTS = 20
-"""Nodes of the Gauss-Legendre rule on each panel."""
+"""Number of nodes of the Gauss-Legendre rule on each panel."""
 
 QUANTILES: Array = np.r_[
     [1e-12, 1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3], np.arange(1, 64) / 64, 1 - np.array([3e-3, 1e-3, 1e-4, 1e-5]),
     1 - np.array([1e-6, 1e-8, 1e-10, 1e-12]),
 ]  # fmt: skip
-"""Probabilities at whose quantiles panels begin, so that no mass above 1/64 is missed."""
+"""Probabilities whose quantiles are edges of panels, so that no mass above 1/64 is missed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Discretised:
     """Recurrence coefficients of the standardised variable ``(x - shift) / scale``, and their accuracy."""
 
-    alpha: Array  # (N,) of the monic polynomials
+    alpha: Array  # (N,) coefficients of the monic polynomials
     beta: Array  # (N,)
     shift: float
     scale: float
     bounds: tuple[float, float]
-    """Support of the standardised variable; infinite where the formula of the density is unbounded."""
-    mass: float  # integral of the density, 1 but for errors
+    """Support of the standardised variable; infinite if the formula of the density has no bounds."""
+    mass: float  # integral of the density, which is 1 except for errors
     change: float  # largest relative change of the coefficients when all panels were halved
 
 
 def discretise(law: AffineDistribution, count: int = COUNT) -> Discretised:
     """Compute recurrence coefficients of a continuous distribution.
 
-    Gauss-Legendre rules on panels integrate the density; panels are bisected until it is a polynomial on each. The last
-    panels at a kink or a singularity are integrated by quantiles. All panels are then halved until the coefficients
+    Gauss-Legendre rules integrate the density. Panels are bisected until the density is a polynomial on each panel.
+    Quantiles integrate the last panels at a kink or a singularity. All panels are then halved until the coefficients
     stay constant.
     """
     edges, ends = _panels(law, count)
@@ -60,7 +60,7 @@ def discretise(law: AffineDistribution, count: int = COUNT) -> Discretised:
     nodes, weights, edges = _resolve(law, edges, inner)
     closed = np.isfinite(ends).all()
     total = weights.sum()
-    if not abs(total - 1) < 1e-6:  # the formula of the density is wrong: nothing to be found with it
+    if not abs(total - 1) < 1e-6:  # the formula of the density is wrong, so there is no result
         return Discretised(np.zeros(count), np.ones(count), 0.0, 1.0, (-1.0, 1.0), float(total), np.inf)
     mean = (nodes * weights).sum() / total
     deviation = np.sqrt(((nodes - mean) ** 2 * weights).sum() / total)
@@ -83,8 +83,8 @@ def discretise(law: AffineDistribution, count: int = COUNT) -> Discretised:
 def lanczos(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
     """Return `count` recurrence coefficients of a discrete measure of nodes and weights (n,), normalised to mass one.
 
-    This is the Lanczos process with full reorthogonalisation (Gautschi 2004, section 2.2.3): exact to rounding as long
-    as `count` does not exceed n.
+    The Lanczos process with full reorthogonalisation (Gautschi 2004, section 2.2.3) is exact to rounding if `count` is
+    at most n.
 
     >>> alpha, beta = lanczos(np.array([-1.0, 1.0]), np.array([1.0, 1.0]), 2)
     >>> np.abs(alpha).round(12).tolist(), beta.round(12).tolist()
@@ -107,7 +107,7 @@ def lanczos(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
 
 
 def discretise_quantiles(law: AffineDistribution, count: int) -> Discretised:
-    """Compute recurrence coefficients from quantiles alone, where the density is unknown; errors are about 1e-6."""
+    """Compute recurrence coefficients from quantiles only, for an unknown density; errors are about 1e-6."""
     nodes = law.quantile(scipy.special.ndtr(KNOTS))
     weights = np.exp(-(KNOTS**2) / 2)
     low, high = law.bounds
@@ -117,7 +117,7 @@ def discretise_quantiles(law: AffineDistribution, count: int) -> Discretised:
 
 
 def _panels(law: AffineDistribution, count: int) -> tuple[Array, Array]:
-    """Return the edges of panels, and the ends of the support."""
+    """Return the edges of panels (N + 1,) and the ends of the support (2,)."""
     low, high = law.bounds
     quantiles = np.unique(np.clip(law.quantile(QUANTILES), low, high))
     spread = float(np.subtract(*law.quantile(np.array([0.75, 0.25]))))
@@ -132,7 +132,7 @@ def _panels(law: AffineDistribution, count: int) -> tuple[Array, Array]:
 
 
 def _thinned(edges: Array) -> Array:
-    """Sort edges and leave out those too near to the one before, but not the last."""
+    """Sort edges; remove edges that are too near to the previous edge, except the last."""
     ordered = np.unique(edges)
     apart = np.diff(ordered) > NARROWEST * (ordered[-1] - ordered[0])
     kept = ordered[:-1][np.r_[True, apart[:-1]]]
@@ -147,7 +147,7 @@ def _goes_on(law: AffineDistribution, end: float, sign: float, spread: float) ->
 
 
 def _beyond(law: AffineDistribution, end: float, sign: float, spread: float, degree: int) -> Array:
-    """Panels from a bound on to where the density times a power of the distance is negligible."""
+    """Return edges from a bound to the point where the density times a power of the distance is negligible."""
     middle = float(law.quantile(np.array([0.5]))[0])
     reach = abs(end - middle)
     distances = reach + np.arange(1, 401) * reach / 16
@@ -162,8 +162,8 @@ def _beyond(law: AffineDistribution, end: float, sign: float, spread: float, deg
 def _resolve(law: AffineDistribution, edges: Array, inner: Array) -> tuple[Array, Array, Array]:
     """Bisect panels until the density is a polynomial on each; return nodes, weights and the edges.
 
-    Beyond `inner`, in tails that go on, errors are relative to the density there, since high powers of the distance
-    make up for it; within, they are relative to the whole mass too.
+    Beyond `inner`, in unbounded tails, tolerances are relative to the local density, because high powers of the
+    distance amplify errors. Between the two ends of `inner`, tolerances are also relative to the total mass.
     """
     points, rule = np.polynomial.legendre.leggauss(POINTS)
     analysis = np.polynomial.legendre.legvander(points, POINTS - 1) * rule[:, None] * (np.arange(POINTS) + 0.5)
@@ -201,7 +201,7 @@ def _resolve(law: AffineDistribution, edges: Array, inner: Array) -> tuple[Array
 def _by_quantiles(
     law: AffineDistribution, left: Array, right: Array, points: Array, rule: Array
 ) -> Iterator[tuple[Array, Array]]:
-    """Yield nodes and weights of panels whose density is singular: quantiles, at equal parts of the probability."""
+    """Yield nodes and weights of panels with a singular density, from the quantiles of a Gauss rule in probability."""
     for low, high in zip(law.cdf(left), law.cdf(right), strict=True):
         if high > low:
             yield law.quantile(low + (high - low) * (points + 1) / 2), (high - low) * rule / 2

@@ -1,4 +1,4 @@
-"""Quadrature rules over germs: Gauss, nested, sparse grids of Smolyak, and samples."""
+"""Quadrature rules over germs: Gauss rules, nested rules, Smolyak's sparse grids, and samples."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Weighted points that are denser in the tails than the inputs, for means of quantities that are large there.
+"""Weighted points, denser in the tails than the inputs, for means of quantities that are large in the tails.
 
-What a polynomial chaos of order n misses begins with polynomials of degree n + 1, and their squares live in the tails:
-few points that are spread like the inputs hold none of it.  chaospy and SciPy draw from no such densities; those of
-single polynomials are the induced distributions of the references.
+The truncation error of a polynomial chaos of order n begins with polynomials of degree n + 1. Their squares are large
+in the tails. Few points with the distribution of the inputs do not sample this error. chaospy and SciPy do not sample
+such densities; the densities of single polynomials are the induced distributions of the references.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ __all__ = ["TailMixture"]
 
 
 NOMINAL = 0.5
-"""Part of the points that is spread like the inputs; no weight is larger than its inverse."""
+"""Fraction of the points with the distribution of the inputs; its inverse is the upper bound of the weights."""
 
 DEGREES = (2, 3, 4, 5)
 """Total degrees of the products of polynomials whose squares distribute the other points."""
 
 SINGLE = 0.5
-"""Part of these for polynomials of a single germ; the rest is for all products of the same degree."""
+"""Fraction of the other points for polynomials of a single germ; the rest is for all products of the same degree."""
 
 FARTHEST = 4.0
-"""Probit up to which density is moved: beyond, at 6e-5 of the probability, inputs may mean nothing."""
+"""Largest probit at which the density is changed; beyond, at a probability of 6e-5, inputs may be meaningless."""
 
 CELLS = 256
-"""Intervals in which the density of a continuous germ is constant."""
+"""Number of intervals in which the density of a continuous germ is constant."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Tilted:
-    """Densities of a germ, over its own, that are proportional to squares of its polynomials.
+    """Densities of a germ, relative to its own density, that are proportional to squares of its polynomials.
 
-    They are constant in cells, so that points and weights match exactly.
+    The densities are constant in cells, so that points and weights match exactly.
     """
 
     germ: Germ
     edges: Array  # (C + 1,) ends of the cells, as probabilities
     limits: Array  # (C - 1,) inner ends, as values of the germ
-    density: Array  # (C, D + 1) in each cell, by the degree; 1 for degrees that the germ does not have
+    density: Array  # (C, D + 1) by cell and degree; 1 for degrees that the germ does not have
 
     @classmethod
     def of(cls, germ: Germ) -> _Tilted:
-        """Tabulate them."""
+        """Tabulate the densities of a germ."""
         if germ.values is not None and germ.table is not None:
             cumulated, values = germ.table
             edges = np.concatenate([[0.0], cumulated[:-1], [1.0]])
@@ -70,7 +70,7 @@ class _Tilted:
         return cls(germ, edges, limits, density / (np.diff(edges) @ density))
 
     def drawn(self, uniform: Array, degree: int) -> Array:
-        """Map uniform numbers to such that the germ of them has the density of a degree."""
+        """Map uniform numbers so that their germ has the density of a degree."""
         cumulated = np.concatenate([[0.0], np.cumsum(np.diff(self.edges) * self.density[:, degree])])
         return np.interp(uniform, cumulated / cumulated[-1], self.edges)
 
@@ -81,14 +81,15 @@ class _Tilted:
 
 @dataclass(frozen=True, eq=False)
 class TailMixture:
-    """Mixture of the germs' distribution with one of heavier tails, for independent germs of any distributions.
+    """Mixture of the distribution of germs with a heavier-tailed one, for independent germs of any distributions.
 
-    Half of its points are distributed like the germs; this nominal part bounds the weights (Owen and Zhou, Journal of
-    the American Statistical Association 95 (2000) 135-143). The others are distributed like the squares of orthonormal
-    polynomials of the total degrees 2 to 5, in equal parts: half of these of a single germ, half of all products of the
-    degree (induced distributions: Narayan, Electronic Transactions on Numerical Analysis 50 (2018) 71-97; Cohen and
-    Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203). For normal germs the latter depends on the
-    distance from the centre only, so that no direction is preferred.
+    Half of the points have the distribution of the germs; this nominal part bounds the weights (Owen and Zhou, Journal
+    of the American Statistical Association 95 (2000) 135-143). Densities of the other points, relative to the germs,
+    are squares of orthonormal polynomials of the total degrees 2 to 5, in equal parts. Half of these polynomials are of
+    a single germ, half are all products of the degree (induced distributions: Narayan, Electronic Transactions on
+    Numerical Analysis 50 (2018) 71-97; Cohen and Migliorati, SMAI Journal of Computational Mathematics 3 (2017)
+    181-203). For normal germs, the density of all products depends only on the distance from the centre, so that no
+    direction is preferred.
     """
 
     space: GermSpace
@@ -106,14 +107,14 @@ class TailMixture:
         return self.space.from_uniform(uniform)
 
     def weights(self, germs: Array) -> Array:
-        """Return the density of the germs over that of this distribution, at points (K, d): their mean is about 1."""
+        """Return the ratio (K,) of the germs' density to the mixture density at points (K, d); its mean is about 1."""
         dimension, top = self.space.dimension, max(DEGREES)
         alone, products = np.zeros((len(germs), top + 1)), np.zeros((len(germs), top + 1))
         products[:, 0] = 1.0
         for k, tilted in enumerate(self._tilted):
             density = tilted.at(germs[:, k])
             alone += density / dimension
-            # sums over all products of a degree, germ by germ
+            # sums over all products of a degree, one germ after another
             products = np.stack(
                 [np.sum(products[:, : m + 1] * density[:, m::-1], axis=1) for m in range(top + 1)], axis=1
             )
@@ -128,7 +129,7 @@ class TailMixture:
         return tuple(_Tilted.of(germ) for germ in self.space.germs)
 
     def _degrees(self, chosen: float, draw: np.random.Generator) -> Index:
-        """Return the degrees (d,) of the polynomials that a number chooses; below 0: none."""
+        """Return the degrees (d,) of the polynomials that a number selects; zeros for a number below 0."""
         dimension = self.space.dimension
         found = np.zeros(dimension, dtype=np.int64)
         if chosen < 0:
@@ -138,6 +139,6 @@ class TailMixture:
         if within < SINGLE:
             found[min(int(within / SINGLE * dimension), dimension - 1)] = degree
             return found
-        # stars and bars: every product is as likely
+        # stars and bars: all products are equally likely
         bars = np.sort(draw.choice(degree + dimension - 1, dimension - 1, replace=False))
         return np.diff(np.concatenate([[-1], bars, [degree + dimension - 1]])) - 1

@@ -1,4 +1,4 @@
-"""Nested rules of one germ: Clenshaw-Curtis and Fejer, through the quantile function where the germ is not uniform."""
+"""Nested rules of one germ: Clenshaw-Curtis and Fejer, mapped by the quantile function unless the germ is uniform."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def nested_exactness(germ: Germ, level: int) -> int:
 
 
 def nested_rule(germ: Germ, level: int) -> tuple[Array, Array]:
-    """Return ascending nodes, and weights, of the nested rule of a germ; see `uqmbd.extend.clenshaw_curtis`.
+    """Return ascending nodes and weights of the nested rule of a germ; see `uqmbd.extend.clenshaw_curtis`.
 
-    Weights: Waldvogel, BIT Numer. Math. 46 (2006) 195, equations 2.2 and 2.4, as plain sums.
+    Weights are sums according to Waldvogel, BIT Numer. Math. 46 (2006) 195, equations 2.2 and 2.4.
 
     >>> nested_rule(Germ.classical("x", "legendre"), 1)[1].round(12).tolist()
     [0.166666666667, 0.666666666667, 0.166666666667]

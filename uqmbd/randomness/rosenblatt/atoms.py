@@ -12,11 +12,11 @@ __all__ = ["atoms_of"]
 
 
 MOST = 2**18
-"""Values of all points together."""
+"""Largest number of values of all points together."""
 
 
 def atoms_of(law: Conditional, values: Array) -> tuple[Array, Array] | None:
-    """Return the values (m, N) of a discrete variable and their probabilities."""
+    """Return the values and probabilities (m, N) of a discrete variable; None if they are unknown or too many."""
     if isinstance(law, Core):
         low, high = law.ends(values)
         count = int((high - low).max()) + 1

@@ -1,4 +1,4 @@
-"""Roots of increasing functions, vectorised: the bits of a root do not depend on the others."""
+"""Vectorised roots of increasing functions; the bits of a root do not depend on the other roots."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ __all__ = ["bisected"]
 
 
 STEPS = 1100
-"""Most steps of bisection: the number of halvings of the largest number; nearly all end after 60."""
+"""Largest number of bisection steps: the number of halvings of the largest number; nearly all searches end after 60."""
 
 
 def bisected(
     rising: Callable[[Array], Array], low: Array, high: Array, slope: Callable[[Array], Array] | None = None
 ) -> Array:
-    """Return where an increasing function of shape (N,) crosses zero, between brackets, to the last digit.
+    """Return the zeros (N,) of an increasing function within brackets, to the last digit.
 
-    With the derivative, Newton's steps are used where they stay within the bracket. A value does not depend on the
-    others in the array: each iteration ends separately.
+    With the derivative `slope`, the function takes Newton steps if they stay within the bracket. Each iteration ends
+    separately, so that a value does not depend on the others in the array.
 
     >>> bisected(lambda x: x**2 - 2, np.array([0.0]), np.array([2.0])).round(12).tolist()
     [1.414213562373]
@@ -42,7 +42,7 @@ def bisected(
                 newton = at - value / slope(at)
             near = (newton > low) & (newton < high)
             following = np.where(near, newton, following)
-            # a step of some last digits: Newton's method is there
+            # a step in the last digits: Newton's method has converged
             open_ = open_ & ~(near & (np.abs(newton - at) <= 4 * np.finfo(float).eps * np.abs(at)))
         open_ = open_ & (following > low) & (following < high)
         at = np.where(open_, following, at)

@@ -1,8 +1,8 @@
 """Copulas on the unit cube, by their conditional distributions.
 
-Those of chaospy for Gumbel, Joe and Student are no copulas: their marginal distributions are not uniform. The generator
-of Gumbel has an exponent of the wrong sign, and Student's multiplies variables whose sum is not Student distributed.
-The inverse of Clayton's is a search with random steps.
+The Gumbel, Joe and Student copulas of chaospy are not copulas: their marginal distributions are not uniform. The Gumbel
+generator has an exponent of the wrong sign. The Student copula multiplies variables whose sum is not Student
+distributed. The inverse of the Clayton copula is a search with random steps.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ __all__ = [
 
 
 FAMILIES = {"clayton": 0.0, "gumbel": 1.0, "joe": 1.0}
-"""Families with a generator, and the least value of their parameter; that of Clayton is excluded."""
+"""Families with a generator, and the least value of their parameter; for Clayton, this value is excluded."""
 
 SMALLEST, LARGEST = 1e-300, 1 - 2.0**-53
 """Bounds of coordinates: generators are infinite at zero."""
 
 
 class Copula(Protocol):
-    """A map of independent uniform variables to dependent ones, and back; points in columns, shape (n, N)."""
+    """Map between independent and dependent uniform variables; points are columns, shape (n, N)."""
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -54,16 +54,17 @@ class Copula(Protocol):
         """Map dependent variables to independent ones."""
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the copula as data."""
 
 
 @dataclass(frozen=True, eq=False)
 class Archimedean:
     """Copula psi(psi^-1(v_1) + ... + psi^-1(v_n)) of the family "clayton", "gumbel" or "joe".
 
-    Given the components before it, a component has the distribution function psi^(k)(s + psi^-1(v)) / psi^(k)(s). Here
-    s is the sum of theirs (Joe, Dependence Modeling with Copulas, 2014, section 3.4). With a shorter variable for each
-    family, the derivatives are polynomials. Raise StudyError, with a part of a sentence, if the parameter is invalid.
+    Given k earlier components, the next component has the distribution function psi^(k)(s + psi^-1(v)) / psi^(k)(s).
+    Here s is the sum of psi^-1 of the earlier components (Joe, Dependence Modeling with Copulas, 2014, section 3.4). In
+    a suitable variable of each family, the derivatives are polynomials. Raise StudyError, whose message is part of a
+    sentence, if the parameter is invalid.
     """
 
     family: str
@@ -107,31 +108,31 @@ class Archimedean:
         return found
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the copula as data."""
         return ["archimedean", self.family, self.parameter, self.dimension]
 
     def _solved(self, u: Array, sums: Array, k: int) -> Array:
         if self.family == "clayton":
             rate = self.parameter / (1 + k * self.parameter)
-            own = sums[0] + np.log(np.expm1(-rate * np.log(u)))  # of the generator, the logarithm
+            own = sums[0] + np.log(np.expm1(-rate * np.log(u)))  # logarithm of the generator
             return np.asarray(np.clip(np.exp(-np.logaddexp(0.0, own) / self.parameter), SMALLEST, LARGEST))
         whole = self._derivative(sums, k)
 
         def missing(place: Array) -> Array:
             return self._derivative(self._added(sums, scipy.special.expit(place)), k) - whole - np.log(u)
 
-        # small values are resolved relative to themselves
+        # the logit scale resolves small values with small relative errors
         found = bisected(missing, np.full(u.shape, -690.0), np.full(u.shape, 36.7))
         return np.asarray(np.clip(scipy.special.expit(found), SMALLEST, LARGEST))
 
     def _sums(self, v: Array) -> Array:
-        """Return the sums of the generators of components, for one component, shape (m, N)."""
+        """Return the sum of generators for one component, in the representation of the family, shape (m, N)."""
         theta = self.parameter
-        if self.family == "clayton":  # the logarithm of one plus the sum
+        if self.family == "clayton":  # logarithm of one plus the sum
             return -theta * np.log(v)[None, :]
-        if self.family == "gumbel":  # the logarithm of the sum
+        if self.family == "gumbel":  # logarithm of the sum
             return theta * np.log(-np.log(v))[None, :]
-        # of Joe the exponential of minus the sum, and one minus that: both are accurate relative to themselves
+        # Joe: exp(-sum) and 1 - exp(-sum), both with small relative errors
         log_rest = theta * np.log1p(-v)
         return np.stack([-np.expm1(log_rest), np.maximum(np.exp(log_rest), SMALLEST)])
 
@@ -144,7 +145,7 @@ class Archimedean:
         return np.stack([sums[0] * own[0], sums[1] + own[1] * sums[0]])
 
     def _derivative(self, sums: Array, k: int) -> Array:
-        """Return the logarithm of the derivative of the generator's inverse of order k, without its sign."""
+        """Return the logarithm of the absolute k-th derivative of psi, the inverse generator, up to a constant."""
         alpha = 1 / self.parameter
         with np.errstate(all="ignore"):
             if self.family == "clayton":
@@ -158,9 +159,9 @@ class Archimedean:
 
 @dataclass(frozen=True, eq=False)
 class Elliptical:
-    """Copula of a normal vector or of a vector of Student's distribution."""
+    """Copula of a normal vector or of a Student vector."""
 
-    factor: Array  # (n, n) with rows of norm one; in `order` the lower triangular factor of the correlation
+    factor: Array  # (n, n), rows of norm one; lower triangular factor of the correlation in `order`
     order: tuple[int, ...]  # components in the order of conditioning
     freedom: float = np.inf  # degrees of freedom; infinite for a normal vector
 
@@ -174,15 +175,15 @@ class Elliptical:
         return unscored(parts, self.order, self.freedom)
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the copula as data."""
         freedom = None if np.isinf(self.freedom) else self.freedom
         return ["elliptical", self.factor.tolist(), list(self.order), freedom]
 
 
 def triangular(matrix: Array, order: tuple[int, ...]) -> Array:
-    """Return the factor of a covariance (n, n) that is lower triangular in an order, at the places of its rows.
+    """Return the factor (n, n) of a covariance that is lower triangular if rows and columns are sorted by `order`.
 
-    Raise StudyError, with a part of a sentence, if there is none.
+    Raise StudyError, whose message is part of a sentence, if the matrix is singular or indefinite.
     """
     factor = np.zeros_like(matrix, dtype=float)
     try:
@@ -193,22 +194,22 @@ def triangular(matrix: Array, order: tuple[int, ...]) -> Array:
 
 
 def quantiles(u: Array, freedom: float) -> Array:
-    """Return quantiles of Student's distribution, or of the normal one."""
+    """Return quantiles of the Student distribution, or of the normal one for infinite `freedom`."""
     found = scipy.special.ndtri(u) if np.isinf(freedom) else scipy.special.stdtrit(freedom, u)
     return np.asarray(found, dtype=float)
 
 
 def cumulated(x: Array, freedom: float) -> Array:
-    """Return probabilities of Student's distribution, or of the normal one."""
+    """Return probabilities of the Student distribution, or of the normal one for infinite `freedom`."""
     found = scipy.special.ndtr(x) if np.isinf(freedom) else scipy.special.stdtr(freedom, x)
     return np.asarray(found, dtype=float)
 
 
 def scores(u: Array, order: tuple[int, ...], freedom: float) -> Array:
-    """Map independent uniform variables to the uncorrelated ones of a normal or Student vector, shape (n, N).
+    """Map independent uniform variables to uncorrelated variables of a normal or Student vector, shape (n, N).
 
-    Those of Student are not independent: given k others of the squared sum q, one is
-    ``sqrt((freedom + q) / (freedom + k))`` times a variable of ``freedom + k`` degrees of freedom.
+    Variables of a Student vector are dependent. Given k variables with the sum of squares q, the next variable is
+    ``sqrt((freedom + q) / (freedom + k))`` times a Student variable with ``freedom + k`` degrees of freedom.
     """
     found, total = np.empty_like(u), np.zeros(u.shape[1])
     for k, row in enumerate(order):
@@ -229,7 +230,7 @@ def unscored(parts: Array, order: tuple[int, ...], freedom: float) -> Array:
 
 
 def combined(factor: Array, order: tuple[int, ...], parts: Array) -> Array:
-    """Return the product of a factor and columns; the rounding of a matrix product depends on the number of columns."""
+    """Return the product of a factor and columns; its rounding does not depend on the number of columns."""
     found = np.zeros_like(parts)
     for k, row in enumerate(order):
         for column in order[: k + 1]:
@@ -268,7 +269,7 @@ def _value(coefficients: Array, x: Array) -> Array:
 
 
 def _of_gumbel(alpha: float, k: int) -> Array:
-    """Return the polynomial in ``x = s**alpha`` of ``exp(-x)``'s derivative: the rest is ``exp(-x) s**-k``."""
+    """Return the polynomial in ``x = s**alpha`` in the derivative of ``exp(-x)``; the rest is ``exp(-x) s**-k``."""
     found = Polynomial([1.0])
     for order in range(k):
         found = Polynomial([float(order), alpha]) * found - Polynomial([0.0, alpha]) * found.deriv()
@@ -276,7 +277,7 @@ def _of_gumbel(alpha: float, k: int) -> Array:
 
 
 def _of_joe(alpha: float, k: int) -> Array:
-    """Return the polynomial in ``z = exp(-s)``; the rest of the derivative is ``alpha z (1 - z)**(alpha - k)``."""
+    """Return the polynomial in ``z = exp(-s)`` in the derivative; the rest is ``alpha z (1 - z)**(alpha - k)``."""
     found = Polynomial([1.0])
     for order in range(1, k):
         found = Polynomial([1.0, order - 1 - alpha]) * found + Polynomial([0.0, 1.0, -1.0]) * found.deriv()

@@ -1,4 +1,4 @@
-"""Joint distributions as maps of independent uniform variables: Rosenblatt's transform and its inverse."""
+"""Joint distributions as maps of independent uniform variables: the Rosenblatt transform and its inverse."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["AffineJoint", "Chain", "Copulated", "JointLaw", "Single", "ChainStep
 
 
 class JointLaw(Protocol):
-    """The distribution of several variables, as a map of points in columns, shape (n, N).
+    """Distribution of several variables, as a map of points in columns, shape (n, N).
 
-    Its parameters may depend on the values of a larger distribution that it is a part of, shape (m, N).
+    The parameters may depend on values (m, N) of a larger distribution, of which this distribution is a part.
     """
 
     @property
@@ -28,15 +28,15 @@ class JointLaw(Protocol):
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """For each component, the others that its distribution depends on, directly or through others."""
+        """For each component, the other components on which its distribution depends, directly or indirectly."""
 
     @property
     def outer(self) -> frozenset[int]:
-        """Places in the larger distribution that its parameters depend on."""
+        """Indices in the larger distribution on which the parameters depend."""
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Which components take single values only."""
+        """Whether each component takes single values only."""
 
     @property
     def invertible(self) -> bool:
@@ -46,10 +46,10 @@ class JointLaw(Protocol):
         """Map independent uniform variables to components."""
 
     def forward(self, x: Array, values: Array) -> Array:
-        """Map components to independent uniform variables; of single values to the middle of their probability."""
+        """Map components to independent uniform variables; map single values to the middle of their probability."""
 
     def encoded(self) -> Any:
-        """Return it as numbers, texts and lists; raise NotUnderstood if it holds functions of a user."""
+        """Return the distribution as numbers, texts and lists; raise NotUnderstood if it contains user functions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +60,22 @@ class Single:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Its component."""
+        """Index of the component."""
         return (0,)
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """No other component."""
+        """Empty set: there is no other component."""
         return (frozenset(),)
 
     @property
     def outer(self) -> frozenset[int]:
-        """Places in the larger distribution that its parameters depend on."""
+        """Indices in the larger distribution on which the parameters depend."""
         return self.law.given
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Whether it takes single values only."""
+        """Whether the component takes single values only."""
         return (self.law.discrete,)
 
     @property
@@ -95,7 +95,7 @@ class Single:
         return found[None, :]
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["single", self.law.encoded()]
 
 
@@ -103,17 +103,17 @@ class Single:
 class ChainStep:
     """Components of a chain that are drawn together."""
 
-    columns: tuple[int, ...]  # their indices in the chain
-    law: JointLaw  # their distribution, given those of earlier steps
+    columns: tuple[int, ...]  # indices of the components in the chain
+    law: JointLaw  # joint distribution, given the components of earlier steps
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Consecutive distributions, whose parameters may depend on earlier ones."""
+    """Sequence of distributions, whose parameters may depend on earlier components."""
 
     steps: tuple[ChainStep, ...]
-    """Parameters name indices of the first variables of a larger distribution, followed by those of the chain."""
-    outside: int = 0  # number of these variables of the larger distribution; 0 for a chain that is a whole
+    """Indices in parameters count the variables of a larger distribution, and then the components of the chain."""
+    outside: int = 0  # number of these variables; 0 without a larger distribution
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -122,7 +122,7 @@ class Chain:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """For each component, the others that its distribution depends on."""
+        """For each component, the other components on which its distribution depends."""
         found: dict[int, frozenset[int]] = {}
         for step in self.steps:
             own = frozenset(k - self.outside for k in step.law.outer if k >= self.outside)
@@ -133,12 +133,12 @@ class Chain:
 
     @property
     def outer(self) -> frozenset[int]:
-        """Places in the larger distribution that its parameters depend on."""
+        """Indices in the larger distribution on which the parameters depend."""
         return frozenset(k for step in self.steps for k in step.law.outer if k < self.outside)
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Which components take single values only."""
+        """Whether each component takes single values only."""
         found = {column: step.law.discrete[k] for step in self.steps for k, column in enumerate(step.columns)}
         return tuple(found[k] for k in range(len(found)))
 
@@ -163,14 +163,14 @@ class Chain:
         return u
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         steps = [[list(step.columns), step.law.encoded()] for step in self.steps]
         return ["chain", steps, self.outside] if self.outside else ["chain", steps]
 
 
 @dataclass(frozen=True, eq=False)
 class Copulated:
-    """Uniform variables that a copula makes dependent, as those of another distribution."""
+    """Joint distribution from a copula, with another joint distribution for the margins."""
 
     copula: Copula
     margins: JointLaw
@@ -182,7 +182,7 @@ class Copulated:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """For each component, the others that its distribution depends on."""
+        """For each component, the other components on which its distribution depends."""
         place = {k: number for number, k in enumerate(self.order)}
         return tuple(
             frozenset(self.order[: place[k]]) | self.margins.given[k] - {k} for k in range(len(self.margins.given))
@@ -190,12 +190,12 @@ class Copulated:
 
     @property
     def outer(self) -> frozenset[int]:
-        """Places in the larger distribution that its parameters depend on."""
+        """Indices in the larger distribution on which the parameters depend."""
         return self.margins.outer
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Which components take single values only."""
+        """Whether each component takes single values only."""
         return self.margins.discrete
 
     @property
@@ -212,7 +212,7 @@ class Copulated:
         return self.copula.forward(self.margins.forward(x, values))
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["copulated", self.copula.encoded(), self.margins.encoded()]
 
 
@@ -231,17 +231,17 @@ class AffineJoint:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """For each component, the others that its distribution depends on."""
+        """For each component, the other components on which its distribution depends."""
         return self.inner.given
 
     @property
     def outer(self) -> frozenset[int]:
-        """Places in the larger distribution that its parameters depend on."""
+        """Indices in the larger distribution on which the parameters depend."""
         return self.inner.outer.union(*map(used, (*self.shift, *self.scale)))
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Which components take single values only."""
+        """Whether each component takes single values only."""
         return self.inner.discrete
 
     @property
@@ -261,7 +261,7 @@ class AffineJoint:
         return np.where(scale < 0, 1 - u, u)
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["moved", self.inner.encoded(), *([encoded(x) for x in part] for part in (self.shift, self.scale))]
 
     def _map(self, values: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Distributions of chaospy of one variable, taken apart with all parameters that are other variables."""
+"""Decomposition of univariate distributions of chaospy, including parameters that are other variables."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["conditional"]
 
 
 def conditional(distribution: Any, places: Mapping[tuple[int, int], int], component: int = 0) -> Conditional:
-    """Return a chaospy distribution of one variable, or a component of independent ones, given earlier members.
+    """Return a univariate chaospy distribution, or a component of independent variables, given earlier members.
 
-    See :func:`uqmbd.randomness.rosenblatt.expressions.read` for `places`. Raise NotUnderstood if its structure is
-    unknown.
+    See :func:`uqmbd.randomness.rosenblatt.expressions.read` for `places`. Raise NotUnderstood if the structure
+    is unknown.
     """
     import chaospy
 
@@ -35,7 +35,7 @@ def conditional(distribution: Any, places: Mapping[tuple[int, int], int], compon
     if isinstance(distribution, chaospy.ItemDistribution):
         return conditional(given["parent"], places, int(given["index"]))
     if isinstance(distribution, chaospy.Trunc):
-        # a bound that is left out is the end of the support, which arithmetic on arithmetic has none of
+        # a missing bound is the end of the support, which arithmetic on arithmetic does not provide
         cut = [None if _is_end(distribution, side) else number(side) for side in ("lower", "upper")]
         return Cut(inside(distribution._dist), *cut)
     if isinstance(distribution, chaospy.ShiftScaleDistribution):

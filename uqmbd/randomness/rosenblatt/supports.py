@@ -1,4 +1,4 @@
-"""Intervals that hold all values of dependent variables."""
+"""Intervals that contain all values of dependent variables."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Interval = tuple[float, float]
 def supports_of(law: JointLaw, outer: Array | None = None) -> Array:
     """Return an interval for each component that contains all its values, shape (n, 2).
 
-    It is wider than the support where that depends on other variables in a way without simple bounds, and infinite
-    where no bound is known. `outer` (m, 2) holds the intervals of the distribution of which this is a part.
+    The interval is wider than the support if the support depends on other variables without simple bounds. It is
+    infinite if no bound is known. `outer` (m, 2) contains the intervals of the larger distribution, if any.
 
     >>> import chaospy
     >>> from uqmbd.randomness.rosenblatt.reading import joint_law
@@ -69,7 +69,7 @@ def _of_one(law: Conditional, known: Array) -> Interval:
             low if law.lower is None else max(low, _range(law.lower, known)[0]),
             high if law.upper is None else min(high, _range(law.upper, known)[1]),
         )
-    if isinstance(law, Mapped) and not law.given:  # monotone on the support of what it is a function of
+    if isinstance(law, Mapped) and not law.given:  # monotone on the support of the inner variable
         low, high = (float(end[0]) for end in law.ends(np.empty((0, 1))))
         return ANY if np.isnan(low + high) else (low, high)
     return ANY
@@ -88,7 +88,7 @@ def _of_core(law: Core, known: Array) -> Interval:
     placed = tuple((name, MemberValue(k)) for k, (name, _) in enumerate(law.parameters))
     with np.errstate(all="ignore"):
         lows, highs = Core(law.family, placed).ends(corners)
-    # an end that does not move with the parameters: of one that does, the extremes need not be at corners
+    # keep an end that does not change with the parameters; extremes of others need not be at corners
     return (
         float(lows[0]) + 0.0 if np.all(lows == lows[0]) else -np.inf,
         float(highs[0]) + 0.0 if np.all(highs == highs[0]) else np.inf,
@@ -100,7 +100,7 @@ def _affine(inner: Interval, shift: Expression, scale: Expression, known: Array)
 
 
 def _range(expression: Expression, known: Array) -> Interval:
-    """Return an interval that holds all values of an expression."""
+    """Return an interval that contains all values of an expression."""
     if isinstance(expression, MemberValue):
         return float(known[expression.place, 0]), float(known[expression.place, 1])
     if not used(expression) or isinstance(expression, float):
@@ -111,7 +111,7 @@ def _range(expression: Expression, known: Array) -> Interval:
         return _sum(left, right)
     if expression.kind == "product":
         return _hull("product", left, right)
-    if expression.kind == "power" and left[0] >= 0:  # monotone in each of both
+    if expression.kind == "power" and left[0] >= 0:  # monotone in both operands
         return _hull("power", left, right)
     return ANY
 
@@ -122,7 +122,7 @@ def _sum(left: Interval, right: Interval) -> Interval:
 
 
 def _hull(kind: str, left: Interval, right: Interval) -> Interval:
-    """Return the extremes of an operation that has them at ends; zero times infinity is zero."""
+    """Return the range of an operation with extremes at the ends of its operands; zero times infinity is zero."""
     with np.errstate(all="ignore"):
         ends = [float(OPERATIONS[kind](np.float64(a), np.float64(b))) for a in left for b in right]
     if kind == "product":

@@ -1,4 +1,4 @@
-"""Rosenblatt's transform of a joint distribution, verified."""
+"""Verified Rosenblatt transform of a joint distribution."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ __all__ = ["Transform", "in_blocks"]
 
 
 BLOCK = 1024
-"""Rows of dependent inputs that are mapped at once."""
+"""Number of rows of dependent inputs that are mapped at once."""
 
 POINTS = 16
-"""Points at which a map is verified, next to those with one component far out."""
+"""Number of points at which a map is verified, in addition to points with one component far out."""
 
 RARE = 1e-9
 """Probability beyond which values are not checked."""
@@ -34,12 +34,12 @@ LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 """Conditional probabilities at which quantiles must increase."""
 
 ROUGH = 1e-6
-"""Error of probabilities that the inverse may have."""
+"""Accepted error of probabilities of the inverse."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Native:
-    """A map that chaospy evaluates: of normal vectors, Gaussian copulas, and unknown distributions."""
+    """Map that chaospy evaluates, for normal vectors, Gaussian copulas and unknown distributions."""
 
     distribution: Any
 
@@ -77,17 +77,17 @@ class _Native:
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """Map of independent uniform variables to dependent ones, and its inverse; points in rows."""
+    """Map of independent uniform variables to dependent variables, and its inverse; points are rows."""
 
     law: JointLaw
-    gaussian: bool = False  # whether it is a normal vector or a Gaussian copula, which chaospy evaluates
+    gaussian: bool = False  # whether chaospy evaluates it, as a normal vector or a Gaussian copula
 
     @classmethod
     def of(cls, distribution: Any) -> Transform:
         """Return the transform of a joint distribution of chaospy.
 
-        Raise StudyError, with a part of a sentence, if a part is no distribution; NotUnderstood if its structure is
-        unknown and chaospy's values change from call to call.
+        Raise StudyError, whose message is part of a sentence, if a part is not a valid distribution. Raise
+        NotUnderstood if the structure is unknown, and chaospy's values are wrong or change from call to call.
         """
         native = _Native(distribution)
         if _gaussian(distribution) and _repeatable(native):
@@ -113,16 +113,16 @@ class Transform:
         return self.law.invertible
 
     def alone(self, k: int) -> bool:
-        """Return whether a component depends on no other, and no other on it."""
+        """Return whether a component depends on no other component, and no other component on it."""
         return not self.law.given[k] and not any(k in given for given in self.law.given)
 
     def inverse(self, uniform: Array) -> Array:
-        """Map uniform variables, shape (K, n), to components: row by row, with the same bits in any number of rows."""
+        """Map uniform variables, shape (K, n), to components; the bits of a row do not depend on the number of rows."""
         with np.errstate(all="ignore"):
             return self._mapped(self.law.inverse, uniform, 0.5)
 
     def forward(self, inputs: Array) -> Array:
-        """Map components, shape (K, n), to uniform variables; NaN where no uniform variable is mapped there."""
+        """Map components, shape (K, n), to uniform variables; NaN for components that :meth:`inverse` cannot return."""
         middle = self.inverse(np.full((1, self.dimension), 0.5))[0]
         with np.errstate(all="ignore"):
             found = self._mapped(self.law.forward, inputs, middle)
@@ -134,32 +134,32 @@ class Transform:
         if isinstance(self.law, _Native):
             return in_blocks(lambda x: function(x, x[:0]), rows, filler)
         found = np.empty_like(rows)
-        for first in range(0, len(rows), BLOCK):  # all is computed element by element: bits do not depend on the block
+        for first in range(0, len(rows), BLOCK):  # element by element: bits do not depend on the block
             columns = np.ascontiguousarray(rows[first : first + BLOCK].T)
             found[first : first + BLOCK] = function(columns, columns[:0]).T
         return found
 
     @cached_property
     def text(self) -> str:
-        """Text from which :meth:`read` makes the transform; empty where it holds functions of a user."""
+        """Text from which :meth:`read` restores the transform; empty if the transform contains functions of a user."""
         points = _verified_at(self.dimension)
         try:
             found = json.dumps(self.law.encoded())
             same = np.array_equal(Transform.read(found).inverse(points), self.inverse(points), equal_nan=True)
-        except Exception:  # constructors of families raise whatever they like
+        except Exception:  # constructors of families raise any exception
             return ""
         return found if same else ""
 
     @classmethod
     def read(cls, text: str) -> Transform:
-        """Return the transform from its text; raise ValueError if the text describes none."""
+        """Return the transform from its text; raise ValueError if the text does not describe a transform."""
         return cls(decoded_law(json.loads(text)))
 
     def flaw(self) -> str:
-        """Return why it is the transform of no distribution; empty where it is one.
+        """Return why the transform does not belong to a distribution; empty if it does.
 
-        Values must be finite and vary. Those of a component must increase with its uniform variable for all values of
-        the others. The transform must map the values back to the uniform variables.
+        Values must be finite and vary. Values of a component must increase with its uniform variable for all
+        values of the others. The transform must map the values back to the uniform variables.
         """
         for k in self.law.order:
             if found := self._flaw_of(k):
@@ -197,7 +197,7 @@ class Transform:
             return ""
         with np.errstate(all="ignore"):
             back = self.law.forward(values.T, np.empty((0, len(values))))[k].reshape(own.shape)
-        # far out, rounding of values is no small part of their spread
+        # far out, rounding errors of values are comparable with their spread
         if (bad := ~(np.abs(back - LEVELS).max(axis=1) < ROUGH) & inner).any():
             row = np.flatnonzero(bad)[0]
             return f"the values at the probabilities {LEVELS.tolist()} have {back[row].round(6).tolist()}{where(bad)}"
@@ -205,7 +205,7 @@ class Transform:
 
     @cached_property
     def _spread(self) -> Array:
-        """Interquartile range of each component where the others are at their medians."""
+        """Interquartile range (n,) of each component with the others at their medians."""
         quarters = np.full((2 * self.dimension, self.dimension), 0.5)
         quarters[0::2] += 0.25 * np.eye(self.dimension)
         quarters[1::2] -= 0.25 * np.eye(self.dimension)
@@ -214,7 +214,7 @@ class Transform:
 
 
 def in_blocks(function: Callable[[Array], Array], rows: Array, filler: ArrayLike) -> Array:
-    """Map rows (K, n) in blocks of one size, as rounding of matrix products depends on the shape and the place in it.
+    """Map rows (K, n) in blocks of one size, because rounding of matrix products depends on shape and position.
 
     `function` maps arrays ``(n, BLOCK)``, a point in each column; the point `filler`, (n,) or (), fills the last block.
     """
@@ -230,7 +230,7 @@ def in_blocks(function: Callable[[Array], Array], rows: Array, filler: ArrayLike
 
 
 def _verified_at(dimension: int) -> Array:
-    """Return points of the unit cube: a lattice that is not aligned with anything, and points far out."""
+    """Return points of the unit cube: a lattice with irrational steps, and points far out."""
     steps = np.sqrt(np.arange(2, 2 + dimension))
     lattice = 0.05 + 0.9 * np.mod(steps * np.arange(1, POINTS + 1)[:, None], 1.0)
     far = np.full((2 * dimension, dimension), 0.5)
@@ -240,7 +240,7 @@ def _verified_at(dimension: int) -> Array:
 
 
 def _gaussian(distribution: Any) -> bool:
-    """Whether it is a normal vector, or normal variables under distributions that chaospy evaluates correctly."""
+    """Return whether this is a normal vector or Gaussian copula, with marginals that chaospy evaluates correctly."""
     import chaospy
 
     from uqmbd.randomness.distributions import AffineDistribution
@@ -257,7 +257,7 @@ def _gaussian(distribution: Any) -> bool:
 
 
 def _mistaken(distribution: Any) -> str:
-    """Name a part of a distribution that chaospy evaluates wrongly, or not at all; empty where there is none."""
+    """Return the text of a part that chaospy evaluates wrongly or not at all; empty if there is none."""
     import chaospy
 
     seen: dict[int, Any] = {}
@@ -272,7 +272,7 @@ def _mistaken(distribution: Any) -> str:
                 parts += [owner for _, owner in owners_of(one).values()]
             except NotUnderstood as part:
                 return str(part)
-        # its copulas are right on independent marginals only, and of those the normal one
+        # of chaospy's copulas, only the normal one with independent marginals is correct
         elif isinstance(one, chaospy.CopulaDistribution):
             margins = one._parameters["dist"]
             if not isinstance(one, chaospy.Nataf) or is_dependent(margins):
@@ -293,7 +293,7 @@ def _whole(distribution: Any, k: int) -> bool:
 
 
 def _repeatable(law: JointLaw) -> bool:
-    """Whether chaospy gives the same bits in each call: its searches use random steps."""
+    """Return whether each call gives the same bits; searches of chaospy use random steps."""
     u = _verified_at(len(law.order))[:POINTS].T
     state = np.random.get_state()
     try:

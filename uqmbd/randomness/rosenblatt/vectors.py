@@ -1,4 +1,4 @@
-"""Vectors as maps of independent uniform variables: normal ones, those of Student's distribution, and mixtures."""
+"""Normal vectors, Student vectors and normal mixtures as maps of independent uniform variables."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ __all__ = ["NormalMixture", "Vector"]
 
 @dataclass(frozen=True, eq=False)
 class Vector:
-    """Normal vector, the exponential of one, or a vector of Student's distribution."""
+    """Normal vector, exponential of a normal vector, or Student vector."""
 
     centre: tuple[Expression, ...]  # of each component
-    factor: Array  # (n, n) of the covariance (Student: of the scale matrix), lower triangular in the order
+    factor: Array  # (n, n) Cholesky factor of covariance (Student: scale matrix); lower triangular if sorted by `order`
     order: tuple[int, ...]  # components in the order of conditioning
     freedom: float = np.inf  # degrees of freedom; infinite for a normal vector
     exponential: bool = False  # whether components are exponentials
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """For each component, the others that its distribution depends on."""
+        """For each component, the other components on which its distribution depends."""
         place = {k: number for number, k in enumerate(self.order)}
         correlated = self.factor != 0 if np.isinf(self.freedom) else np.ones_like(self.factor, dtype=bool)
         return tuple(frozenset(j for j in self.order[: place[k]] if correlated[k, j]) for k in range(len(self.centre)))
 
     @property
     def outer(self) -> frozenset[int]:
-        """Places in the larger distribution that its centre depends on."""
+        """Indices of the variables of the larger distribution on which the centre depends."""
         return frozenset().union(*map(used, self.centre))
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """No component takes single values only."""
+        """Whether each component is discrete: all are continuous."""
         return (False,) * len(self.centre)
 
     @property
     def invertible(self) -> bool:
-        """Uniform variables follow from values."""
+        """Whether values determine the uniform variables: always true."""
         return True
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -61,7 +61,7 @@ class Vector:
         return unscored(parts, self.order, self.freedom)
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         freedom = None if np.isinf(self.freedom) else self.freedom
         centre = [encoded(x) for x in self.centre]
         return ["vector", centre, self.factor.tolist(), list(self.order), freedom, self.exponential]
@@ -75,30 +75,30 @@ class Vector:
 class NormalMixture:
     """Mixture of normal vectors."""
 
-    weights: Array  # (m,), of sum one
+    weights: Array  # (m,), with the sum one
     centres: Array  # (m, n)
-    factors: Array  # (m, n, n) of their covariances, lower triangular in the order
+    factors: Array  # (m, n, n) Cholesky factors of the covariances; lower triangular if sorted by `order`
     order: tuple[int, ...]  # components in the order of conditioning
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """For each component, the others that its distribution depends on: all before it."""
+        """For each component, all earlier components, on which its distribution depends."""
         place = {k: number for number, k in enumerate(self.order)}
         return tuple(frozenset(self.order[: place[k]]) for k in range(len(self.order)))
 
     @property
     def outer(self) -> frozenset[int]:
-        """None: its parameters are numbers."""
+        """Empty set: the parameters are numbers."""
         return frozenset()
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """No component takes single values only."""
+        """Whether each component is discrete: all are continuous."""
         return (False,) * len(self.order)
 
     @property
     def invertible(self) -> bool:
-        """Uniform variables follow from values."""
+        """Whether values determine the uniform variables: always true."""
         return True
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -107,7 +107,7 @@ class NormalMixture:
         for row in self.order:
             middle, spread = state.moments(self, row)
             ends = middle + spread * scipy.special.ndtri(np.clip(u[row], 1e-300, 1 - 2.0**-53))[:, None]
-            # a mixture has its quantile between those of its members
+            # the quantile of a mixture is between the quantiles of its members
             x[row] = state.solved(u[row], middle, spread, ends.min(axis=1), ends.max(axis=1))
             state = state.after(self, row, x[row])
         return x
@@ -122,13 +122,17 @@ class NormalMixture:
         return u
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["mixture", self.weights.tolist(), self.centres.tolist(), self.factors.tolist(), list(self.order)]
 
 
 @dataclass(frozen=True, eq=False)
 class _Conditioned:
-    """The members of a mixture given some components: probabilities (N, m), and standard normal parts (n, N, m)."""
+    """Members of a mixture, conditional on some components of N points.
+
+    `probability` (N, m) is the probability of each member. `parts` (n, N, m) are the standard normal variables of the
+    known components; they are zero for others.
+    """
 
     probability: Array
     parts: Array
@@ -140,7 +144,7 @@ class _Conditioned:
 
     def moments(self, mixture: NormalMixture, row: int) -> tuple[Array, Array]:
         """Return conditional means (N, m) and deviations (m,) of a component in each member."""
-        # parts of components that are not known are zero
+        # parts of unknown components are zero
         middle = np.broadcast_to(mixture.centres[:, row], self.probability.shape)
         for column in range(len(self.parts)):
             if column != row:
@@ -148,7 +152,7 @@ class _Conditioned:
         return middle, mixture.factors[:, row, row]
 
     def cumulated(self, standard: Array) -> Array:
-        """Return the probability of a component below a value, from those in each member."""
+        """Return the probability (N,) of a component below a value, given standardised values (N, m) in each member."""
         return np.asarray((self.probability * scipy.special.ndtr(standard)).sum(axis=1))
 
     def solved(self, u: Array, middle: Array, spread: Array, low: Array, high: Array) -> Array:
@@ -165,7 +169,7 @@ class _Conditioned:
         return bisected(missing, low, high, density)
 
     def after(self, mixture: NormalMixture, row: int, x: Array) -> _Conditioned:
-        """Return them given one more component."""
+        """Return the members, conditional on the values (N,) of one more component."""
         middle, spread = self.moments(mixture, row)
         standard = (x[:, None] - middle) / spread
         with np.errstate(divide="ignore"):

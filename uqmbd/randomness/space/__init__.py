@@ -1,4 +1,4 @@
-"""The germs of all inputs together, the maps between germs and inputs, boxes of germs, and how they are stored."""
+"""Germs of all inputs, maps between germs and inputs, boxes of germs, and their storage."""
 
 from __future__ import annotations
 

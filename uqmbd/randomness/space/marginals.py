@@ -1,4 +1,4 @@
-"""Maps of one standard variable to one input."""
+"""Maps from one standard variable to one input."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["Marginal"]
 class Marginal:
     """Increasing map of a standard variable ``z`` to an input ``x``, and its inverse.
 
-    Kinds: "affine", ``x = shift + scale * z``; "exponential", ``x = shift + scale * exp(mu + sigma * z)`` (lognormal);
-    "quantile", a table of quantiles over the probit scale (``z`` is a standard normal), straight beyond its ends. A
-    negative scale reverses the map.
+    The kind "affine" is ``x = shift + scale * z``. The kind "exponential" is ``x = shift + scale * exp(mu + sigma *
+    z)``, for lognormal inputs. The kind "quantile" is a table of quantiles over the probit scale, in which ``z`` is
+    standard normal, with linear extrapolation. A negative scale reverses the map.
 
     >>> lognormal = Marginal("exponential", sigma=0.5, bounds=(0.0, np.inf))
     >>> x = lognormal.to_input(np.array([0.0, 2.0])); x.round(6).tolist()
@@ -48,7 +48,7 @@ class Marginal:
         return values
 
     def slope(self, z: Array) -> Array:
-        """Return the derivative of the input with respect to the standard variable; 0 where the input is at a bound.
+        """Return the derivative of the input with respect to the standard variable; 0 if the input is at a bound.
 
         >>> Marginal("exponential", sigma=0.5, bounds=(0.0, np.inf)).slope(np.array([0.0])).tolist()
         [0.5]

@@ -1,4 +1,4 @@
-"""Tolerances of sizes as distributions: by their limits, and by the classes of ISO 286."""
+"""Distributions of sizes with tolerances, from limits or from classes of ISO 286."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A chart as a figure of Matplotlib: for files, notebooks and readers without scripts.
+"""Draw a chart as a Matplotlib figure, for files, notebooks and readers without scripts.
 
-Nothing here touches pyplot or its global state, so figures can be made anywhere, in any number, in any thread.
+The code does not use pyplot or its global state, so it can make any number of figures in any thread.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ if TYPE_CHECKING:
 __all__ = ["draw_on_paper"]
 
 HEIGHT, PANEL = 3.3, 1.45
-"""Inches: of a figure of one chart, and of the axes of one of several."""
+"""Height of a figure with one chart, and height of the axes of one of several charts, inches."""
 
 LETTERS = 13
-"""Letters of a label along an inch of an axis."""
+"""Number of letters of a label per inch of an axis."""
 
 REACH = 2.0
-"""How many times the height of what is drawn a limit may be away from it, as in `chart_model.js`."""
+"""Maximum distance of a limit from the drawn data, relative to their height, as in `chart_model.js`."""
 
 BENEATH, AREAS = 0.8, (0.16, 0.30)
-"""Opacity of areas that lie on another, and of the outer and the inner band of the first curve."""
+"""Opacity of overlapping areas, and of the outer and the inner band of the first curve."""
 
 Legend = dict[str, Any]
 
 
 def draw_on_paper(shown: Chart | Views, *, ax: Axes | None = None, height: float = HEIGHT) -> Figure:
-    """Draw a chart, or all charts of a figure; ``ax``: axes of somebody's figure, ``height``: of a new one, inches."""
+    """Draw a chart, or all charts of a figure, in existing axes ``ax`` or a new figure of ``height``, inches."""
     if isinstance(shown, Chart):
         figure, axes = single_axes(height, ax)
         legend = _draw(axes, shown, 60, 2.6, alone=True)
@@ -80,7 +80,7 @@ def draw_on_paper(shown: Chart | Views, *, ax: Axes | None = None, height: float
 
 
 def _few_ticks(axes: Axes, columns: int, *, whole: bool) -> None:
-    """Let small axes have four intervals at most, where their ticks are not chosen already."""
+    """Limit small axes to four intervals, unless their ticks are already set."""
     from matplotlib.ticker import MaxNLocator
 
     chosen: list[tuple[Axis, int]] = [(axes.yaxis, 4)]
@@ -92,7 +92,7 @@ def _few_ticks(axes: Axes, columns: int, *, whole: bool) -> None:
 
 
 def _once(grid: Sequence[Axes], columns: int, *, shared: bool) -> None:
-    """Leave out what axes beside and above one another would all say."""
+    """Remove labels that neighbouring axes repeat."""
     if columns > 1 and len({axes.get_ylabel() for axes in grid}) == 1:
         for k, axes in enumerate(grid):
             axes.set_ylabel(axes.get_ylabel() if k % columns == 0 else "")
@@ -105,7 +105,7 @@ def _once(grid: Sequence[Axes], columns: int, *, shared: bool) -> None:
 
 
 def _draw(axes: Axes, whole: Chart, letters: int, height: float, *, alone: bool = False) -> Legend:
-    """Draw a chart, and return what its signs mean; ``letters``: of a row beneath it, ``height``: inches."""
+    """Draw a chart and return its legend; ``letters`` is the length of a row beneath it, ``height`` is in inches."""
     chart, _ = thinned_chart(whole, MOST_POINTS)
     axis = chart.plane or axis_of(chart)
     places = np.asarray(chart.places, dtype=float)
@@ -147,7 +147,7 @@ def _draw(axes: Axes, whole: Chart, letters: int, height: float, *, alone: bool 
 
 
 def _draw_curve(axes: Axes, x: Array, curve: Curve, k: int, chart: Chart, name: str) -> Legend:
-    """Draw a curve with its bands, and return what these mean: its own name first."""
+    """Draw a curve with its bands, and return their legend entries; the entry of the curve is first."""
     (colour, _), dash, width = painted(curve, k, len(chart.curves))
     line: Any = (0, dash) if dash else "-"
     values = np.asarray(curve.values, dtype=float)
@@ -205,7 +205,7 @@ def _draw_curve(axes: Axes, x: Array, curve: Curve, k: int, chart: Chart, name: 
 
 
 def _name(curve: Curve, only: bool) -> str:
-    """Return what a legend calls a curve: the only one of a figure by what it is."""
+    """Return the name of a curve in the legend; the only curve of a figure has the name of its quantity."""
     if curve.note:
         return f"{curve.name}: {curve.note}"
     return curve.quantity if only else curve.name
@@ -214,7 +214,7 @@ def _name(curve: Curve, only: bool) -> str:
 def _draw_band(
     axes: Axes, x: Array, band: Band, depth: int, *, first: bool, looks: Mapping[str, Any], shift: float
 ) -> Legend:
-    """Draw a band: ranges as bars; of the first curve an area, of others the ends of the outer one."""
+    """Draw a band as bars, as an area (first curve), or as the two ends of the outer band (other curves)."""
     from matplotlib.transforms import ScaledTranslation
 
     low, high = (np.asarray(edge, dtype=float) for edge in (band.low, band.high))
@@ -236,7 +236,7 @@ def _draw_band(
 
 
 def _values(chart: Chart) -> Array:
-    """Return all values that are drawn."""
+    """Return all drawn values."""
     parts = [np.asarray(curve.values, dtype=float) for curve in chart.curves if not chart.stacked]
     for curve in chart.curves:
         parts += [np.asarray(edge, dtype=float) for band in curve.bands for edge in (band.low, band.high)]
@@ -248,7 +248,7 @@ def _values(chart: Chart) -> Array:
 
 
 def _limits(chart: Chart) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the limits that are drawn, and those that would leave a flat line."""
+    """Return the drawn limits, and limits that are so far away that the curve would look flat."""
     drawn = _values(chart)
     low, high = (float(drawn.min()), float(drawn.max())) if len(drawn) else (0.0, 0.0)
     far = {
@@ -261,7 +261,7 @@ def _limits(chart: Chart) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def _up(axes: Axes, chart: Chart, limits: Mapping[str, float]) -> None:
-    """Let the vertical axis end where the chart says, or with some room about what is drawn."""
+    """Set the ends of the vertical axis to the ends of the chart, or to the ends of the data with a margin."""
     if chart.hidden:
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
@@ -274,7 +274,7 @@ def _up(axes: Axes, chart: Chart, limits: Mapping[str, float]) -> None:
 
 
 def _right(axes: Axes, chart: Chart, places: Array, letters: int) -> None:
-    """Let the horizontal axis end with the places, and have the ticks that they need."""
+    """Set the ends and the ticks of the horizontal axis from the places."""
     from matplotlib.ticker import FixedFormatter, FixedLocator
 
     axis = chart.plane or axis_of(chart)
@@ -301,14 +301,14 @@ def _right(axes: Axes, chart: Chart, places: Array, letters: int) -> None:
 
 
 def _roomy(low: float, high: float, share: float) -> tuple[float, float]:
-    """Return ends with some room; a constant is never magnified."""
+    """Return the ends of an axis with a margin; the axis never magnifies a constant."""
     if constant(low, high):
         return surroundings(low, high, 0.5)
     return low - share * (high - low), high + share * (high - low)
 
 
 def _draw_boxes(axes: Axes, boxes: Boxes, bands: Sequence[Band]) -> None:
-    """Draw shaded boxes, those of the largest values on top."""
+    """Draw shaded boxes, the largest values on top."""
     from matplotlib.collections import PolyCollection
 
     norm, cmap = _tones(boxes)
@@ -338,7 +338,7 @@ def _tones(boxes: Boxes) -> tuple[Any, str]:
 
 
 def _shades(figure: Figure, axes: Axes, boxes: Boxes) -> float:
-    """Draw a bar of the shades beside axes; Matplotlib's own takes as long as the rest. Return its room, inches."""
+    """Draw a colour bar and return its width, inches; the colour bar of Matplotlib takes as long as the figure."""
     from matplotlib.ticker import FixedFormatter, FixedLocator
     from matplotlib.transforms import Bbox
 

@@ -1,4 +1,4 @@
-"""How figures look, and how they become images."""
+"""Style of figures, and their conversion to images."""
 
 from __future__ import annotations
 

@@ -20,11 +20,11 @@ _SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸�
 
 @functools.cache
 def plain_formatter() -> Any:
-    """Return the class of a formatter of plain numbers."""
+    """Return the formatter class for plain numbers."""
     from matplotlib.ticker import ScalarFormatter
 
     class PlainFormatter(ScalarFormatter):
-        # Powers of ten without mathtext, which takes most of the time of a figure.
+        # powers of ten without mathtext, which would take most of the time of a figure
         def get_offset(self) -> str:
             return with_powers(super().get_offset())
 
@@ -32,9 +32,7 @@ def plain_formatter() -> Any:
 
 
 def with_powers(offset: str) -> str:
-    """Write the factor and offset of an axis with powers of ten.
-
-    `offset`: as Matplotlib writes it.
+    """Return the factor and offset of an axis, as Matplotlib writes them in `offset`, with powers of ten.
 
     >>> with_powers("1e5"), with_powers("1e-7+1.5e3"), with_powers("+2.5"), with_powers("")
     ('× 10⁵', '× 10⁻⁷ +1.5 × 10³', '+2.5', '')
@@ -51,7 +49,7 @@ def with_powers(offset: str) -> str:
 
 
 def decades(low: float, high: float) -> tuple[int, int]:
-    """Return between which powers of ten, one apart or more, a logarithmic axis lies that shows two values.
+    """Return the ends of a logarithmic axis that shows two values: powers of ten, at least one decade apart.
 
     >>> decades(3e-4, 0.2), decades(1.0, 1.0)
     ((-4, 0), (0, 1))
@@ -61,9 +59,9 @@ def decades(low: float, high: float) -> tuple[int, int]:
 
 
 def log_axis(axes: Axes, direction: str, low: float, high: float) -> None:
-    """Let an axis be logarithmic, with its ends at full decades and a tick at every, every second, ... decade.
+    """Make an axis logarithmic, with ends at full decades and ticks at every decade, every second decade, ...
 
-    `low`, `high`: smallest and largest value that must be seen; both above zero.
+    `low` and `high` are the smallest and largest value that must be visible; both are above zero.
 
     >>> from matplotlib.figure import Figure
     >>> axes = Figure().add_subplot()
@@ -75,7 +73,7 @@ def log_axis(axes: Axes, direction: str, low: float, high: float) -> None:
 
     first, last = decades(low, high)
     axis: Any = axes.xaxis if direction == "x" else axes.yaxis
-    # ends first: else Matplotlib looks for its own, and warns where all values are alike
+    # the ends are set first: otherwise Matplotlib chooses ends, and warns if all values are equal
     (axes.set_xlim if direction == "x" else axes.set_ylim)(10.0**first, 10.0**last)
     (axes.set_xscale if direction == "x" else axes.set_yscale)("log")
     step = -(-(last - first) // 5)
@@ -90,7 +88,7 @@ def _power(value: float) -> str:
 
 
 def across_axis(axes: Axes, low: float, high: float, *, log: bool, whole: bool) -> None:
-    """Let the horizontal axis lie between two numbers, whole or on a logarithmic scale with ticks at 1, 2, 5, 10."""
+    """Set the ends of the horizontal axis: integers, or logarithmic with ticks at 1, 2, 5, 10."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
     if log and high > low:

@@ -1,6 +1,6 @@
-"""What all figures share: size, colours, axes, legends, and labels that show names as they were written.
+"""Common style of figures: size, colours, axes, legends, and labels with names as the user wrote them.
 
-Length: what is public tells its parameters, and has an example.
+Length: public functions document their parameters and have an example.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ __all__ = [
 
 @functools.cache
 def arranged_layout() -> Any:
-    """Return the class of the constrained layout of these figures, which distinguishes them from other figures."""
+    """Return the layout class (constrained layout) that distinguishes these figures from other figures."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     class ArrangedLayout(ConstrainedLayoutEngine):
@@ -63,34 +63,35 @@ def is_arranged(figure: Figure) -> bool:
     return isinstance(figure.get_layout_engine(), arranged_layout())
 
 
-# Okabe and Ito's colours: distinguishable with every common colour vision, and by their line style in print.
+# colours of Okabe and Ito: distinguishable with every common colour vision; in print the line styles differ
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
-# The same, lighter, in the same order: legible on a dark page.
+# lighter versions in the same order, legible on a dark page
 ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
 LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
 FAILED = "#B00020"
 TALLEST = 1000.0
-"""Height of a row of axes, at most, inches."""
+"""Maximum height of a row of axes, inches."""
 
-WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it
+WIDTH = 5.6  # inches: legible at full size, and also on a phone that reduces the figure
 MOST_LINES = 4
-"""Lines of a label: more would cover the figure."""
+"""Maximum number of lines of a label: more lines would cover the figure."""
 _LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 _RIGHT = 0.18  # inches: half a number at the end of an axis
 
 
 @typechecked
 def series_style(k: Size) -> tuple[str, Any]:
-    """Return the colour and the line style that figures give the k-th of several things, counted from 0.
+    """Return the colour and the line style of the k-th series of a figure, counted from 0.
 
     Parameters
     ----------
     k : int
+        Index of the series.
 
     Returns
     -------
     tuple
-        Of Matplotlib; distinguishable with every common colour vision, and in print.
+        Colour and line style of Matplotlib, distinguishable with every common colour vision and in print.
 
     Examples
     --------
@@ -101,7 +102,7 @@ def series_style(k: Size) -> tuple[str, Any]:
 
 
 def single_axes(height: float, given: Axes | None = None) -> tuple[Figure, Axes]:
-    """Return a figure of some height (inches) with one pair of axes, or given axes and their figure."""
+    """Return a new figure of a height (inches) with one pair of axes, or the given axes and their figure."""
     if given is not None:
         return given.get_figure(root=True), given  # type: ignore[return-value]
     figure, (axes,) = axes_grid(1, height, 1)
@@ -110,7 +111,7 @@ def single_axes(height: float, given: Axes | None = None) -> tuple[Figure, Axes]
 
 
 def finish_single(figure: Figure, axes: Axes, given: Axes | None, legend: Mapping[str, Any]) -> None:
-    """Arrange a figure of one pair of axes; given axes, whose figure is somebody else's, only get the legend."""
+    """Arrange a figure with one pair of axes; for a figure of the caller, only add the legend."""
     if given is None:
         arrange(figure, [axes], legend=legend)
         return
@@ -122,16 +123,16 @@ def finish_single(figure: Figure, axes: Axes, given: Axes | None, legend: Mappin
 def axes_grid(
     count: Count, height: Annotated[float, Bounds(0, TALLEST)], columns: Count = 2
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of the width of the report with axes in rows; `arrange` places them at the end.
+    """Return a figure of the width of the report with axes in rows; `arrange` places them later.
 
     Parameters
     ----------
     count : int
-        Of the axes.
+        Number of axes.
     height : float
-        Of each row, inches.
+        Height of each row, inches.
     columns : int
-        At most.
+        Maximum number of columns.
 
     Returns
     -------
@@ -149,7 +150,7 @@ def axes_grid(
 
     rows = -(-count // min(count, columns))
     figure = Figure(figsize=(WIDTH, max(height * rows + (0.3 if rows > 1 else 0.0), 2.2)))
-    # Where they lie is decided by `arrange`, once their labels are known.
+    # `arrange` sets the positions as soon as the labels are known
     grid = [figure.add_axes((0.1, 0.1, 0.8, 0.8)) for _ in range(count)]
     for axes in grid:
         _dress(axes)
@@ -162,7 +163,7 @@ def _dress(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=9)
-    # A stated height of the title spares a search for what might be in its way.
+    # a given height of the title avoids a search for overlapping objects
     axes.set_title("", y=1.0)
     for axis in (axes.xaxis, axes.yaxis):
         formatter = plain_formatter()(useMathText=False)
@@ -184,9 +185,9 @@ def arrange(
 ) -> None:
     """Place axes row by row, with a legend above them.
 
-    The figure has the constrained layout of Matplotlib from then on: axes make room for their labels whenever it is
-    drawn, also after its size, its fonts or its texts have been changed. Pictures of the report's page, which nobody
-    changes, are placed by counting characters: constrained layout takes 17 ms for each, a fifth of a report's time.
+    The figure then has the constrained layout of Matplotlib. Axes make room for their labels at each drawing, also
+    after changes of the size, fonts or texts of the figure. Pictures of the report page do not change, so their
+    positions follow from the number of characters. Constrained layout takes 17 ms for each, a fifth of the report time.
 
     Parameters
     ----------
@@ -195,17 +196,17 @@ def arrange(
         Row after row.
     columns : int
     legend : mapping of str to artist, optional
-        Names and handles.
+        Names and handles of the legend.
     right : float
-        Room on the right, inches, with what stands beside the axes.
+        Width on the right of the axes, inches, with the texts next to them.
     heights : sequence of float, optional
-        Heights of the rows of axes themselves, inches: the figure becomes as high as these, their labels and the legend
-        need together. Rows whose times are not labelled move together. Default: equal shares of the figure.
+        Heights of the rows of axes without labels, inches. The height of the figure is the sum of these heights, the
+        labels and the legend. Rows without time labels are close together. Default: equal shares of the figure.
 
     Raises
     ------
     uqmbd.StudyError
-        If there are no axes, or not a height for each row.
+        If there are no axes, or `heights` has not one height for each row.
 
     Examples
     --------
@@ -230,10 +231,10 @@ def arrange(
         axes.set_subplotspec(cells[k // columns, k % columns])
     _place(figure, grid, columns, top, right, heights)
     for axes in grid:
-        # a stated position takes them out of the layout
+        # a given position would exclude the axes from the layout
         axes.set_in_layout(True)
     figure.align_ylabels(grid)
-    # what lies in the axes' own frame is measured with them; for other things room is left
+    # the layout measures objects in the frame of the axes; other objects need additional room
     beside = 0.0 if any(axes.child_axes for axes in grid) else max(right - _RIGHT, 0.0)
     figure.set_layout_engine(arranged_layout()(rect=(0, 0, 1 - beside / figure.get_figwidth(), 1)))
 
@@ -246,7 +247,7 @@ def _place(
     right: float,
     heights: Sequence[float] | None,
 ) -> None:
-    """Place axes by the lengths of their texts, below ``top`` inches."""
+    """Place axes below ``top`` inches, at distances that follow from the lengths of their texts."""
     width, height = figure.get_size_inches()
     rows = [grid[k : k + columns] for k in range(0, len(grid), columns)]
     ticks = [max(tick_width(row[j].yaxis) for row in rows if j < len(row)) for j in range(len(rows[0]))]
@@ -285,7 +286,7 @@ def _title(axes: Axes) -> str:
 
 
 def _keep_ticks_apart(axis: Axis, room: float) -> None:
-    """Take fewer ticks where their texts would run into each other; ``room``: length of the axis, inches."""
+    """Remove ticks until their texts do not overlap; ``room`` is the length of the axis, inches."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = sorted(axis.get_view_interval())
@@ -301,7 +302,7 @@ def _keep_ticks_apart(axis: Axis, room: float) -> None:
 
 
 def tick_width(axis: Axis) -> float:
-    """Return the room that the labels of ticks need beside an axis, inches."""
+    """Return the width of the tick labels of axes, inches."""
     texts = axis.get_major_formatter().format_ticks(list(axis.get_majorticklocs()))
     return 0.12 + _CHARACTER * max((len(text) for text in texts), default=0)
 
@@ -316,24 +317,24 @@ def _lines(text: str) -> float:
 
 
 def histogram_edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return edges of bins for values, shape (S,): a constant has one bin, no histogram more than 60."""
+    """Return bin edges for values (S,): one bin for a constant, at most 60 bins otherwise."""
     low, high = float(values.min()), float(values.max())
     if constant(low, high):
         return np.array(surroundings(low, high, 0.04))
-    # By the Freedman-Diaconis rule, but never finer than by a number of samples in each bin.
+    # Freedman-Diaconis rule, with a minimum number of samples in each bin
     edges = np.histogram_bin_edges(values, "auto")
     return np.linspace(low, high, 61) if len(edges) > 61 else np.asarray(edges, dtype=float)
 
 
 def histogram(values: NDArray[np.float64], *, density: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the edges of bins, and the heights of the bars between them: numbers, or densities."""
+    """Return the bin edges and the heights of the bars: counts or densities."""
     edges = histogram_edges(values)
     heights, _ = np.histogram(values, edges, density=density)
     return edges, heights.astype(float)
 
 
 def line_width(k: int, count: int) -> float:
-    """Return the width of the k-th of several methods' lines: where they coincide, those beneath look out.
+    """Return the line width of the k-th method; lower lines are wider, and remain visible if lines coincide.
 
     >>> line_width(0, 1), line_width(0, 3) > line_width(1, 3) > line_width(2, 3)
     (1.6, True)
@@ -342,19 +343,19 @@ def line_width(k: int, count: int) -> float:
 
 
 def constant(low: float, high: float) -> bool:
-    """Return whether values between these ends differ by rounding only."""
+    """Return whether a minimum and a maximum differ only by rounding."""
     return high - low <= 1e-9 * max(abs(low), abs(high))
 
 
 def surroundings(low: float, high: float, share: float) -> tuple[float, float]:
-    """Return ends around a constant, a share of its size away."""
+    """Return ends of an axis around a constant, at a distance relative to its magnitude."""
     centre = (low + high) / 2
     reach = share * (abs(centre) or 1.0)
     return centre - reach, centre + reach
 
 
 def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:
-    """Put a legend at the top, in as many columns as fit; return its height in inches."""
+    """Place a legend at the top, with the largest possible number of columns; return its height, inches."""
     names = [shortened(name) for name in handles]
     columns = len(names)
     while columns > 1 and _legend_width(names, columns) > 72 * WIDTH - 10:
@@ -369,13 +370,13 @@ def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:
 
 
 def _legend_width(names: Sequence[str], columns: int) -> float:
-    """Estimate the width in points: the columns are as equally long as can be, as Matplotlib fills them."""
+    """Estimate the width of a legend, points, with evenly filled columns as in Matplotlib."""
     return sum(5.2 * max(map(len, column)) + 42 for column in np.array_split(np.array(names, dtype=object), columns))
 
 
 @typechecked
 def with_units(name: str, units: str) -> str:
-    """Return a label: the name, and its units, if any, in brackets.
+    """Return a label: the name, followed by its units in brackets if it has units.
 
     Parameters
     ----------
@@ -392,19 +393,19 @@ def with_units(name: str, units: str) -> str:
 
 @typechecked
 def wrapped(text: str, width: Count) -> str:
-    r"""Break a long name into lines and take the special meaning from its dollar signs; one that is too long is cut.
+    r"""Break a long name into lines and escape its dollar signs; names above the maximum length are cut.
 
     Parameters
     ----------
     text : str
         The name.
     width : int
-        Letters of a line.
+        Number of letters in a line.
 
     Returns
     -------
     str
-        With line breaks.
+        Name with line breaks.
 
     Examples
     --------
@@ -413,12 +414,12 @@ def wrapped(text: str, width: Count) -> str:
     """
     lines = textwrap.wrap(text, width) or [text]
     if len(lines) > MOST_LINES:
-        # the middle goes: what tells names apart is often their end
+        # the middle is cut, because names often differ at the end
         half = MOST_LINES * width // 2 - width // 4 - 2
         lines = textwrap.wrap(f"{text[:half].rstrip()} … {text[-half:].lstrip()}", width)
     return "\n".join(lines).replace("$", r"\$")
 
 
 def shortened(text: str) -> str:
-    """Cut the middle out of a text of more than 60 characters: what tells names apart is often their end."""
+    """Shorten a text of more than 60 characters in its middle, because names often differ at the end."""
     return text if len(text) <= 60 else f"{text[:34].rstrip()} … {text[-22:].lstrip()}"

@@ -1,4 +1,4 @@
-"""A figure that is about to be written needs no ticks that can still change: plain texts and marks are faster."""
+"""Replace ticks by plain texts and marks before a figure is written, which is faster."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["freeze_ticks"]
 
 
 def freeze_ticks(figure: Figure) -> None:
-    """Replace the ticks, grids and labels of all axes by plain texts and lines that look the same, where axes are now.
+    """Replace the ticks, grids and labels of all axes by texts and lines with the same appearance.
 
     Matplotlib makes and measures five objects for every tick, which takes most of the time of a small figure. The
-    limits of the axes must not change afterwards. Major ticks only, at the bottom or the top, left or right.
+    limits of the axes must not change afterwards. The function supports major ticks at one side of each axis.
 
     >>> from matplotlib.figure import Figure
     >>> figure = Figure()
@@ -33,13 +33,13 @@ def freeze_ticks(figure: Figure) -> None:
     for axes in figure.axes:
         if hasattr(axes, "get_zlim"):
             continue  # axes in space draw their own ticks
-        axes.axis(axes.axis())  # the limits as they are, from now on
+        axes.axis(axes.axis())  # fix the current limits
         _freeze(axes, "x")
         _freeze(axes, "y")
 
 
 def _label_at_rest(figure: Figure) -> None:
-    """Give the labels of axes in a grid their places, beside the longest number of their column."""
+    """Set the positions of axis labels in a grid by the longest number of their column."""
     width, height = figure.get_size_inches()
     columns: dict[int, list[Axes]] = {}
     for axes in figure.axes:
@@ -77,7 +77,7 @@ def _freeze(axes: Axes, direction: str) -> None:
         marker = 3 if across else (1 if far else 0)  # ticks downwards, to the right, to the left
         xs, ys = (where, [end] * len(where)) if across else ([end] * len(where), where)
         axes.plot(xs, ys, ls="", marker=marker, ms=3.5, mew=0.8, color="black", transform=transform, clip_on=False)
-    # From the axis: the mark of 3.5 and the gap of 3.5 points.
+    # distance from the axis: a mark of 3.5 points and a gap of 3.5 points
     shift = ScaledTranslation(0 if across else sign * 7 / 72, -7 / 72 if across else 0, axes.figure.dpi_scale_trans)
     if shown.get("labelbottom", shown.get("labelleft", True)) or far:
         side: dict[str, Any] = (

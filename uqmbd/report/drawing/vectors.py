@@ -1,7 +1,7 @@
-"""Small drawings as SVG, written as text: lines, areas and words, in colours that follow the page.
+"""Small SVG drawings as text: lines, areas and texts, in colours of the theme of the page.
 
-Own code: without scripts a page shows drawings on its first screen only. Matplotlib takes 0.3 s to be imported and 0.1
-to 0.2 s a drawing, which was half of what a report cost; these take some 10 ms, and have a dark mode.
+This module replaces Matplotlib for the drawings of mechanisms, which are visible without scripts. The import of
+Matplotlib takes 0.3 s and a drawing 0.1 to 0.2 s. Drawings of this module take about 10 ms and have a dark mode.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from uqmbd.typing import Array
 __all__ = ["DARK_STYLE", "GROUND", "LETTER", "PALE", "ROLES", "UNWRITABLE", "Drawing", "mixed"]
 
 GROUND = "#737373"
-"""Colour of what belongs to the ground of a mechanism."""
+"""Colour of the ground of a mechanism."""
 
 PALE = 0.72
-"""Share of the paper in the faces of bodies."""
+"""Share of the paper colour in the faces of bodies."""
 
 LETTER = 0.56
-"""Width of a letter, of its size."""
+"""Ratio of the width of a letter to the font size."""
 
 UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""What no XML may hold; texts of other packages' results may."""
+"""Characters that XML does not allow; texts in results of other packages may contain them."""
 
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 _PAPER = ("#ffffff", "#14181d")
@@ -38,7 +38,7 @@ _INK = ("#1b1f24", "#e6e9ed")
 
 
 def mixed(colour: str, other: str, share: float) -> str:
-    """Mix a colour ``#rrggbb`` with another one, of which there is a share.
+    """Mix a colour ``#rrggbb`` with a share of another one.
 
     >>> mixed("#000000", "#ffffff", 0.2)
     '#333333'
@@ -65,20 +65,20 @@ _SOLID = {
 }
 
 ROLES = _SOLID | {f"pale-{name}": _between(pair, PALE) for name, pair in _SOLID.items() if name[0] in "cg"}
-"""What has a colour, with that on a light and on a dark page: `colours.js` has those of the page."""
+"""Roles of colours, with the colour on a light and on a dark page; `colours.js` contains the colours of the page."""
 
 DARK_STYLE = "".join(
     f".still .s-{role} {{ stroke: {dark}; }} .still .f-{role} {{ fill: {dark}; }}\n"
     for role, (_, dark) in ROLES.items()
 )
-"""CSS of drawings on a dark page; without it they have the colours of a light one."""
+"""CSS of drawings on a dark page; without this CSS they have the colours of a light page."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """Collects what is drawn; places are in points from the upper left corner, colours names of `ROLES` or ``#rrggbb``.
+    """SVG drawing of `width` times `height` points.
 
-    `width`, `height`: points.
+    Positions are in points from the upper left corner. Colours are names of `ROLES` or ``#rrggbb``.
 
     >>> drawing = Drawing(100, 50)
     >>> drawing.line([[0, 0], [10, 5.04]], "c0")
@@ -93,29 +93,29 @@ class Drawing:
     def line(
         self, points: Any, stroke: str | None, fill: str | None = None, *, closed: bool = False, **looks: object
     ) -> None:
-        """Draw a line, broken where points (N, 2) are NaN, or an area; `looks`: further attributes of SVG."""
+        """Draw a line or area through points (N, 2), interrupted at NaN; `looks` are further SVG attributes."""
         data = path_data(np.asarray(points, dtype=float), closed=closed)
         if data:
             self.parts.append(f'<path{_paint(stroke, fill)}{_attributes(looks)} d="{data}"/>')
 
     def text(self, x: float, y: float, words: str, colour: str = "ink", **looks: object) -> None:
-        """Write words from a place on, or as ``text_anchor`` says."""
+        """Write a text at a position, aligned by ``text_anchor``."""
         plain = escape(UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", words))
         self.parts.append(f'<text{_fill(colour)} x="{x:g}" y="{y:g}"{_attributes(looks)}>{plain}</text>')
 
     def within(self, left: float, top: float, width: float, height: float, inner: Drawing) -> None:
-        """Add another drawing of the same places, as far as it lies within a box."""
+        """Add another drawing with the same coordinates, clipped to a box."""
         box = f"{left:g} {top:g} {width:g} {height:g}"
         place = f'x="{left:g}" y="{top:g}" width="{width:g}" height="{height:g}"'
         self.parts.append(f'<svg {place} viewBox="{box}">{"".join(inner.parts)}</svg>')
 
     def inline(self, described: str) -> str:
-        """Return an element of a page."""
+        """Return an SVG element for a page."""
         said = escape(UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", described))
         return f'<svg class="still" role="img" aria-label="{said}"{self._inner()}'
 
     def source(self) -> str:
-        """Return the data URI of an image, in the colours of a light page."""
+        """Return the data URI of the drawing in the colours of a light page."""
         text = f'<svg xmlns="http://www.w3.org/2000/svg" font-family="{_FONT}"{self._inner()}'
         return "data:image/svg+xml;base64," + base64.b64encode(text.encode("utf-8", "replace")).decode("ascii")
 
@@ -126,7 +126,7 @@ class Drawing:
 
 
 def path_data(points: Array, *, closed: bool = False) -> str:
-    """Return the data of a path, to a tenth of a point; what is a single point between unknown ones is left out.
+    """Return SVG path data with a resolution of 0.1 points; isolated points between NaN are omitted.
 
     >>> path_data(np.array([[0, 0], [1, 2.04], [np.nan, 1], [3, 3], [4, 3]]))
     'M0 0 1 2M3 3 4 3'

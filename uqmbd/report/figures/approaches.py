@@ -1,4 +1,4 @@
-"""The closest approach of an output to its limits, and charts of deviations where bands are too narrow to be seen."""
+"""Closest approach of an output to its limits, and charts of deviations for bands that are too narrow to be visible."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from uqmbd.typing import Array
 __all__ = ["Approach", "OutputLimit", "closest_approach", "deviation_chart"]
 
 NARROW = 0.05
-"""Width of the outer band over the range of the chart below which the band cannot be seen."""
+"""Ratio of the width of the outer band to the range of the chart below which the band is not visible."""
 
 MARGIN = 1.6
-"""End of the axis of deviations over the largest deviation, at least."""
+"""Minimum ratio of the end of the axis of deviations to the largest deviation."""
 
 FARTHEST = 8.0
-"""End of that axis over the largest deviation, at most."""
+"""Maximum ratio of the end of the axis of deviations to the largest deviation."""
 
 
 @dataclass(frozen=True)
 class OutputLimit:
-    """A limit of an output, by the requirement that states it."""
+    """Limit of an output that a requirement states."""
 
     requirement: str
     value: float
@@ -33,12 +33,12 @@ class OutputLimit:
 
 @dataclass(frozen=True)
 class Approach:
-    """Where the mean is nearest to a limit, in standard deviations."""
+    """Time at which the distance of the mean from a limit, in standard deviations, is smallest."""
 
     limit: OutputLimit
     place: int  # index of the time
-    margin: float  # of the mean, in the units of the output; negative beyond the limit
-    deviations: float  # the same, in standard deviations
+    margin: float  # margin of the mean, in the units of the output; negative beyond the limit
+    deviations: float  # margin of the mean, in standard deviations
 
 
 def closest_approach(mean: Array, std: Array, limits: Sequence[OutputLimit]) -> Approach | None:
@@ -57,9 +57,9 @@ def closest_approach(mean: Array, std: Array, limits: Sequence[OutputLimit]) -> 
 
 
 def deviation_chart(chart: Chart, limits: Mapping[str, float]) -> Chart | None:
-    """Return the deviations from the mean of the first curve of a chart over time; None if its band can be seen.
+    """Return a chart of deviations from the mean of the first curve; None if the band is visible without it.
 
-    `limits`: values, by their names; each is a curve, its distance from this mean.
+    `limits` contains values by name; each becomes a curve of the distance from this mean.
     """
     first = chart.curves[0]
     if not first.bands:
@@ -87,7 +87,7 @@ def deviation_chart(chart: Chart, limits: Mapping[str, float]) -> Chart | None:
 
 
 def _less(curve: Curve, base: Array) -> Curve:
-    """Return a curve and its bands less a base (T,)."""
+    """Return a curve and its bands minus a base (T,)."""
     bands = tuple(Band(b.name, np.asarray(b.low) - base, np.asarray(b.high) - base, b.bars) for b in curve.bands)
     values = np.asarray(curve.values, dtype=float) - base
     return replace(curve, values=values, bands=bands, strands=None, quantity=f"deviation of the {curve.quantity}")

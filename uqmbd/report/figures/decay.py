@@ -1,4 +1,4 @@
-"""How the coefficients of a chaos fall with the order, and how large an error it states."""
+"""Decay of chaos coefficients with the order, and stated errors of a chaos."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ __all__ = [
 
 
 LARGEST = "largest over time"
-"""What the maximum over time of several curves is called."""
+"""Name of the maximum over time of several curves."""
 _ROUNDING = 1e-15
 _MOST_LINES = 6
 _OTHERS = Look("quiet", (), 1.0)
 
 
 class CoefficientParts(NamedTuple):
-    """Parts of the largest standard deviation that polynomials carry: NaN where they are zero but for rounding."""
+    """Contributions to the largest standard deviation; NaN for contributions that are zero except for rounding."""
 
     at_times: dict[str, Array]  # (N,): by total order from 1, at some times
-    largest: Array  # (N,): its maximum over time
+    largest: Array  # (N,): maximum over time
     inputs: list[str]
     of_inputs: Array  # (d, D): by degree from 1 in each input, the maximum over time
-    # named, others: inputs with a line of their own, and those that share one look
+    # named, others: inputs with separate line styles, and inputs with a common style
     named: list[int]
     others: list[int]
-    ends: tuple[float, float]  # between which values an axis shows them and the limit
+    ends: tuple[float, float]  # ends of an axis that shows all parts and the limit
 
 
 def coefficient_parts(
     results: Results, output: str, *, times: Sequence[float] | None = None
 ) -> CoefficientParts | None:
-    """Return what `coefficient_decay` draws; None if the output has no spread.
+    """Return the data of `coefficient_decay`; None if the output has no spread.
 
     Raise StudyError if there is no chaos, or no such output exists.
     """
@@ -91,10 +91,11 @@ def coefficient_parts(
 
 
 def decay_chart(results: Results, output: str, *, times: Sequence[float] | None = None) -> Views | None:
-    """Chart the part of the standard deviation that polynomials of each order carry, in per cent of its maximum.
+    """Chart the part of the standard deviation from polynomials of each order, in per cent of its maximum.
 
-    By the total order, at some times and at most, and by the degree in each input. Of many inputs those have a line of
-    their own that fall least; the largest of the others is one more. None if the output has no spread.
+    One view shows the total order, at some times and as maximum; another shows the degree in each input. Of many
+    inputs, those with the slowest decay have separate lines, and one more line is the maximum of the others. Return
+    None if the output has no spread.
 
     Raise StudyError if there is no chaos.
     """
@@ -134,20 +135,20 @@ def decay_chart(results: Results, output: str, *, times: Sequence[float] | None 
 
 @typechecked
 def coefficient_decay(results: Results, output: str, *, times: Sequence[float] | None = None) -> Figure:
-    """Draw how much of the spread the polynomials of each order carry; it falls fast where the order suffices.
+    """Draw the part of the standard deviation from polynomials of each order.
 
-    On the left all polynomials of a total order, on the right those of a degree in one input. Each point is the root
-    of the sum of squared coefficients, relative to the largest standard deviation over time; thick: its maximum over
-    time.
+    The left axes show all polynomials of a total order, the right axes polynomials of a degree in one input. Each point
+    is the root of the sum of squared coefficients, relative to the largest standard deviation over time. The thick line
+    is the maximum over time.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        The node of a propagator that makes a chaos. Of several the finest chaos is drawn.
+        Node of a propagator that makes a chaos. If there are several, the finest chaos is drawn.
     output : str
         Name of the output.
     times : sequence of float, optional
-        In seconds; the nearest stored times are drawn besides the maximum. Default: up to three.
+        Times, s; the nearest stored times are drawn in addition to the maximum. Default: up to three times.
 
     Returns
     -------
@@ -182,7 +183,7 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
 
 
 def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
-    """Return the first time at which an error (T,) exceeds a limit; None if it never does.
+    """Return the first time, s, at which an error (T,) exceeds a limit; None if the error never exceeds it.
 
     >>> import numpy as np
     >>> horizon(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.02, 0.001])), horizon(np.zeros(1), np.zeros(1))
@@ -193,20 +194,20 @@ def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
 
 
 class StatedErrors(NamedTuple):
-    """What a surrogate states of its own error, as it is drawn."""
+    """Data of the chart of stated errors of a surrogate."""
 
     times: Array  # (T,)
-    names: list[str]  # of the outputs
-    errors: Array  # (N, T): relative to the standard deviation; NaN where they are zero but for rounding
-    horizons: list[float | None]  # when each exceeds the limit for the first time
-    # named, others: outputs with a line of their own, in their order, and those that share one look, the worst first
+    names: list[str]  # names of the outputs
+    errors: Array  # (N, T): relative to the standard deviation; NaN for errors that are zero except for rounding
+    horizons: list[float | None]  # first time at which each error exceeds the limit, s
+    # named, others: outputs with separate line styles, in order, and outputs with a common style, the worst first
     named: list[int]
     others: list[int]
     ends: tuple[float, float]  # between which values an axis shows them and the limit
 
 
 def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
-    """Return what `verification` draws.
+    """Return the data of `verification`.
 
     Raise StudyError if the propagator states no error.
     """
@@ -231,16 +232,16 @@ def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
         horizons=[horizon(times, error, limit) for error in errors],
         named=named,
         others=[k for k in worst if k not in named],
-        # What is far below the limit needs no room, where there is anything else.
+        # errors far below the limit need no room if there are larger errors
         ends=(max(low, min(1e-4 * limit, 0.1 * high)), max(high, 2 * limit)),
     )
 
 
 def errors_chart(results: Results, limit: float = EXACT) -> Chart:
-    """Chart the stated errors of a surrogate over time, in per cent of the standard deviation, of each output.
+    """Chart the stated errors of a surrogate over time, in per cent of the standard deviation of each output.
 
-    Of many outputs the worst have a line of their own, and the largest error of the others is one more. Dots mark where
-    the limit is passed for the first time.
+    Of many outputs, the worst have separate lines, and one more line is the largest error of the others. Dots mark the
+    first time at which an error exceeds the limit.
 
     Raise StudyError if the propagator states no error.
     """
@@ -271,17 +272,17 @@ def errors_chart(results: Results, limit: float = EXACT) -> Chart:
 
 @typechecked
 def verification(results: Results, *, limit: Annotated[float, Bounds(1e-12, 1e6)] = EXACT) -> Figure:
-    """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
+    """Draw the stated error of a surrogate over time, and the time from which it exceeds the limit.
 
-    The error at realisations that did not enter the surrogate, relative to the standard deviation, for each output. A
-    dot marks its horizon, where the error passes the limit for the first time; the legend states when.
+    The error refers to realisations that the surrogate does not use, relative to the standard deviation of each output.
+    A dot marks the horizon, the first time at which the error exceeds the limit; the legend states this time.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        The node of a propagator that states a ``verification_error``. Of several the finest chaos is drawn.
+        Node of a propagator that states a ``verification_error``. If there are several, the finest chaos is drawn.
     limit : float
-        Relative to the standard deviation.
+        Limit of the error, relative to the standard deviation.
 
     Returns
     -------

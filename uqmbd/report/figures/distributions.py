@@ -1,4 +1,4 @@
-"""Distributions: the densities of outputs at chosen times, and the inputs that were sampled."""
+"""Densities of outputs at chosen times, and histograms of the sampled inputs."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ __all__ = [
 ]
 
 INPUT = 2
-"""Which colour inputs have."""
+"""Index of the colour of inputs."""
 
 SURROGATE_SAMPLES = 4096
-"""Samples of a chaos from which its density is drawn."""
+"""Number of samples of a chaos for its density."""
 
 
 class DensityPanel(NamedTuple):
-    """Densities of one quantity, by one or several methods."""
+    """Densities of one quantity, one for each method."""
 
-    time: float  # in seconds
-    bars: NDArray[np.float64] | None  # (S,): values of which there is a histogram
-    curves: list[DensityCurve]  # of each method
-    span: tuple[float, float] | None  # where its axis ends, if it does not end with what is drawn
+    time: float  # time, s
+    bars: NDArray[np.float64] | None  # (S,): values of the histogram
+    curves: list[DensityCurve]  # density of each method
+    span: tuple[float, float] | None  # ends of the axis, if they differ from the ends of the data
 
 
 class OutputDensities(NamedTuple):
-    """Densities of an output: labels of the methods, units, and a panel for each time."""
+    """Densities of an output: labels of the methods, units, and one panel for each time."""
 
     labels: list[str]
     units: str
@@ -63,7 +63,7 @@ class OutputDensities(NamedTuple):
 
 
 def output_densities(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> OutputDensities:
-    """Return what `histograms` draws.
+    """Return the data of `histograms`.
 
     Raise StudyError if no method has samples or a chaos, none of the samples succeeded, or no such output exists.
     """
@@ -85,7 +85,7 @@ def output_densities(results: Results | Samples, output: str, times: Sequence[fl
             for method, (label, response) in enumerate(responses.items())
         ]
         low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
-        # the far tails of a surrogate would squeeze what matters
+        # an axis with the far tails of a surrogate would hide the relevant range
         cut = len(responses) > 1 and not constant(low, high)
         span = (low - 0.2 * (high - low), high + 0.2 * (high - low)) if cut else None
         panels.append(DensityPanel(time, first.values[:, k] if bars else None, curves, span))
@@ -93,7 +93,7 @@ def output_densities(results: Results | Samples, output: str, times: Sequence[fl
 
 
 def densities_chart(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Views:
-    """Chart the densities of an output by each method, for each of some times, as of `histograms`.
+    """Chart the densities of an output by each method at chosen times, with the content of `histograms`.
 
     Raise StudyError if there is nothing to draw.
     """
@@ -109,21 +109,21 @@ def densities_chart(results: Results | Samples, output: str, times: Sequence[flo
 
 @typechecked
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
-    """Draw how an output is distributed at some times: histograms as densities, and a kernel density estimate.
+    """Draw the distribution of an output at chosen times: histograms as densities, and kernel density estimates.
 
-    Of several methods the first has bars and a curve, the others a curve each.  A method without samples that holds a
-    polynomial chaos is drawn from samples of it.
+    If there are several methods, the first has bars and a curve, and each other method has a curve. The curve of a
+    method with a polynomial chaos and without samples is drawn from samples of the chaos.
 
     Parameters
     ----------
     results : xarray.DataTree, xarray.Dataset, mapping or iterable of nodes
-        A study's result, nodes, or the samples of one method; methods that have neither samples nor a polynomial chaos
-        are passed over.
+        Result of a study, nodes, or the samples of one method. Methods with neither samples nor a polynomial chaos are
+        omitted.
     output : str
         Name of the output.
     times : sequence of float, optional
-        In seconds; the nearest stored times are taken. Default: up to four, the end, the time of the largest standard
-        deviation, and times between.
+        Times, s; the nearest stored times are used. Default: up to four times, including the end, the time of the
+        largest standard deviation, and times in between.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
 
 
 def _errors(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, xr.DataArray]:
-    """Return the stated errors of an output over time, of surrogates that state some."""
+    """Return the stated errors of an output over time for each surrogate with stated errors."""
     stated = {label: stated_error_of(node) for label, node in nodes.items()}
     return {k: one.sel(output=output) for k, one in stated.items() if one is not None and output in one["output"]}
 
@@ -158,7 +158,7 @@ def _errors(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, xr.DataA
 def _responses(
     results: Results | Samples, output: str, times: Sequence[float] | None
 ) -> tuple[dict[str, xr.DataArray], list[int]]:
-    """Return responses (sample, time), and which times of the first are shown; others may be there at these only."""
+    """Return responses (sample, time), and the indices of displayed times; later methods may have only these times."""
     import xarray as xr
 
     if isinstance(results, xr.Dataset):
@@ -167,7 +167,7 @@ def _responses(
     nodes = nodes_of(results)
     sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
     surrogates = {label: node for label, node in drawable_nodes(nodes).items() if label not in sampled}
-    # With none at all, the error of the first names it.
+    # if no method has samples or a surrogate, the error message names the first method
     kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
     failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == Status.OK)]
     usable = {label: node for label, node in kept.items() if label not in failed} or kept
@@ -179,7 +179,7 @@ def _responses(
             leading = next(iter(found.values()))
             chosen = chosen or _chosen(leading, times)
             shown = leading["time"].values[chosen]
-        # a general joint distribution cannot be sampled without its mechanism
+        # samples of a general joint distribution require its mechanism
         with contextlib.suppress(StudyError):
             found[label] = of_surrogate(node, output, shown)
     first = next(iter(found.values()))
@@ -196,7 +196,7 @@ def _chosen(response: xr.DataArray, times: Sequence[float] | None) -> list[int]:
 
 
 def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | None = None) -> xr.DataArray:
-    """Sample a surrogate: a response (sample, time), with the stored times nearest to some, or all."""
+    """Return samples (sample, time) of a surrogate at the stored times nearest to given times, or at all times."""
     import xarray as xr
 
     chaos = surrogate_of(node, output, times)
@@ -210,17 +210,17 @@ def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | No
 
 
 class InputPanel(NamedTuple):
-    """The sampled values of an input."""
+    """Sampled values of an input."""
 
     name: str
     units: str
     values: NDArray[np.float64]  # (S,)
-    curve: DensityCurve  # its density: that of its distribution, where this is known
-    failed: NDArray[np.float64]  # values of samples that failed, 2000 at most
+    curve: DensityCurve  # density of the distribution if known, otherwise an estimate
+    failed: NDArray[np.float64]  # values of failed samples, at most 2000
 
 
 def input_densities(node: Samples, space: GermSpace | None = None) -> list[InputPanel]:
-    """Return what `inputs` draws.
+    """Return the data of `inputs`.
 
     Raise StudyError if the node has no samples or no inputs.
     """
@@ -241,7 +241,7 @@ def input_densities(node: Samples, space: GermSpace | None = None) -> list[Input
 
 
 def inputs_chart(node: Samples, space: GermSpace | None = None) -> Views:
-    """Chart histograms of sampled inputs with their densities; dots are where samples failed.
+    """Chart histograms of sampled inputs with their densities; dots mark failed samples.
 
     Raise StudyError if the node has no samples or no inputs.
     """
@@ -256,15 +256,15 @@ def inputs_chart(node: Samples, space: GermSpace | None = None) -> Views:
 
 @typechecked
 def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
-    """Draw histograms of the sampled inputs: what was uncertain, and (red points) where samples failed.
+    """Draw histograms of the sampled inputs with their densities; red points mark failed samples.
 
     Parameters
     ----------
     node : xarray.DataTree or xarray.Dataset
-        The node of a propagator that has ``samples``, or its samples.
+        Node of a propagator that has ``samples``, or its samples.
     space : GermSpace, optional
-        Of these inputs, as a surrogate of the same study stores it: with it, curves are the distributions that were
-        sampled, where it knows them; else they are kernel density estimates.
+        Germ space of these inputs from a surrogate of the same study. With it, curves are the sampled distributions if
+        they are known; otherwise curves are kernel density estimates.
 
     Returns
     -------

@@ -1,7 +1,6 @@
-"""Densities of samples: a smooth estimate that knows where values end, drawn over the histogram.
+"""Kernel density estimates of samples that respect the ends of the support.
 
-Kernels are summed here in a few lines: for SciPy's `gaussian_kde`, which knows no bounds, `uqmbd report` would wait a
-second for `scipy.stats`.
+`gaussian_kde` of SciPy has no bounds, and the import of `scipy.stats` would extend `uqmbd report` by one second.
 """
 
 from __future__ import annotations
@@ -33,32 +32,31 @@ __all__ = [
 ]
 
 FAILED_INPUTS = "inputs of failed samples"
-"""What the marks of these are called."""
+"""Name of the marks of failed samples."""
 
 _SHARED = 160
-"""Points along the axis of a chart, besides those at which something jumps: estimates are smooth."""
+"""Number of points along the axis of a chart, in addition to points at jumps; estimates are smooth."""
 
 _CELLS = 1000
 _TAIL = 1e-4
-"""Probability of what lies beyond each end of a curve of a known distribution, where that has no end."""
+"""Probability beyond each end of the curve of a known distribution with infinite support."""
 _ROUGHNESS = 0.5 / math.sqrt(math.pi)
-"""Integral of the squared Gaussian kernel: with it goes the variance of the estimate."""
+"""Integral of the squared Gaussian kernel, to which the variance of the estimate is proportional."""
 _WIDENED = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
-"""By what a kernel is widened, at most, until no peak is left that chance may have made."""
+"""Factors by which a kernel is widened, until no peak remains that may be due to chance."""
 _CLEAR, _FAR = 2.5, 0.1
-"""A dip between two peaks is one from so many standard errors on; peaks below this part of the largest are far
-values."""
+"""Depth of a significant dip between two peaks, in standard errors; ratio to the largest peak of outlying peaks."""
 _PILED, _ENOUGH = 0.25, 100
-"""Values pile up at their end if the estimate there is this part of its maximum; fewer values do not tell."""
+"""Ratio of the density at an end to its maximum above which values accumulate there; minimum number of values."""
 
 
 class DensityCurve(NamedTuple):
-    """One method in axes of a density."""
+    """Density of one method."""
 
     values: NDArray[np.float64]  # (S,)
-    style: int = 0  # which colour and line
-    trusted: bool = True  # whether it decides how high the axes reach: a curve that is known to be wrong does not
-    # points and density, where this need not be estimated
+    style: int = 0  # index of colour and line style
+    trusted: bool = True  # whether the curve affects the height of the axes; false for a curve with a known error
+    # points and density of a curve without estimation
     known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
@@ -67,14 +65,14 @@ def density(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Estimate a density with Gaussian kernels.
 
-    The width of the kernels is Silverman's. It uses the smaller of the standard deviation and the interquartile range
-    (as of a normal distribution). So far values and several peaks do not blur the estimate. It is widened, up to three
-    times, while a dip between two peaks is shallower than two and a half standard errors of the estimate. At ends, what
-    the kernels would put beyond is reflected.
+    The width of the kernels follows the rule of Silverman. It uses the smaller of the standard deviation and the
+    interquartile range (scaled for a normal distribution). Outliers and several peaks therefore do not blur the
+    estimate. The width is increased, at most threefold, while a dip between two peaks is shallower than two and a half
+    standard errors of the estimate. At the ends, the parts of the kernels beyond the bound are reflected.
 
-    `values` (S,); `points`: where to evaluate: as many points, from three widths below the smallest value to three
-    above the largest, and not beyond the ends; `ends`: bounds of the quantity, where it has some; see
-    :func:`ends_of`. Return or None if the values do not vary.
+    `values` has the shape (S,). `points` is the number of places, from three widths below the smallest value to
+    three above the largest, within the ends. `ends` are bounds of the quantity; see :func:`ends_of`.
+    Return None if the values do not vary.
 
     B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, sections 2.10, 3.4.2.
 
@@ -88,12 +86,12 @@ def density(
     low, high = float(values.min()), float(values.max())
     if len(values) < 2 or constant(low, high):
         return None
-    # Shifted and scaled, so that values of 1e-200 do not vanish in their variance.
+    # shifted and scaled, so that the variance of values of 1e-200 does not underflow
     scaled = (values - low) / (high - low)
     first, last = ((end - low) / (high - low) for end in ends)
     places, weights = scaled, np.full(len(scaled), 1 / len(scaled))
     if len(scaled) > 2 * _CELLS:
-        # Many samples are counted in fine cells first: the width of a kernel is many cells.
+        # many samples are first counted in cells that are much finer than the width of a kernel
         counts, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
         places, weights = (edges[:-1] + edges[1:])[counts > 0] / 2, counts[counts > 0] / len(scaled)
     width = _silverman(scaled)
@@ -113,10 +111,10 @@ def density(
 
 
 def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return the densities of inputs, from the map that a surrogate stores of them.
+    """Return the densities of inputs from the germ map that a surrogate stores.
 
-    Return points and densities of each input; inputs that take single values, and those of a general joint
-    distribution, have none.
+    Return points and densities by input. Inputs with discrete values, and inputs of a general joint distribution, are
+    omitted.
 
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermSpace, JointInput
@@ -138,7 +136,7 @@ def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], ND
             germ = space.germs[column]
             if germ.values is not None:
                 continue
-            # a germ of several inputs is one of a Gaussian copula, whose standard variables are normal
+            # germs of several inputs belong to a Gaussian copula with standard normal variables
             alone = len(group.columns) == 1
             tails = [_TAIL, 1 - _TAIL]
             low, high = (germ.from_uniform(tails) if alone else ndtri(tails)).tolist()
@@ -151,7 +149,7 @@ def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], ND
             if not np.all(steps) or len(np.unique(np.sign(steps))) > 1:
                 continue
             f = np.diff(below) / np.abs(steps)
-            # between points, and at the ends as beside them
+            # midpoints between points, and the end points
             points = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
             found[space.inputs[column]] = points, np.concatenate([f[:1], f, f[-1:]])
     return found
@@ -172,12 +170,12 @@ def _kernels(
 
 
 def _doubtful_dips(f: NDArray[np.float64], weight: float) -> int:
-    """Count dips between peaks that chance may have made; ``weight``: number of samples times width of a kernel."""
+    """Count dips between peaks that may be due to chance; ``weight`` is sample count times kernel width."""
     rising = np.sign(np.diff(f))
     turns = np.flatnonzero(rising[:-1] * rising[1:] < 0) + 1
     peaks = [int(k) for k in turns if f[k] > f[k - 1]]
     if rising[0] < 0:
-        peaks.insert(0, 0)  # at a bound
+        peaks.insert(0, 0)  # a peak at the bound
     if rising[-1] > 0:
         peaks.append(len(f) - 1)
     count = 0
@@ -189,13 +187,13 @@ def _doubtful_dips(f: NDArray[np.float64], weight: float) -> int:
 
 
 def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Tell where a quantity ends, as far as samples of it do.
+    """Estimate the ends of the support of a quantity from samples.
 
-    Zero is a bound of a quantity none of whose samples is beyond it, and some of which are near: what may still be
-    there has a probability of 3 / S at the most (with 95 % confidence), which no density shows. Where many
-    samples pile up at the smallest or largest of them, as those of a uniform distribution do, that is a bound, too.
+    Zero is a bound of a quantity if no sample is beyond zero and some samples are near zero. The probability beyond
+    zero is then at most 3 / S (with 95 % confidence), which is not visible in a density. The smallest or largest sample
+    is a bound if many samples accumulate near it, as for a uniform distribution.
 
-    `values` (S,). Return lower and upper bound; infinite where there is none.
+    `values` has the shape (S,). Return lower and upper bound; infinite without a bound.
 
     >>> import numpy as np
     >>> rng = np.random.default_rng(0)
@@ -219,18 +217,18 @@ def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 class Densities(NamedTuple):
-    """What axes of densities show."""
+    """Data of a density chart."""
 
     bars: tuple[NDArray[np.float64], NDArray[np.float64]] | None  # edges and heights of a histogram, as a density
-    # which colour and line, points and densities of each curve; at its ends it goes down to zero
+    # index of colour and line style, points and densities of each curve; the curve is zero at its ends
     curves: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]
-    top: float  # up to where they have to be seen
+    top: float  # highest value that must be visible
 
 
 def densities(bars: NDArray[np.float64] | None, curves: Sequence[DensityCurve]) -> Densities:
-    """Return the histogram of values, and smooth estimates of the density of others.
+    """Return the histogram of values, and kernel density estimates of further values.
 
-    `bars` (S,): of which the histogram is.
+    `bars` (S,) are the values of the histogram.
     """
     counted = None if bars is None else histogram(bars, density=True)
     tops = {True: 0.0 if counted is None else float(counted[1].max()), False: 0.0}
@@ -240,7 +238,7 @@ def densities(bars: NDArray[np.float64] | None, curves: Sequence[DensityCurve]) 
         if curve is None:
             continue
         x, f = curve
-        # at a bound the curve goes down to the axis
+        # at a bound, the curve ends on the axis
         found.append((number, np.concatenate([x[:1], x, x[-1:]]), np.concatenate([[0.0], f, [0.0]])))
         tops[trusted] = max(tops[trusted], float(f.max()))
     return Densities(counted, found, tops[True] or tops[False])
@@ -259,9 +257,9 @@ def density_chart(
     failed: NDArray[np.float64] | None = None,
     heading: str = "",
 ) -> Chart:
-    """Chart densities of a quantity, at places that they share; what jumps has two values at one place.
+    """Chart densities of a quantity at common positions; a jump has two values at one position.
 
-    ``barred``: what the histogram is called; ``colour``: the series of all curves; ``failed``: values with a mark.
+    ``barred`` is the name of the histogram; ``colour`` is the series of all curves; ``failed`` are values with a mark.
     """
     places = _places(shown, span)
     curves = []
@@ -293,7 +291,7 @@ def density_chart(
 
 
 def _places(shown: Densities, span: tuple[float, float] | None) -> Array:
-    """Return where the values of a chart are: increasing, twice where something jumps."""
+    """Return the ascending positions of a chart; positions of jumps occur twice."""
     jumps = [x[[0, -1]] for _, x, _ in shown.curves]
     if shown.bars is not None:
         jumps.append(shown.bars[0])
@@ -302,14 +300,14 @@ def _places(shown: Densities, span: tuple[float, float] | None) -> Array:
     every = np.concatenate(jumps)
     low, high = (float(every.min()), float(every.max())) if span is None else span
     parts = [np.linspace(low, high, _SHARED), every, every]
-    # a narrow one among wide ones
+    # further positions for a narrow curve among wide curves
     parts += [np.linspace(x[0], x[-1], _SHARED // 2) for _, x, _ in shown.curves if 2 * (x[-1] - x[0]) < high - low]
     places = np.sort(np.concatenate(parts))
     return np.asarray(places[(places >= low) & (places <= high)])
 
 
 def _at(places: Array, x: Array, f: Array) -> Array:
-    """Return a curve at places; where it ends the outer of two values there is zero."""
+    """Return a curve at given positions; at its ends, the outer of the two values is zero."""
     if x[0] > x[-1]:
         x, f = x[::-1], f[::-1]
     values = np.interp(places, x[1:-1], f[1:-1], left=np.nan, right=np.nan)
@@ -320,7 +318,7 @@ def _at(places: Array, x: Array, f: Array) -> Array:
 
 
 def _steps(places: Array, edges: Array, heights: Array) -> Array:
-    """Return the outline of bars at places, which have each edge twice."""
+    """Return the outline of a histogram at positions that contain each edge twice."""
     values = heights[np.clip(np.searchsorted(edges, places, "right") - 1, 0, len(heights) - 1)]
     values[(places < edges[0]) | (places > edges[-1])] = np.nan
     values[np.searchsorted(places, edges)] = np.concatenate([[0.0], heights])

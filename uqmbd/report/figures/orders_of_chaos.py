@@ -1,4 +1,4 @@
-"""How far surrogates of several orders are from the finest."""
+"""Chart of the differences between chaoses of several orders and the finest one."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 __all__ = ["Convergence", "order_convergence", "orders_chart", "orders_of", "sampling_errors"]
 
 SMALLEST = 1e-16
-"""Differences that are rounding, and have no place on a logarithmic axis."""
+"""Size of rounding errors, which a logarithmic axis does not show."""
 
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """Largest differences over time of one series of a chaos to a reference, over its largest standard deviation."""
+    """Largest differences over time between a series of chaoses and a reference, relative to its largest std."""
 
-    name: str  # of the series
+    name: str  # name of the series
     orders: NDArray[np.int64]  # (N,)
     realisations: NDArray[np.int64]  # (N,)
     mean: Array  # (N,)
@@ -39,10 +39,10 @@ class Convergence:
 
 
 def orders_of(results: Results, output: str, reference: str | None = None) -> tuple[str, list[Convergence]]:
-    """Return the reference, and for each series of chaoses with several orders how far they are from it.
+    """Return the reference, and the distance from it of each series of chaoses with several orders.
 
-    `reference`: default: the finest chaos. (A Monte Carlo reference would end the fall at its own standard error.).
-    Raise StudyError if the reference is unknown, or no chaos is left to compare with it.
+    The default of `reference` is the finest chaos, because the standard error of Monte Carlo would limit the decrease.
+    Raise StudyError if the reference is unknown, or no other chaos can be compared with it.
     """
     nodes = {label: node for label, node in nodes_of(results).items() if _has(node, output)}
     chosen = finest(nodes) if reference is None else reference
@@ -79,9 +79,9 @@ def _off(node: xr.DataTree, output: str, base: xr.Dataset, scale: float) -> tupl
 
 
 def orders_chart(results: Results, output: str, reference: str | None = None) -> Views:
-    """Chart how far surrogates of several orders are from the finest, in per cent of its largest standard deviation.
+    """Chart the distance of chaoses of several orders from the finest, in per cent of its largest std.
 
-    By the order, and by the realisations, where these are known, with the standard errors of samplings, too.
+    One view shows the order, another the number of realisations if known, with the standard errors of samplings.
 
     Raise StudyError if no surrogate is left to compare with the finest, or times differ.
     """
@@ -99,7 +99,7 @@ def orders_chart(results: Results, output: str, reference: str | None = None) ->
     charts = []
     for word, counts, places in (("order", "orders", orders), ("realisations", "realisations", sizes)):
         cost = counts == "realisations"
-        if cost and places[0] < 1:  # they are not known
+        if cost and places[0] < 1:  # the numbers are unknown
             continue
         curves = []
         for k, row in enumerate(found):
@@ -132,7 +132,7 @@ def orders_chart(results: Results, output: str, reference: str | None = None) ->
 
 
 def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> Array:
-    """Return values in per cent at some of the places; NaN elsewhere, and where a logarithm shows nothing."""
+    """Return values in per cent at some of the positions; NaN elsewhere, and for values without a logarithm."""
     shown = np.full(len(places), np.nan)
     shown[at] = np.where(values > SMALLEST, 100 * values, np.nan)
     return shown
@@ -140,20 +140,20 @@ def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> A
 
 @typechecked
 def order_convergence(results: Results, output: str, *, reference: str | None = None) -> Figure:
-    """Draw how the error of a chaos falls with its order, and with the realisations that it took.
+    """Draw the error of a chaos over its order, and over the number of realisations.
 
-    The difference of mean (full lines) and standard deviation (dashed) to a reference, largest over time, relative to
-    the largest standard deviation. Against the order the scale is logarithmic, so that exponential convergence is a
-    straight line. Of a Monte Carlo the largest standard errors are drawn, as points.
+    The figure shows the differences of mean (full lines) and standard deviation (dashed) to a reference. They are the
+    largest differences over time, relative to the largest standard deviation. The scale over the order is logarithmic,
+    so exponential convergence is a straight line. Points show the largest standard errors of Monte Carlo.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of nodes
-        With several chaoses that differ in their order.
+        Results with several chaoses that differ in their order.
     output : str
         Name of the output.
     reference : str, optional
-        Label; default: the chaos of the highest order.
+        Label of the reference; default: the chaos of the highest order.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def order_convergence(results: Results, output: str, *, reference: str | None = 
     >>> order_convergence([], "x")
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: A figure needs the result of at least one propagator; there is none.
+    uqmbd.errors.StudyError: A figure needs the result of at least one propagator; no result is given.
     """
     return draw_on_paper(orders_chart(results, output, reference))
 
@@ -181,7 +181,7 @@ def _statistics(nodes: Mapping[str, xr.DataTree], label: str, output: str) -> xr
 
 
 def sampling_errors(nodes: Mapping[str, xr.DataTree], chosen: str, output: str) -> list[tuple[str, int, float]]:
-    """Return label, realisations, and the largest standard error of the std over the largest std, of each sampling."""
+    """Return, for each sampling, label, realisations, and ratio of the largest standard error to the largest std."""
     scale = float(_statistics(nodes, chosen, output)["std"].max()) or 1.0
     found = []
     for label, node in nodes.items():

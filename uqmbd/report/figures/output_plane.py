@@ -1,4 +1,4 @@
-"""One output drawn over another one, as the camber of a wheel over its travel."""
+"""Charts of one output over another, such as camber over wheel travel."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ __all__ = ["Over", "OutputPaths", "bands_over", "is_function", "over_chart", "ov
 Array = NDArray[np.float64]
 
 PLACES = 200
-"""Values of the other output at which bands are computed."""
+"""Number of values of the other output at which bands are computed."""
 
 MOST = 4096
-"""Realisations from which bands are computed, the first ones."""
+"""Maximum number of realisations for bands; the first ones are used."""
 
 BENDS = 200
-"""Points of a single realisation at most: they are context, as bands are."""
+"""Maximum number of points of a single realisation."""
 
 STRAIGHT = 1 / 800
-"""How far lines may be from what they stand for, of the height and width of a chart: half a pixel or so."""
+"""Allowed distance of lines from the data, relative to the height and width of a chart: about half a pixel."""
 
 CURVES = 60
-"""Realisations that are drawn as lines where there are no bands."""
+"""Maximum number of realisations that are drawn as lines if there are no bands."""
 
 
 class OutputPaths(NamedTuple):
-    """Realisations of two outputs along one another: of the other one (x) and of the one that is drawn (y).
+    """Realisations of two outputs in their common plane: the other output (x) and the drawn one (y).
 
-    Both have the shape (realisation, time); where a method has none, those of the means, of one row. Times are those at
-    which both outputs are known.
+    Both have the shape (realisation, time). A method without realisations has one row with the means. The times are all
+    times at which both outputs are known.
     """
 
     x: Array
@@ -59,19 +59,19 @@ class OutputPaths(NamedTuple):
 
     @property
     def means(self) -> tuple[Array, Array]:
-        """Means of both outputs at each time."""
+        """Return the means of both outputs at each time."""
         return self.x.mean(axis=0), self.y.mean(axis=0)
 
     @property
     def single(self) -> tuple[Array, Array]:
-        """Realisations that are drawn as lines."""
+        """Return the realisations that are drawn as single lines."""
         shown = CURVES if self.sampled else 0
         return self.x[:shown], self.y[:shown]
 
 
 @dataclass(frozen=True, eq=False)
 class Over:
-    """An output over another one: units of both, realisations of each method, and whether bands are drawn of these."""
+    """Data of an output over another: units of both, realisations of each method, and whether bands are drawn."""
 
     units: str
     over_units: str
@@ -80,7 +80,7 @@ class Over:
 
 
 def paths_over(results: Results, output: str, over: str) -> Over:
-    """Return what `over_output` draws.
+    """Return the data of `over_output`.
 
     Raise StudyError if no such output exists, or both are the same.
     """
@@ -94,10 +94,10 @@ def paths_over(results: Results, output: str, over: str) -> Over:
 
 
 def bands_over(path: OutputPaths, places: Array | None = None) -> tuple[Array, Array, Array]:
-    """Return values of the other output, the mean there, and the ends of the bands of 95 % and 50 %, shape (4, P).
+    """Return values of the other output, the mean at these, and the ends of the 95 % and 50 % bands, shape (4, P).
 
-    The ends are the lower and the upper one of the wide band, then of the narrow one. Where no place is given, there
-    are 200 of those that all realisations pass; elsewhere values are NaN.
+    The ends are the lower and upper end of the wide band, then of the narrow band. By default there are 200 values
+    within the range that all realisations cover; at other given values, results are NaN.
     """
     x, y = (path.x, path.y) if path.x[0, -1] > path.x[0, 0] else (path.x[:, ::-1], path.y[:, ::-1])
     low, high = float(x[:, 0].max()), float(x[:, -1].min())
@@ -108,10 +108,10 @@ def bands_over(path: OutputPaths, places: Array | None = None) -> tuple[Array, A
 
 
 def over_chart(results: Results, output: str, over: str) -> Chart:
-    """Chart an output over another one, as `over_output` draws it.
+    """Chart an output over another output, with the content of `over_output`.
 
-    Where bands are drawn, a chart of curves along the other output. Else one in the plane of both, with the time of the
-    page: the means at each time, and single realisations of the first method.
+    If bands are drawn, the chart contains curves along the other output. Otherwise it is in the plane of both outputs,
+    with the time of the page: the means at each time, and single realisations of the first method.
 
     Raise StudyError if no such output exists, or both are the same.
     """
@@ -145,7 +145,7 @@ def _banded(paths: Mapping[str, OutputPaths], output: str, units: str, axis: Axi
 
 
 def _strands(path: OutputPaths, chosen: Array) -> Strands:
-    """Return single realisations at some of the chosen times, of which lines between do not depart visibly."""
+    """Return single realisations at a selection of the chosen times, sufficient for straight lines in between."""
     x, y = (values[:, np.isin(path.times, chosen)] for values in path.single)
     at = _bends(np.stack([x, y], axis=1), BENDS, STRAIGHT)
     own = np.flatnonzero(np.isin(chosen, path.times))
@@ -153,11 +153,11 @@ def _strands(path: OutputPaths, chosen: Array) -> Strands:
 
 
 def _bends(lines: Array, most: int, tolerance: float) -> NDArray[np.intp]:
-    """Choose points such that straight lines between them stand for lines, shape (R, 2, T).
+    """Choose points such that straight lines between them approximate lines of shape (R, 2, T).
 
-    Points are added where a line departs most. This ends at ``most`` points, or when none departs by more than the
-    tolerance, relative to the extent of all lines along each axis: the rule of Ramer, Douglas and Peucker for many
-    lines at once.
+    Each step adds the point with the largest deviation. The search ends at ``most`` points, or if no deviation exceeds
+    the tolerance, relative to the extent of all lines along each axis. This is the algorithm of Ramer, Douglas and
+    Peucker for many lines at once.
     """
     extent = np.ptp(lines, axis=(0, 2))
     scaled = lines / np.where(extent > 0, extent, 1.0)[:, None]
@@ -186,31 +186,31 @@ def _bends(lines: Array, most: int, tolerance: float) -> NDArray[np.intp]:
 
 
 def _placed(chosen: Array, times: Array, values: Array) -> Array:
-    """Return values at chosen times; NaN where there are none."""
+    """Return values at chosen times; NaN where they are unknown."""
     place = np.clip(np.searchsorted(times, chosen), 0, len(times) - 1)
     return np.where(times[place] == chosen, values[place], np.nan)
 
 
 @typechecked
 def over_output(results: Results, output: str, over: str, *, ax: Axes | None = None) -> Figure:
-    """Draw an output over another one: each realisation is a curve in the plane of both, run through in time.
+    """Draw an output over another output: each realisation is a curve in their plane, with time as parameter.
 
-    Where the other output only grows, or only falls, in every realisation, the curves are functions of it: their mean
-    and the bands that contain 50 % and 95 % of them at each of its values are drawn. They are drawn over the values
-    that all curves pass. Otherwise (a wheel that goes up and down) single realisations are drawn as lines. So are the
-    means of both outputs at each time. Curves of a polynomial chaos are samples of it. With several methods the first
-    has filled bands, or lines; of the others the mean and the edges of the 95 % band are drawn.
+    If the other output is monotonic in every realisation, the curves are functions of it. The figure then shows their
+    mean, and the bands that contain 50 % and 95 % of the curves, over the range that all curves cover. Otherwise (a
+    wheel that goes up and down) lines show single realisations, and the means of both outputs at each time. Curves of a
+    polynomial chaos are samples of it. With several methods, the first has filled bands, or lines; the others have the
+    mean and the edges of the 95 % band.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        A study's result, the node of one propagator, or several such nodes.
+        Result of a study, node of one propagator, or several such nodes.
     output : str
-        Name of the output that is drawn upwards.
+        Name of the output on the vertical axis.
     over : str
-        Name of the output that is drawn to the right.
+        Name of the output on the horizontal axis.
     ax : matplotlib.axes.Axes, optional
-        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
+        Axes of an existing figure for the drawing and the legend. Default: a new figure.
 
     Returns
     -------
@@ -238,12 +238,12 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
 
 
 def is_function(node: xr.DataTree, output: str, over: str) -> bool:
-    """Return whether every realisation of an output is a function of another one, so that bands over it are drawn."""
+    """Return whether an output is a function of another output in every realisation, as required for bands."""
     return _is_function(_paths(node, output, over))
 
 
 def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
-    """Return the curves of a method: its samples, samples of its surrogate, or that of its means."""
+    """Return the curves of a method from its samples, from samples of its surrogate, or from its means."""
     statistics = node.children["statistics"]
     means = [of_output(statistics, name)["mean"].values[None, :] for name in (over, output)]
     found, sampled = means, False
@@ -254,7 +254,7 @@ def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
             found = [of_output(samples, name)["response"].values[fine] for name in (over, output)]
             sampled = True
     elif drawable_nodes({"": node}):
-        # a general joint distribution cannot be sampled without its mechanism
+        # samples of a general joint distribution require its mechanism
         with contextlib.suppress(StudyError):
             found = [of_surrogate(node, name).values for name in (over, output)]
             sampled = True
@@ -267,7 +267,7 @@ def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
 
 
 def _is_function(path: OutputPaths) -> bool:
-    """Return whether the other output only grows, or only falls, in all realisations, and all pass common values."""
+    """Return whether the other output is monotonic in all realisations, with a common range of values."""
     steps = np.diff(path.x, axis=1)
     one_way = bool((steps > 0).all() or (steps < 0).all())
     return one_way and steps.shape[1] > 0 and bool(path.x.min(axis=1).max() < path.x.max(axis=1).min())

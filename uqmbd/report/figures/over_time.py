@@ -1,4 +1,4 @@
-"""Charts over time: means with bands, standard deviations, differences, and how often an output has which value."""
+"""Charts over time: means with bands, standard deviations, differences, and time-history histograms."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ _MOST_TIMES, _MOST_VALUES = 200, 100
 def bands_chart(
     nodes: Mapping[str, xr.DataTree], output: str, *, limits: Mapping[str, float] | None = None, samples: int = 0
 ) -> Chart:
-    """Chart the mean, bands and standard deviation of an output over time, by each method.
+    """Chart the mean, bands and standard deviation of an output over time for each method.
 
-    ``limits``: values that the output has to stay within, by what they are called; ``samples``: how many single
-    realisations of the first method are drawn as thin lines (on paper).
+    ``limits`` are the limits of the output by name. ``samples`` is the number of realisations of the first method that
+    are drawn as thin lines (on paper).
     """
     times, statistics = _of_methods(nodes, output)
     curves = []
@@ -83,23 +83,23 @@ def bands(
     limits: Mapping[str, float] | None = None,
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw the mean over time with the bands that hold 50 % and 95 % of the realisations.
+    """Draw the mean over time with the bands that contain 50 % and 95 % of the realisations.
 
-    With several methods the first has filled bands; of the others the mean and the edges of the 95 % band are drawn.
-    A method that cannot tell quantiles shows its mean plus and minus 1.96 standard deviations instead.
+    With several methods, the first has filled bands; the others have the mean and the edges of the 95 % band. For a
+    method without quantiles, the band is the mean plus and minus 1.96 standard deviations.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        A study's result, the node of one propagator, or several such nodes.
+        Result of a study, node of one propagator, or several such nodes.
     output : str
         Name of the output.
     samples : int
-        How many single realisations of the first method to draw as thin lines, if it has any.
+        Number of stored realisations of the first method to draw as thin lines.
     limits : mapping of str to float, optional
-        Values that the output has to stay within, in its units, by what they are called: drawn as dotted lines.
+        Limits of the output, in its units, by name, for dotted lines.
     ax : matplotlib.axes.Axes, optional
-        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
+        Axes of an existing figure for the drawing and the legend. Default: a new figure.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def bands(
 
 
 def std_chart(nodes: Mapping[str, xr.DataTree], output: str) -> Chart:
-    """Chart the standard deviation of an output over time by each method, with its standard errors."""
+    """Chart the standard deviation of an output over time for each method, with its standard errors."""
     times, statistics = _of_methods(nodes, output)
     curves = []
     for label, data in statistics.items():
@@ -140,16 +140,16 @@ def std_chart(nodes: Mapping[str, xr.DataTree], output: str) -> Chart:
 
 @typechecked
 def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> Figure:
-    """Draw the standard deviation over time, with a band of two standard errors where a method states them.
+    """Draw the standard deviation over time, with a band of two standard errors if a method states them.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        A study's result, the node of one propagator, or several such nodes.
+        Result of a study, node of one propagator, or several such nodes.
     output : str
         Name of the output.
     ax : matplotlib.axes.Axes, optional
-        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
+        Axes of an existing figure for the drawing and the legend. Default: a new figure.
 
     Returns
     -------
@@ -174,9 +174,9 @@ def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> F
 
 
 def difference_chart(nodes: Mapping[str, xr.DataTree], output: str, reference: str, statistic: str) -> Chart:
-    """Chart by how much the mean or the standard deviation of methods differs from that of a reference.
+    """Chart the difference in mean or standard deviation between methods and a reference.
 
-    The reference comes first: zero, with its own standard errors.
+    The first curve is the reference: zero, with the standard errors of the reference.
     """
     times, statistics = _of_methods(nodes, output)
     values = {label: at_times(data, times, data[statistic].values) for label, data in statistics.items()}
@@ -197,7 +197,7 @@ def difference_chart(nodes: Mapping[str, xr.DataTree], output: str, reference: s
 
 @typechecked
 def differences(results: Results, output: str, *, reference: str | None = None) -> Figure:
-    """Draw by how much mean and standard deviation of methods differ, where their bands look the same.
+    """Draw the differences in mean and standard deviation between methods and a reference.
 
     Parameters
     ----------
@@ -206,18 +206,18 @@ def differences(results: Results, output: str, *, reference: str | None = None) 
     output : str
         Name of the output.
     reference : str, optional
-        Label of the method that is subtracted. Default: :func:`uqmbd.results.choose_reference`. Where it states
-        standard errors, a band of two of them lies about zero.
+        Label of the method that is subtracted. Default: :func:`uqmbd.results.choose_reference`. If the reference states
+        standard errors, a band about zero shows two of them.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes: difference of the mean, and of the standard deviation.
+        Figure with axes for the differences of the mean, and of the standard deviation.
 
     Raises
     ------
     StudyError
-        If there is one method only, the reference is unknown, or outputs or times differ.
+        If there is only one method, if the reference is unknown, or if outputs or times differ.
 
     Examples
     --------
@@ -243,21 +243,22 @@ def differences(results: Results, output: str, *, reference: str | None = None) 
 
 @typechecked
 def time_history_histogram(node: Samples, output: str, *, mean: bool = False) -> Figure:
-    """Draw how often an output has which value when: time, value, and the number of occurrences as a colour.
+    """Draw a two-dimensional histogram of an output over time and value, with the count as colour.
 
     Parameters
     ----------
     node : xarray.DataTree or xarray.Dataset
-        The node of a propagator that has ``samples``, or its samples.
+        Node of a propagator that has ``samples``, or its samples.
     output : str
         Name of the output.
     mean : bool
-        Draw the mean of the samples on top.
+        Whether to draw the mean of the samples on top.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Its first axes hold the image of the counts, (value, time), and the second ones its colour bar.
+        Figure whose first axes contain the image of the counts, (value, time), and whose second axes are the colour
+        bar.
 
     Raises
     ------
@@ -275,7 +276,7 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
     response = succeeded(node, output)
     times, units = response["time"].values, str(response["output_units"].item())
     counts, columns, (low, high) = occurrences(response.values, times)
-    # A logarithmic scale: at one time all samples may share a bin, at another each has its own.
+    # a logarithmic scale, because the samples may share one bin at one time and have separate bins at another
     across, up = np.array([columns[0], columns[-1]]), np.array([low, high])
     boxes = Boxes(
         "number of samples", "", across, up, counts, (1.0, max(float(counts.max()), 2.0)), log=True, grid=True
@@ -290,12 +291,12 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
 def occurrences(
     response: NDArray[np.float64], times: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[float, float]]:
-    """Count how many samples lie in which of a bounded number of bins at which time.
+    """Count the samples in each of a limited number of bins at each time.
 
-    `response` (S, T): of samples that succeeded; `times` (T,): increasing. Return (V, C): at most 100 equal bins of
-    the value, rows upwards, and at most 200 columns of time; each column counts every sample once, at the time
-    nearest to the column's middle. Return (C + 1,): equally spaced edges of the columns. Return ends of the bins of
-    the value.
+    `response` (S, T) contains successful samples; `times` (T,) increase. Return the counts (V, C) in at most 100 equal
+    bins of the value, with rows upwards, and at most 200 columns of time. Each column counts every sample once, at the
+    time nearest to the middle of the column. Also return the equally spaced edges (C + 1,) of the columns, and the ends
+    of the bins of the value.
 
     >>> import numpy as np
     >>> counts, columns, span = occurrences(np.array([[0.0, 1.0], [0.0, 3.0]]), np.array([0.0, 0.1]))
@@ -307,7 +308,7 @@ def occurrences(
     if columns == 1:
         chosen, edges = np.zeros(1, dtype=int), times[0] + np.array([-0.5, 0.5])
     else:
-        # As many equal columns as times: with equal steps of time the first and the last lie on the edges.
+        # as many equal columns as times: for equal time steps, the first and the last time are on the edges
         edges = np.linspace(times[0], times[-1], columns + 1)
         middles = (edges[:-1] + edges[1:]) / 2
         after = np.clip(np.searchsorted(times, middles), 1, count - 1)
@@ -317,7 +318,7 @@ def occurrences(
     low, high = float(values.min()), float(values.max())
     if constant(low, high):
         low, high = surroundings(low, high, 0.5)
-    # Half the width of Freedman and Diaconis, from the spread at a typical time: not finer than the samples allow.
+    # half the bin width of Freedman and Diaconis, from the spread at a typical time
     typical = float(np.median(np.subtract(*np.percentile(values, [75, 25], axis=0)))) * samples ** (-1 / 3)
     rows = int(np.clip((high - low) / typical, 40, _MOST_VALUES)) if typical > 0 else _MOST_VALUES
     bins = np.clip(((values - low) / (high - low) * rows).astype(int), 0, rows - 1) * columns + np.arange(columns)
@@ -328,7 +329,7 @@ def occurrences(
 def band_edges(
     statistics: xr.Dataset,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]] | None, str]:
-    """Return the ends of the band of 95 % and, where it is known, that of 50 %, and what the first one is."""
+    """Return the ends of the 95 % band, the ends of the 50 % band if known, and the name of the first band."""
     quantile = statistics["quantile"]
     levels = quantile["probability"].values
 
@@ -347,7 +348,7 @@ def band_edges(
 
 
 def _of_methods(nodes: Mapping[str, xr.DataTree], output: str) -> tuple[Array, dict[str, xr.Dataset]]:
-    """Return all times of some methods, and the statistics of an output by each."""
+    """Return the union of the times of some methods, and the statistics of an output for each."""
     statistics = {label: of_output(node.children["statistics"], output) for label, node in nodes.items()}
     times = [np.asarray(data["time"].values, dtype=float) for data in statistics.values()]
     return np.unique(np.concatenate(times)), statistics
@@ -358,7 +359,7 @@ def _units(statistics: Mapping[str, xr.Dataset]) -> str:
 
 
 def at_times(data: xr.Dataset, times: Array, values: Array) -> Array:
-    """Return values at some of their own times; NaN where there are none."""
+    """Return values at some of their times; NaN if unknown."""
     own = data["time"].values
     place = np.clip(np.searchsorted(own, times), 0, len(own) - 1)
     return np.where(own[place] == times, np.asarray(values, dtype=float)[place], np.nan)

@@ -1,4 +1,4 @@
-"""How probably requirements have been violated, over time."""
+"""Charts of the probability of violation of requirements over time."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 __all__ = ["MOST_REQUIREMENTS", "changing_with_time", "violated_by", "violations_chart", "worst_violations_chart"]
 
 MOST_REQUIREMENTS = 12
-"""Requirements that are drawn."""
+"""Maximum number of requirements in a figure."""
 
 RARE = 1.0
-"""Per cent: where nothing is violated more probably, the axis is logarithmic."""
+"""Largest probability of violation, per cent, for which the axis is logarithmic."""
 
 DECADES = 4
-"""Powers of ten beneath the smallest final probability that a logarithmic axis shows at most."""
+"""Maximum number of powers of ten below the smallest final probability on a logarithmic axis."""
 
 
 def changing_with_time(data: xr.Dataset) -> list[str]:
-    """Name the requirements whose probability of having been violated grows with time."""
+    """Return the names of requirements with a probability of violation that grows with time."""
     if "violated_by" not in data or data.sizes.get("time", 0) < 2:
         return []
     grows = (data["violated_by"].max("time") > data["violated_by"].min("time")).values
@@ -41,17 +41,17 @@ def changing_with_time(data: xr.Dataset) -> list[str]:
 
 @typechecked
 def violated_by(results: Results) -> Figure:
-    """Draw the probability of having been violated by each time, of requirements that are not violated from the start.
+    """Draw the probability of violation until each time, for requirements that are not violated from the start.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of nodes
-        A study's result, or nodes of methods.
+        Result of a study, or nodes of methods.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes for each requirement, the first twelve; at the end the 95 % interval of the whole motion.
+        Figure with axes for each of the first twelve requirements; the 95 % interval of the whole motion is at the end.
 
     Raises
     ------
@@ -75,9 +75,9 @@ def violated_by(results: Results) -> Figure:
 
 
 def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
-    """Chart how probably each requirement has been violated by a time, by each method: a chart for each requirement.
+    """Chart the probability of violation until each time by each method, with one chart for each requirement.
 
-    At the end stands the 95 % interval of the probability of the whole motion. None if no such probability grows.
+    The 95 % interval of the probability of the whole motion is at the end. Return None if no probability grows.
     """
     found = _requirements_chart(nodes)
     names = _growing(found)
@@ -94,9 +94,10 @@ def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
 
 
 def worst_violations_chart(nodes: Mapping[str, xr.DataTree], most: int = 6) -> Chart | None:
-    """Chart how probably the most probable violations have happened by a time.
+    """Chart the probability of violation until each time for the most probable violations.
 
-    Of one requirement by each method; of several by the first method. None if no such probability grows.
+    A single requirement has a curve of each method; several requirements have a curve of the first method. Return None
+    if no probability grows.
     """
     found = _requirements_chart(nodes)
     names = _growing(found)
@@ -119,7 +120,7 @@ def _growing(found: Mapping[str, xr.Dataset]) -> list[str]:
 
 
 def _told(data: xr.Dataset, name: str) -> bool:
-    """Return whether a method says how probably a requirement has been violated by each time, constant or not."""
+    """Return whether a method states the probability of violation until each time, even if it is constant."""
     return "violated_by" in data and data.sizes.get("time", 0) > 1 and name in data["requirement"].values
 
 
@@ -132,7 +133,7 @@ def _violation(name: str, found: Mapping[str, xr.Dataset]) -> Chart:
         interval = 100 * np.asarray(data["interval"].values, dtype=float)
         low, high = (np.where(np.arange(len(times)) == last, end, np.nan) for end in interval)
         curves.append(Curve(label, values, (Band("95 % interval of the whole motion", low, high, True),), "violated"))
-        # an interval that says nothing leaves the curve readable
+        # an interval without information must not hide the curve
         tops += [float(np.nanmax(values, initial=0.0)), float(interval[1]) if interval[1] < 100 else 0.0]
         last_values.append(float(np.nanmax(values, initial=0.0)))
     top = max(tops)

@@ -1,4 +1,4 @@
-"""How the mean and the standard deviation settle as samples are added, and how well they are known in the end."""
+"""Convergence of the mean and the standard deviation with the number of samples, and their confidence intervals."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ __all__ = ["ESTIMATED", "SamplingPlan", "Settling", "convergence", "design_of", 
 NORMAL_95 = 1.96
 _POINTS = 120
 ESTIMATED = {"mean": "mean", "std": "standard deviation"}
-"""Statistic, and what it is called."""
+"""Statistics and their names."""
 
 
 @dataclass(frozen=True)
 class SamplingPlan:
-    """How samples were drawn: independently, or in replicates (one after the other) of a design of some name."""
+    """Sampling plan: independent samples, or consecutive replicates of a named design."""
 
     name: str = "random"
     replicates: int = 1
 
     @property
     def independent(self) -> bool:
-        """Whether each sample is independent of all others."""
+        """Return whether all samples are mutually independent."""
         return self.name == "random"
 
 
 def design_of(attrs: Mapping[Any, Any]) -> SamplingPlan:
-    """Return the design from the attributes of a propagator's node; without any, samples are independent.
+    """Return the sampling plan from the attributes of the node of a method; samples are independent by default.
 
     >>> design_of({"options": '{"sampling": "sobol", "replicates": 8}'})
     SamplingPlan(name='sobol', replicates=8)
@@ -61,24 +61,24 @@ def design_of(attrs: Mapping[Any, Any]) -> SamplingPlan:
 
 
 class Settling(NamedTuple):
-    """Estimates of an output at one time, from more and more samples or replicates."""
+    """Estimates of an output at one time from a growing number of samples or replicates."""
 
-    counts: NDArray[np.float64]  # (C,): how many
-    estimates: dict[str, NDArray[np.float64]]  # (C,): by the names of statistics, with their standard errors
+    counts: NDArray[np.float64]  # (C,): numbers of samples or replicates
+    estimates: dict[str, NDArray[np.float64]]  # (C,): statistics and their standard errors, by name
     time: float
-    units: str  # of the output
-    counted: str  # what is counted, in words
-    independent: bool  # whether samples are counted, each of which is independent of all others
+    units: str  # units of the output
+    counted: str  # name of the counted objects
+    independent: bool  # whether independent samples are counted instead of replicates
 
     def band(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return an estimate and the ends of the band that holds the true value in 95 % of cases."""
+        """Return an estimate and the ends of its 95 % confidence interval."""
         centre, error = self.estimates[name], NORMAL_95 * self.estimates[f"std_error_{name}"]
         return centre, centre - error if name == "mean" else np.maximum(centre - error, 0.0), centre + error
 
     def ends(self, name: str) -> tuple[float, float] | None:
-        """Return where an axis ends that shows the estimates, and their bands but for the first, widest ones.
+        """Return the ends of an axis for the estimates and all intervals except the first, widest ones.
 
-        None if they are constant.
+        Return None if the estimates are constant.
         """
         centre, error = self.estimates[name], NORMAL_95 * self.estimates[f"std_error_{name}"]
         if constant(float(centre.min()), float(centre.max())) and not np.any(error > 1e-9 * np.abs(centre).max()):
@@ -92,7 +92,7 @@ class Settling(NamedTuple):
 
 
 def settling(node: Samples, output: str, time: float | None = None) -> Settling:
-    """Return what `convergence` draws.
+    """Return the data of `convergence`.
 
     Raise StudyError if the node has no samples, fewer than two succeeded, or no such output exists.
     """
@@ -111,7 +111,7 @@ def settling(node: Samples, output: str, time: float | None = None) -> Settling:
     total = max(int(node.attrs.get("realisations", 0)), len(values))
     counts, found = _estimates(values, fine, design, total)
     if total > len(values) and isinstance(node, xr.DataTree):
-        # Only the first samples were kept; what all of them say is stored.
+        # only the first samples are stored, but the statistics refer to all samples
         last = of_output(node.children["statistics"], output).isel(time=chosen)
         number = total - int(node.attrs.get("failures", 0)) if design.independent else design.replicates
         counts = np.append(counts, number)
@@ -128,11 +128,11 @@ def settling(node: Samples, output: str, time: float | None = None) -> Settling:
 
 
 def settling_chart(node: Samples, output: str, time: float | None = None) -> Views:
-    """Chart how the mean and the standard deviation of an output settle as samples are added.
+    """Chart the convergence of the mean and the standard deviation with the number of samples.
 
     The horizontal axis is the number of samples, or of replicates of a design.
 
-    Raise StudyError if there are fewer than two samples to estimate from.
+    Raise StudyError if there are fewer than two samples.
     """
     found = settling(node, output, time)
     told = "samples" if found.independent else "replicates"
@@ -161,19 +161,19 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
 
 @typechecked
 def convergence(node: Samples, output: str, time: float | None = None) -> Figure:
-    """Draw mean and standard deviation against the number of samples, with the bands that hold them in 95 % of cases.
+    """Draw mean and standard deviation over the number of samples, with 95 % confidence intervals.
 
-    The points of a Latin hypercube or Sobol' design say nothing one by one: there the estimates are drawn against the
-    number of its independent replicates.
+    Single points of a Latin hypercube or Sobol' design give no estimate. For these designs, the horizontal axis is the
+    number of independent replicates.
 
     Parameters
     ----------
     node : xarray.DataTree or xarray.Dataset
-        The node of a propagator that has ``samples``, or its samples (which then count as independent).
+        Node of a propagator that has ``samples``, or its samples (which then count as independent).
     output : str
         Name of the output.
     time : float, optional
-        In seconds; the nearest stored time is taken. Default: that of the largest standard deviation.
+        Time, s; the nearest stored time is used. Default: the time of the largest standard deviation.
 
     Returns
     -------
@@ -199,14 +199,14 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
 def _estimates(
     values: NDArray[np.float64], fine: NDArray[np.bool_], design: SamplingPlan, planned: int
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Return the numbers of samples or replicates, and the estimates that belong to them."""
+    """Return the numbers of samples or replicates, and the estimates for each."""
     if design.independent:
         total = int(fine.sum())
         start = max(2, min(10, total // 4))
         numbers = np.unique(np.geomspace(start, total, _POINTS).round().astype(int)) if total > start else [total]
         return np.asarray(numbers, dtype=float), running_statistics(values[fine], numbers)
     edges = np.cumsum([0, *(len(part) for part in np.array_split(np.arange(planned), design.replicates))])
-    # Of samples that were not all kept, the complete replicates.
+    # if not all samples are stored, use the complete replicates
     edges = edges[edges <= len(values)] if edges[1] <= len(values) else np.array([0, len(values)])
     parts = [values[a:b][fine[a:b]] for a, b in zip(edges[:-1], edges[1:], strict=True)]
     usable = [part for part in parts if len(part)]

@@ -1,4 +1,4 @@
-"""Sobol' indices over time, with the standard deviation to which they refer."""
+"""Charts of Sobol' indices over time, with the standard deviation to which they refer."""
 
 from __future__ import annotations
 
@@ -33,20 +33,21 @@ __all__ = [
 
 
 NEGLIGIBLE = 0.02
-"""Inputs whose total index never exceeds this, where the output spreads, are not shown one by one."""
+"""Largest total index over time up to which an input is not shown separately; times without spread do not count."""
 TOO_LARGE = 0.1
-"""Stated error of a chaos above which another one tells better what matters."""
+"""Stated error of a chaos above which the indices of another chaos are preferred."""
 OF_GERMS = "“b | a” is the contribution of b, given a"
 INTERACTING = 0.002
-"""Share of the variance from which on interactions are drawn."""
+"""Minimum share of the variance for which interactions are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Indices:
     """Sobol' indices of one output.
 
-    `names`: of the inputs, or of the germs where inputs depend on one another; `first`, `total` (G, T); `times`,
-    `std`, `mean` (T,); `meaningful` (T,): where there is a spread to share; `units`: of the standard deviation.
+    `names` are names of the inputs, or of the germs if inputs are dependent. `first` and `total` have the shape (G, T),
+    `times`, `std` and `mean` the shape (T,). `meaningful` (T,) is false for times without spread. `units` are the units
+    of the standard deviation.
     """
 
     names: tuple[str, ...]
@@ -80,9 +81,9 @@ def _kind(node: xr.DataTree) -> str | None:
 
 
 def node_with_indices(results: Results) -> xr.DataTree:
-    """Return the method whose indices to show: the one with the finest chaos, else the first that has any.
+    """Return the method with the displayed indices: the finest chaos with indices, otherwise the first with indices.
 
-    Where that chaos states an error of more than 10 %, the one that states the least.
+    If this chaos states an error of more than 10 %, return the method with the smallest stated error.
     """
     nodes = nodes_of(results)
     holders = {label: node for label, node in nodes.items() if has_indices(node)}
@@ -91,13 +92,13 @@ def node_with_indices(results: Results) -> xr.DataTree:
     if not surrogate_nodes(holders):
         return next(iter(holders.values()))
     chosen, errors = finest(holders), {label: _typical_error(node) for label, node in holders.items()}
-    # a high order that misses a jump says less than a lower one that follows it
+    # a chaos of high order that misses a jump is less accurate than one of lower order that represents the jump
     wrong = np.isfinite(errors[chosen]) and errors[chosen] > TOO_LARGE
     return holders[min(errors, key=lambda label: errors[label]) if wrong else chosen]
 
 
 def _typical_error(node: xr.DataTree) -> float:
-    """Return the stated error of the output that has the largest, a root mean square over time; infinite: unknown."""
+    """Return the largest stated error of the outputs of a method (root mean square over time); infinite if unknown."""
     stated = stated_error_of(node)
     if stated is None or not np.isfinite(stated.values).all():
         return np.inf
@@ -105,7 +106,7 @@ def _typical_error(node: xr.DataTree) -> float:
 
 
 def indices_of(node: xr.DataTree, output: str) -> Indices:
-    """Return the Sobol' indices of one output of a method; a method without is an error."""
+    """Return the Sobol' indices of one output of a method; raise StudyError if they are missing."""
     end = _kind(node)
     if end is None:
         raise StudyError(f"The propagator {label_of(node)!r} has no Sobol' indices.")
@@ -121,7 +122,7 @@ def indices_of(node: xr.DataTree, output: str) -> Indices:
 
 
 def indices_chart(found: Indices, output: str, most: int = 5) -> Chart:
-    """Chart the share of the variance of an output in which each input takes part, over time, and explains alone."""
+    """Chart first-order and total shares of the variance of an output for each input over time."""
     named = shown_inputs(found, most)
     quiet = np.where(found.meaningful, 0.0, np.nan)
     curves = [
@@ -139,7 +140,7 @@ def indices_chart(found: Indices, output: str, most: int = 5) -> Chart:
 
 
 def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
-    """Chart first-order indices, one on another, total indices, and the spread that they are shares of (on paper)."""
+    """Chart stacked first-order indices, total indices, and the standard deviation (Matplotlib)."""
     named = shown_inputs(found, most)
     rest = [k for k in range(len(found.names)) if k not in named]
     times, first, total, std = found.times, found.first, found.total, found.std
@@ -157,7 +158,7 @@ def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
         whole = np.maximum(1.0, base)
         shares.append(Curve("interactions", whole, (Band("interactions", base, whole),), look=Look("quiet")))
     totals = [Curve(name, shared, look=look) for name, _, shared, look in layers]
-    # shares of next to nothing are any number, and do not decide how high the axes reach
+    # shares of a negligible variance have no meaning, and do not affect the height of the axes
     reach = np.where(found.meaningful, [one for _, _, one, _ in layers], 0.0)
     over = float(base.max(where=found.meaningful, initial=0.0))
     spans = tuple(
@@ -188,26 +189,28 @@ def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
 
 @typechecked
 def sobol_indices(results: Results, output: str, *, most: Count = 5) -> Figure:
-    r"""Draw over time which input causes which share of the variance, and how large the spread is at all.
+    r"""Draw the share of each input in the variance over time, and the standard deviation.
 
-    Above, stacked: the first-order indices, what each input explains alone, and what is left for interactions. Then
-    the total indices: the share in which each input takes part. Beneath: the standard deviation; where it is below 1 %
-    of its maximum, the indices are greyed out, for they are shares of next to nothing.
+    The top axes show the stacked first-order indices (the share that each input alone explains), and the remaining
+    share of interactions. The middle axes show the total indices (the share in which each input takes part). The bottom
+    axes show the standard deviation. Below 1 % of its maximum, the indices are grey, because the variance is
+    negligible.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        A study's result, or nodes. Of several methods with indices the one with the finest chaos is drawn.
+        Result of a study, or nodes. If several methods have indices, the method with the finest chaos is drawn.
     output : str
         Name of the output.
     most : int
-        How many inputs are drawn by name. Further ones, and several of which none ever exceeds 2 %, are "others": the
-        sum of their first-order indices, and of their total indices (an upper bound of what they do together).
+        Maximum number of inputs with separate names. Further inputs, and several inputs that never exceed 2 %, are
+        "others": the sum of their first-order indices, and of their total indices (an upper bound of their joint
+        share).
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes: first-order indices, total indices, standard deviation.
+        Figure with axes for first-order indices, total indices, and standard deviation.
 
     Raises
     ------
@@ -229,22 +232,22 @@ def sobol_indices(results: Results, output: str, *, most: Count = 5) -> Figure:
 
 
 def shown_inputs(found: Indices, most: int) -> list[int]:
-    """Return which inputs are drawn by name, in the order of the study."""
+    """Return the indices of inputs with separate names, in the order of the study."""
     share = np.where(found.meaningful, found.total, 0.0).max(axis=1, initial=0.0)
     ranked = sorted(range(len(share)), key=lambda k: (-share[k], k))
     matter = [k for k in ranked if share[k] > NEGLIGIBLE] or ranked[:1]
     if len(ranked) <= most and len(ranked) - len(matter) < 2:
-        return sorted(ranked)  # a single small one is itself, not "others"
+        return sorted(ranked)  # a single small input keeps its name
     return sorted(matter[:most])
 
 
 def _look(found: Indices, named: list[int], k: int) -> Look:
-    """Return an input's colour and line: the same in all figures of a study with few inputs."""
+    """Return the colour and line style of an input; they are equal in all figures of a study with few inputs."""
     return Look(k if len(found.names) <= 6 else named.index(k))
 
 
 def _quiet_runs(times: Array, meaningful: NDArray[np.bool_]) -> Array:
-    """Return the runs (R, 2) of times at which nothing spreads, each up to half the way to its neighbours."""
+    """Return the time intervals (R, 2) without spread, each extended by half a step to the neighbouring times."""
     quiet = np.concatenate([[False], ~meaningful, [False]])
     starts, ends = np.flatnonzero(quiet[1:] & ~quiet[:-1]), np.flatnonzero(quiet[:-1] & ~quiet[1:])
     edges = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])

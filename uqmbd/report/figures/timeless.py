@@ -1,4 +1,4 @@
-"""Charts of outputs without a time, and of the times of events."""
+"""Charts of scalar outputs, and of event times."""
 
 from __future__ import annotations
 
@@ -44,24 +44,24 @@ __all__ = [
 
 
 MOST_SCALARS = 12
-"""Outputs whose densities are drawn."""
+"""Maximum number of outputs with densities in a figure."""
 
 METHODS = 6
-"""Most methods whose densities are drawn in one figure."""
+"""Maximum number of methods with densities in one figure."""
 
 
 class ScalarPanel(NamedTuple):
-    """How an output without a time is distributed."""
+    """Distribution of a scalar output."""
 
     name: str
     units: str
-    bars: NDArray[np.float64] | None  # (S,): samples whose histogram is drawn: of the first method with any
-    barred: str  # the label of that method; empty without one
+    bars: NDArray[np.float64] | None  # (S,): samples of the histogram, from the first method with samples
+    barred: str  # label of this method; empty without samples
     curves: list[DensityCurve]
 
 
 def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | None:
-    """Return the methods, which have the styles 0, 1, ..., and the outputs without a time; None if nothing is known."""
+    """Return the methods, in the order of their line styles, and the scalar outputs; None without scalar outputs."""
     inner = {label: Method(label, node) for label, node in scalar_nodes(nodes_of(results)).items()}
     units = {name: method.units(name) for method in inner.values() for name in method.names}
     names = list(dict.fromkeys(name for method in inner.values() for name in method.names))[:MOST_SCALARS]
@@ -82,9 +82,9 @@ def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | Non
 
 
 def scalars_chart(results: Results, first: str = "") -> Views | None:
-    """Chart the densities of outputs without a time by each method; ``first``: the output that is seen first.
+    """Chart the densities of scalar outputs for each method; ``first`` is the initially visible output.
 
-    None if no method has samples of such outputs, or a surrogate.
+    Return None if no method has samples or a surrogate of such outputs.
     """
     found = scalar_panels(results)
     if found is None:
@@ -101,17 +101,17 @@ def scalars_chart(results: Results, first: str = "") -> Views | None:
 
 @typechecked
 def scalar_densities(results: Results) -> Figure:
-    """Draw how each output without a time is distributed.
+    """Draw the density of each scalar output.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of nodes
-        A study's result, or nodes of methods.
+        Result of a study, or nodes of methods.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes for each output, the first twelve.
+        Figure with axes for each of the first twelve outputs.
 
     Raises
     ------
@@ -139,22 +139,22 @@ def scalar_densities(results: Results) -> Figure:
 
 
 def _error(method: Method, name: str) -> float:
-    """Return the stated error of an output, over its standard deviation; 0 where none is stated."""
+    """Return the stated error of an output, relative to its standard deviation; 0 if no error is stated."""
     data = method.of(name) if name in method.names else {}
     return float(data["verification_error"]) if "verification_error" in data else 0.0
 
 
 def _responses(method: Method) -> dict[str, NDArray[np.float64]]:
-    """Return samples of each output of a method, or of its surrogate; nothing where it has neither.
+    """Return samples of each output of a method, or of its surrogate; empty if it has neither.
 
-    Those in which an output does not happen are left out, and an output that does not happen in two of them.
+    Samples without the output are omitted, and so are outputs that occur in fewer than two samples.
     """
     if method.samples is not None:
         data = method.samples.isel(sample=np.flatnonzero(method.samples["status"].values == Status.OK))
         known = zip(data["output"].values.tolist(), data["response"].values.T, strict=True)
         return {name: some for name, values in known if len(some := values[np.isfinite(values)]) > 1}
     if "chaos" in method.node.children:
-        # a general joint distribution cannot be sampled without its mechanism
+        # samples of a general joint distribution require its mechanism
         with contextlib.suppress(StudyError):
             chaos = surrogate(method.node)
             _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)
@@ -163,28 +163,28 @@ def _responses(method: Method) -> dict[str, NDArray[np.float64]]:
 
 
 MOST = 8
-"""Events that are drawn, the earliest."""
+"""Maximum number of events in a figure; the earliest are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class NumberedEvent:
-    """One event: the n-th of its kind."""
+    """N-th event of a kind."""
 
-    name: str  # what happens, as ``floor: impact``
-    number: int  # 1 for the first of this name
-    # (K,): its times in those of the sampled realisations that reach it until the end of the study, s
+    name: str  # name of the event, such as ``floor: impact``
+    number: int  # 1 for the first event of this name
+    # (K,): times of the event in the sampled realisations in which it occurs before the end of the study, s
     times: NDArray[np.float64]
-    share: float  # share of realisations in which it happens until the end of the study
+    share: float  # share of realisations in which the event occurs before the end of the study
 
     @property
     def title(self) -> str:
-        """What it is called, and in how many realisations it happens if not in all."""
+        """Return the name of the event, and the share of realisations with this event if it is below one."""
         share = "" if self.share > 0.9995 else f" ({100 * self.share:.2g} % of realisations)"
         return f"{self.name}, no. {self.number}{share}"
 
 
 def has_events(node: xr.DataTree) -> bool:
-    """Return whether a method followed events, and there were any."""
+    """Return whether a method followed events, and at least one occurred."""
     return bool(_followed(node))
 
 
@@ -195,7 +195,7 @@ def _followed(node: xr.DataTree) -> list[xr.DataTree]:
 
 
 def earliest_events(node: xr.DataTree) -> list[NumberedEvent]:
-    """Return the first eight events that some realisation reaches before the end of the study, the earliest first."""
+    """Return the first eight events, in order of time, that occur in at least one realisation within the study."""
     from uqmbd.randomness import located
     from uqmbd.results.chaos import random_germs
 
@@ -223,7 +223,7 @@ def earliest_events(node: xr.DataTree) -> list[NumberedEvent]:
 
 
 def events_chart(events: Sequence[NumberedEvent]) -> Views:
-    """Chart the densities of the times of events."""
+    """Chart the densities of event times."""
     charts = []
     for event in events:
         shown = densities(event.times, [DensityCurve(event.times)])
@@ -234,29 +234,30 @@ def events_chart(events: Sequence[NumberedEvent]) -> Views:
 
 @typechecked
 def event_times(results: Results) -> Figure:
-    """Draw how the times of events are distributed, each event in axes of its own.
+    """Draw the densities of event times, one pair of axes for each event.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of nodes
-        With a method that follows events, as ``Collocation(alignment="events")``; of several the first.
+        Results with a method that follows events, such as ``Collocation(alignment="events")``; if there are several,
+        the first one is used.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes for each event, the first eight.
+        Figure with axes for each of the first eight events.
 
     Raises
     ------
     StudyError
-        If no method followed events, or none happens.
+        If no method followed events, or no event occurs.
 
     Examples
     --------
     >>> event_times([])
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: A figure needs the result of at least one propagator; there is none.
+    uqmbd.errors.StudyError: A figure needs the result of at least one propagator; no result is given.
     """
     node = next((n for n in nodes_of(results).values() if has_events(n)), None)
     events = [] if node is None else earliest_events(node)
@@ -266,7 +267,7 @@ def event_times(results: Results) -> Figure:
 
 
 def events_in_words(node: xr.DataTree) -> str:
-    """Say when each event happens until the end: mean and standard deviation of its time, in how many realisations."""
+    """State the mean and standard deviation of the time of each event, and its share of realisations."""
     parts = []
     for event in earliest_events(node):
         parts.append(f"{event.title} at {format_quantity(float(event.times.mean()), 's', float(event.times.std()))}")

@@ -1,9 +1,10 @@
-"""The inputs as a page's script maps them: from germs to values and back, and how probable lower ones are.
+"""Tables of inputs for the scripts of a page: maps from germs to values and back, and cumulative probabilities.
 
-A slider moves a germ.  Germs are independent, and the surrogate is a function of them.  Where inputs are independent,
-germ and value of an input are functions of each other.  Where a Gaussian copula couples inputs, all germs of the group
-together give the values: a slider moves what its own germ adds to the inputs before it, and those behind it follow.  A
-general joint distribution is not evaluated in a page: no values are shown, with the reason; the levels of germs are.
+A slider moves a germ. Germs are independent, and the surrogate is a function of the germs. If inputs are independent,
+germ and value of an input are functions of each other. If a Gaussian copula couples inputs, each value depends on its
+own germ and on the germs of the preceding inputs in the group. A slider then also changes the values of the following
+inputs. A page does not evaluate general joint distributions: it shows the levels of the germs, and the reason for
+missing values.
 """
 
 from __future__ import annotations
@@ -24,46 +25,46 @@ __all__ = ["germ_data", "input_data"]
 
 
 KNOTS = 257
-"""Of a table."""
+"""Number of knots of a table."""
 
 BETWEEN = np.arange(1, 16) / 16
-"""Where between two knots the error of a table is measured."""
+"""Relative positions between two knots for the measurement of the error of a table."""
 
 SAFE = 1.1
-"""Factor of that error, for what lies between these points."""
+"""Safety factor of the measured error, for positions in between."""
 
 TAIL = 1e-3
-"""Probability of what lies beyond each end of a slider, where the distribution has no near end."""
+"""Probability beyond each end of a slider, if the distribution has no end nearby."""
 
 REMOTE = 1e-12
-"""Probability of what lies beyond each end of the values that a page accepts."""
+"""Probability beyond each end of the range of values that a page accepts."""
 
 NEAR = 0.05
-"""Part of a slider's length by which it is extended to the end of a distribution."""
+"""Maximum extension of a slider to the end of a distribution, relative to its length."""
 
 NODES = 40
-"""Of the Gauss rule for means: exact for inputs that are linear or polynomial in their germs."""
+"""Number of nodes of the Gauss rule for means, which is exact for inputs that are polynomials of their germs."""
 
 GRID = 8.0
-"""Standard normal up to which means of tables are summed."""
+"""Largest standard normal value in the sum for means of tables."""
 
 UNKNOWN = (
     "It depends on other inputs by a joint distribution that this page does not evaluate. Its slider shows the "
     "probability of lower values, given the inputs before it."
 )
-"""Why an input has no values."""
+"""Reason why an input has no values."""
 
 FARTHEST = 6.0
-"""Standard normal up to which a table of quantiles reaches."""
+"""Largest standard normal value of a table of quantiles."""
 
 
 def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
     """Describe the germs.
 
-    `verified` (V, d): germ points of verification realisations. Return for each germ ``name``; ``support``, ends of
-    which are None where there is none; ``reach``, ends of what a page accepts; ``range``, that of its slider;
-    ``start``, the median; ``verified``, the range in which its error is known, or None; ``values`` and ``levels`` of a
-    germ that takes few values; else ``table``, the distribution function over the range.
+    `verified` (V, d) are germ points of verification realisations. The keys of each germ are ``name``, ``support``
+    (infinite ends are None), ``reach`` (ends of accepted values), ``range`` (of the slider) and ``start`` (the median).
+    ``verified`` is the range in which the error is known, or None. A discrete germ has ``values`` and ``levels``; other
+    germs have ``table``, the distribution function over the range.
     """
     return [_germ(germ, None if verified is None else verified[:, k]) for k, germ in enumerate(space.germs)]
 
@@ -71,8 +72,9 @@ def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
 def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
     """Describe the inputs.
 
-    Return for each input ``name``, ``units``, ``description``; ``sum``, the germs and weights of its standard
-    variable; ``map`` of that to its value, and its ``mean``; or ``reason``, why there is no map.
+    The keys of each input are ``name``, ``units``, ``description``, ``sum``, ``map`` and ``mean``. ``sum`` contains
+    germs and weights of the standard variable; ``map`` maps this variable to the value. Without a map, ``reason``
+    states why.
     """
     found: list[dict[str, Any]] = [
         {
@@ -121,15 +123,15 @@ def _germ(germ: Germ, verified: Array | None) -> dict[str, Any]:
 
 
 def _reach(germ: Germ) -> list[float]:
-    """Return the ends of the support, or where it has none, those of all but a share `REMOTE` of the realisations."""
+    """Return the ends of the support, or, if infinite, the quantiles that exclude the share `REMOTE`."""
     ends = zip(germ.bounds, germ.from_uniform([REMOTE, 1 - REMOTE]).tolist(), strict=True)
     return [float(bound if np.isfinite(bound) else remote) for bound, remote in ends]
 
 
 def _mean(marginal: Marginal, germ: Germ) -> float | None:
-    """Return the mean of an input: its standard variable is distributed as its germ, whatever it depends on."""
+    """Return the mean of an input; the distribution of its standard variable equals that of its germ."""
     if marginal.kind == "quantile":
-        # its standard variable is normal; the map may have kinks, for which Gauss rules are no good
+        # the standard variable is normal; the map may have kinks, for which Gauss rules are inaccurate
         nodes = np.linspace(-GRID, GRID, 4001)
         weights = np.exp(-(nodes**2) / 2)
         return _finite(float(weights @ marginal.to_input(nodes) / weights.sum()))
@@ -148,7 +150,7 @@ def _map(marginal: Marginal) -> dict[str, Any]:
 
 
 def _table(function: Callable[[Array], Array], begin: float, end: float) -> dict[str, Any]:
-    """Tabulate a function that does not fall, with slopes that keep it so, and the largest error, measured between."""
+    """Tabulate a monotonic function with slopes that preserve monotonicity, and the largest error between knots."""
     from scipy.interpolate import PchipInterpolator
 
     knots = np.linspace(begin, end, KNOTS)

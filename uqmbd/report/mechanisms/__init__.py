@@ -1,4 +1,4 @@
-"""Drawings of a mechanism: its picture, its poses, its animation."""
+"""Drawings of a mechanism: picture, poses, and animation."""
 
 from __future__ import annotations
 

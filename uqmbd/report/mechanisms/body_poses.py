@@ -1,6 +1,6 @@
-"""Poses of bodies: as assembled, and along the motions of some realisations; what pictures and animations are made of.
+"""Poses of assembled bodies and of bodies in realisations of the motion: data for pictures and animations.
 
-The dataset that comes out holds all that is needed to draw, so that it can be stored with results and drawn without the
+The resulting dataset contains all data of the drawing. It can therefore be stored with results, and drawn without the
 mechanism::
 
     pose (realisation, time, body, coordinate)   positions (m) and unit quaternions; realisation 0: at the means
@@ -47,7 +47,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class NamedRealisation:
-    """A realisation of which the report draws a pose: its name, inputs (input,) and time, s."""
+    """Realisation with a pose in the report: name, inputs (input,) and time, s."""
 
     name: str
     inputs: Array
@@ -55,11 +55,12 @@ class NamedRealisation:
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
-    """Assemble a mechanism and return its pose; where it cannot be assembled, the pose as drawn, with the reason.
+    """Return the pose of an assembled mechanism, or the drawn pose with the reason why the assembly failed.
 
-    `mechanism`: with at least one body; `values`: values of random variables by name; the others are at their means;
-    `time`: initial time, s. Return see the module; one realisation, one time.  The attribute ``note`` says why it is
-    not assembled, if so. Raise StudyError if there is no body, or a value cannot be used.
+    `mechanism` has at least one body. `values` are values of random variables by name; other variables are at their
+    means. `time` is the initial time, s. The module describes the result, which has one realisation and one time. The
+    attribute ``note`` states the reason if the mechanism is not assembled. Raise StudyError without a body, or for an
+    invalid value.
 
     >>> import uqmbd
     >>> from uqmbd_joints import Revolute
@@ -95,16 +96,17 @@ def motion(
     method: str | None = None,
     named: Sequence[NamedRealisation] = (),
 ) -> xr.Dataset:
-    """Compute how the bodies of a study move: at the means of the inputs, and for some realisations beside it.
+    """Compute the motion of the bodies of a study at the means of the inputs and in further realisations.
 
-    `study`: with at least one output; `samples`: realisations besides the one at the means; none for mechanisms
-    without random inputs; `frames`: times, evenly over those of the study; `seed`: of the realisations; `method`:
-    label of a propagator of the study, whose own realisations are taken: the first ones of those that it samples, or
-    samples of its polynomial chaos of all coordinates; `named`: realisations of which the report draws a pose, which
-    follow the means and are listed in the attribute ``named``.  By default realisations are integrated. Return see the
-    module.  Realisations that fail are left out, and counted in the attribute ``failures``. Raise StudyError if a
-    number cannot be used, or the study has no such method, or that keeps neither samples nor chaos. Raise
-    AssemblyError, uqmbd.IntegrationError if no realisation moves at all.
+    `study` has at least one output. `samples` is the number of realisations in addition to the means (0 without random
+    inputs), and `seed` their seed. `frames` is the number of times, evenly spread over the study. `method` is the label
+    of a propagator of the study. Its first samples, or samples of its polynomial chaos of all coordinates, are used. By
+    default, realisations are integrated. `named` are realisations with a pose in the report. They follow the means, and
+    the attribute ``named`` lists them.
+
+    The module describes the result. Failed realisations are omitted, and counted in the attribute ``failures``. Raise
+    StudyError if a number is invalid, if the study lacks the method, or if it stores neither samples nor chaos. Raise
+    AssemblyError or uqmbd.IntegrationError if the motion of every realisation fails.
     """
     for name, value, least in (("samples", samples, 0), ("frames", frames, 2)):
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
@@ -115,7 +117,7 @@ def motion(
     means = study.mechanism.inputs.means[None, :]
     known = {"method": method or "", "seed": seed, "rtol": study.rtol, "integrator": study.integrator}
     with warnings.catch_warnings():
-        # the run and the check of the study report it
+        # the run and the check of the study report this warning
         warnings.simplefilter("ignore", RedundantConstraintWarning)
         warnings.simplefilter("ignore", StudyWarning)
         if method is None or not len(study.mechanism.inputs):
@@ -129,7 +131,7 @@ def motion(
             values, q = np.concatenate([means, values]), np.concatenate([at_means, q])
     good: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=(1, 2)))
     failures = int(np.count_nonzero(~good))
-    good[0] = True  # drawn as far as it comes
+    good[0] = True  # drawn up to the last computed time
     if not np.isfinite(q[good]).any():
         raise AssemblyError(f"mechanism {study.mechanism.name!r}: {message}")
     places = (np.cumsum(good) - 1).tolist()
@@ -148,7 +150,7 @@ def motion(
 
 
 def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
-    """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
+    """Integrate coordinates (realisation, time, coordinate); NaN for failures, with the reason."""
     from uqmbd.dynamics import Ensemble, integrate
 
     model = build_observed_model(study.mechanism, float(study.times[0]), study.start, study.max_step, study.breaks)
@@ -158,7 +160,7 @@ def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
 
 
 def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
-    """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
+    """Return inputs (realisation, input) and coordinates (realisation, time, coordinate) from a method."""
     from uqmbd.results import surrogate
     from uqmbd.results.chaos import surrogate_parts
 
@@ -181,16 +183,16 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
 
 
 def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTree, list[str]]:
-    """Run a method of a study with every coordinate of its bodies as an output, too.
+    """Run a method of a study with every body coordinate as an additional output.
 
-    Return the method's result. Return names of the outputs that are coordinates, body by body.
+    Return the result of the method, and the names of the coordinate outputs, sorted by body.
     """
     from uqmbd.propagation import Study
 
     propagators = {p.node_name: p for p in study.propagators}
     if method not in propagators:
         raise StudyError(f"study {study.name!r} has no method {method!r}; its methods are: {', '.join(propagators)}.")
-    # every coordinate is an output of a mechanism that is the same otherwise
+    # every coordinate is an output of an otherwise identical mechanism
     observed = copy.copy(study.mechanism)
     names = []
     for body in study.mechanism.bodies.values():
@@ -198,7 +200,7 @@ def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTre
             names.append(name)
             observed.output(name, symbol)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # they are those of the run
+        warnings.simplefilter("ignore")  # the run issues these warnings
         longest = study.max_step if np.isfinite(study.max_step) else None
         again = Study(
             study.name, observed, times, [], study.rtol, study.integrator, study.start, (), None, longest, study.breaks
@@ -207,12 +209,12 @@ def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTre
 
 
 def coordinate_names(mechanism: Mechanism, body: str) -> list[str]:
-    """Return names for the coordinates of a body as outputs."""
+    """Return the output names for the coordinates of a body."""
     return [f"{name} of {body}, for pictures" for name in mechanism.space.coordinates]
 
 
 def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Array, Array]:
-    """Return what is drawn in the frames of bodies, at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
+    """Return the drawn points in body frames at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
     from uqmbd.dynamics import ParameterMap
     from uqmbd.mechanism import collect_skeleton
 
@@ -225,7 +227,7 @@ def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Arr
 
 
 def in_the_plane(mechanism: Mechanism, positions: Array) -> Array:
-    """Return positions (..., axes) of a line as those of a plane: upright where there is gravity, else rightwards."""
+    """Map positions (..., axes) on a line into the plane: upwards with gravity, otherwise to the right."""
     space = mechanism.space
     if space.dimension > 1:
         return positions
@@ -241,7 +243,7 @@ def _dataset(
     owners: Collection[str],
     attrs: Mapping[str, Any],
 ) -> xr.Dataset:
-    """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
+    """Store poses (realisation, time, coordinate) and properties of the bodies in one dataset."""
     import xarray as xr
 
     from uqmbd.mechanism import collect_skeleton
@@ -296,7 +298,7 @@ def _dataset(
 
 
 def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
-    """Tell how a component is drawn: by what it says itself, else by its parameters and what it attaches to."""
+    """Return the symbol of a component, or derive a symbol from its parameters and attachments."""
     from uqmbd.mechanism import t
 
     found = component.symbol
@@ -305,7 +307,7 @@ def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
     if found == "spring" and component.values.get("stiffness") == 0 and component.values.get("damping"):
         found = "damper"
     if found:
-        # what does not turn has no use for what holds turns
+        # points and lines without rotation do not require a constraint of rotation
         found = found if space.turns else {"weld": "hinge", "slide": "line"}.get(found, found)
         return "hinge" if found == "ball" and space.dimension == 2 else found
     if constrains:

@@ -1,7 +1,7 @@
-"""What a mechanism is drawn on: axes in metres with equal scale, and a page in inches above them.
+"""Canvas of a mechanism drawing: axes in metres with equal scale, and a page in inches above them.
 
-Shapes are laid on the page in inches, so that joints look alike whatever the size of the mechanism, and in every file
-format; where they lie follows from the axes, plane or spatial.
+Shapes have sizes in inches, so that joints look the same for every size of mechanism and in every file format. The
+positions of shapes follow from the axes, plane or spatial.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ LOWEST, HIGHEST = 1.9, 5.2  # inches: height of plane axes
 
 
 def painted(role: str | None) -> str:
-    """Return the colour of a role on paper."""
+    """Return the colour of a role in a figure."""
     return "none" if role in (None, "none") else ROLES[str(role)][0]
 
 
 @dataclass(frozen=True)
 class Canvas:
-    """Axes and page."""
+    """Axes and page of a mechanism drawing."""
 
     figure: Figure
     axes: Axes
-    sheet: Sheet  # where points are on the page
+    sheet: Sheet  # positions of points on the page
 
     def artists(self, shapes: Iterable[Shape], kept: dict[tuple[Any, ...], list[Any]] | None = None) -> list[Any]:
-        """Make what Matplotlib draws, from the back to the front; it is not yet part of the figure.
+        """Make the Matplotlib artists, from back to front, without adding them to the figure.
 
-        `kept`: artists by their looks, to be moved instead of made again; those that are made are added.
+        `kept` contains artists by style, which are moved instead of made again; new artists are added to it.
         """
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
@@ -75,7 +75,7 @@ class Canvas:
         return made
 
     def own(self, artist: Any) -> Any:
-        """Tell an artist which figure it is drawn on, and keep it inside plane axes."""
+        """Attach an artist to the figure, and clip it to plane axes."""
         artist.set_figure(self.figure)
         if not self.sheet.spatial:
             artist.set_clip_path(self.axes.patch)
@@ -90,10 +90,10 @@ class Canvas:
 
 
 def canvas_for(points: Array, *, width: float = 6.4, labels: str = "") -> Canvas:
-    """Make axes that hold all points.
+    """Make axes that contain all points.
 
-    `points` (N, 2 or 3): m; those that are not finite do not count; `width`: of the figure, inches; `labels`: what
-    the axes say after their letter.
+    `points` (N, 2 or 3) are in m; points that are not finite are ignored. `width` is the width of the figure, inches.
+    `labels` is the text after the letter of the axes.
 
     >>> import numpy as np
     >>> made = canvas_for(np.array([[0.0, 0.0], [2.0, 0.5]]))
@@ -130,7 +130,7 @@ def _plane(low: Array, high: Array, width: float, labels: str) -> Canvas:
     axes.tick_params(labelsize=8.5, colors="0.35")
     axes.set_xlabel(f"x{labels} [m]", fontsize=9, color="0.25")
     axes.set_ylabel(f"y{labels} [m]", fontsize=9, color="0.25")
-    # stated places spare Matplotlib from measuring ticks, which the report has drawn already
+    # given positions avoid the measurement of ticks, which the report has already drawn
     axes.xaxis.set_label_coords(0.5, -0.27 / height)
     axes.yaxis.set_label_coords(-0.5 / inner, 0.5)
     corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]])
@@ -167,10 +167,10 @@ def _space(low: Array, high: Array, width: float, labels: str) -> Canvas:
         axis.set_major_locator(_few())
         getattr(axes, f"set_{name}label")(f"{name}{labels} [m]", fontsize=9, color="0.25")
     axes.set_box_aspect(tuple(half))
-    # as a tuple: an array would be scaled in place
+    # a tuple, because an array would be scaled in place
     corners = centre + half * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
     across, up = np.ptp(_onto_page(figure, axes)(corners)[0], axis=0)
-    # mplot3d leaves wide margins: the box is enlarged until its ticks and labels just fit
+    # mplot3d has wide margins: the box is enlarged until its ticks and labels just fit
     zoom = min((width - 2 * SIDES) / across, (0.9 * width - 2 * SIDES) / up)
     height = zoom * float(up) + 2 * SIDES
     figure.set_figheight(height)
@@ -186,7 +186,7 @@ def _space(low: Array, high: Array, width: float, labels: str) -> Canvas:
         return along(points)[1]
 
     ends = project(np.concatenate([centre[None], centre + reach * np.eye(3)]))
-    # of an orthographic view of equal scale, the squares of the projected unit vectors add up to two
+    # in an orthographic view of equal scale, the squared lengths of projected unit vectors add up to two
     inches = np.sqrt(np.sum((ends[1:] - ends[0]) ** 2) / 2) / reach
     box = (0.1, 0.1, width - 0.1, height - TOP)
     return Canvas(figure, axes, Sheet(project, depth, 1 / float(inches), box, spatial=True))

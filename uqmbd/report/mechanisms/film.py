@@ -1,4 +1,4 @@
-"""Pictures of a motion, one time after the other: the mechanism at the means, and the cloud of other realisations."""
+"""Frames of a motion: the mechanism at the means of the inputs, and the cloud of other realisations."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from uqmbd.typing import Array
 __all__ = ["Film"]
 
 OUTLINES = 40_000
-"""Outlines of bodies in the cloud of a whole animation; of more, fewer realisations are drawn."""
+"""Maximum number of outlines in the cloud of an animation; above it, fewer realisations are drawn."""
 HIGHEST = 4.6  # inches
 THICK = 4.2
-"""Width of links, points: thin, so that they do not hide how far the realisations are apart."""
+"""Width of links, points: thin, so that links do not hide the distance between realisations."""
 
 
 @dataclass(frozen=True)
 class Film:
-    """Draws one time of a motion after the other."""
+    """Film of a motion, which draws its frames in sequence."""
 
-    data: xr.Dataset  # of `motion`
+    data: xr.Dataset  # result of `motion`
     width: float  # inches
     resolution: int  # pixels per inch
 
     @cached_property
     def sketch(self) -> Sketch:
-        """How each pose is drawn."""
+        """Return the sketch that draws each pose."""
         return Sketch(self.data)
 
     @cached_property
     def followed(self) -> bool:
-        """Whether the view moves with the mechanism: it goes farther than four times its size."""
+        """Return whether the view follows the mechanism, because its travel exceeds four times its size."""
         points = world(self.data)[0][:, self.moving]
         if not points.size:
             return False
@@ -52,13 +52,13 @@ class Film:
 
     @cached_property
     def moving(self) -> list[int]:
-        """Points that are not of the ground."""
+        """Return the indices of points that are not fixed to the ground."""
         owners = self.sketch.owners
         return [k for k, kind in enumerate(self.sketch.kinds) if kind != "direction" and owners[k] != "ground"]
 
     @cached_property
     def points(self) -> Array:
-        """Points and directions, shape (realisation, time, point, axis), as far as they are drawn."""
+        """Return the drawn points and directions, shape (realisation, time, point, axis)."""
         points = world(self.data)
         outlines = len(self.sketch.bodies) * points.shape[1]
         points = points[: 1 + max(1, OUTLINES // outlines)]
@@ -69,7 +69,7 @@ class Film:
 
     @property
     def bounds(self) -> Array:
-        """Points that the view holds, shape (N, axis), m."""
+        """Return the points that the view must contain, shape (N, axis), m."""
         if not self.followed:
             points = self.sketch.extent(self.points)
         else:
@@ -80,7 +80,7 @@ class Film:
 
     @cached_property
     def canvas(self) -> Canvas:
-        """Axes that hold the whole motion."""
+        """Return axes that contain the whole motion."""
         made = canvas_for(
             self.bounds,
             width=self.width,
@@ -100,12 +100,12 @@ class Film:
 
     @cached_property
     def strokes(self) -> list[Stroke]:
-        """The symbols, the same at all times."""
+        """Return the symbols; they do not change over time."""
         return self.sketch.strokes(self.points[0], sheet_for(self.bounds, self.width, HIGHEST).unit)
 
     @cached_property
     def corners(self) -> list[tuple[str, list[int]]]:
-        """Each body, and the points that span it."""
+        """Return each body with the indices of its corner points."""
         local = self.data["local"].values[0]
         found = []
         for body in self.sketch.bodies:
@@ -120,40 +120,40 @@ class Film:
 
     @property
     def widest(self) -> int:
-        """The time at which the realisations are farthest apart."""
+        """Return the time index with the largest distance between realisations."""
         kinds = self.sketch.kinds
-        # where a random centre of mass is, says nothing of how far a body has moved
+        # the position of a random centre of mass does not show the displacement of a body
         seen = [k for k in self.moving if kinds[k] != "com"] or self.moving
         apart = np.nan_to_num(abs(self.points[:, :, seen] - self.points[:1, :, seen]))
         spread = apart.max(axis=(0, 2, 3), initial=0.0)
         return int(np.argmax(spread))
 
     def shapes(self, sheet: Sheet, frame: int) -> list[Shape]:
-        """Return the mechanism at the means of its inputs."""
+        """Return the shapes of the mechanism at the means of its inputs."""
         return self.sketch.draw(sheet, self.points[0, frame], self.strokes, THICK)
 
     def cloud(self, frame: int) -> list[Any]:
-        """Bodies of all realisations but the first: thin dark lines above those at the means."""
+        """Return the bodies of all realisations except the first as thin dark lines above the mechanism."""
         from matplotlib.collections import LineCollection
 
         made = []
         count = len(self.points) - 1
         alpha = float(np.clip(7.0 / max(count, 1), 0.2, 0.7))
         for (body, corners), outlines in zip(self.corners, self.outlines(self.canvas.sheet, frame), strict=True):
-            # bodies of one point lie beneath their joint: their cloud is drawn above it
+            # bodies of one point are beneath their joint, so their cloud is drawn above the joint
             width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
             colour = mixed(painted(self.sketch.colour(body)), "#000000", 0.3)
             lines = LineCollection(
                 outlines, colors=[colour], linewidths=width, alpha=alpha,
                 capstyle="round", joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
             )  # fmt: skip
-            # both ends of a point's line would be moved onto the same pixel, and nothing drawn
+            # otherwise both ends of the line of a point move to the same pixel, and the line is invisible
             lines.set_snap(False)
             made.append(lines)
         return made
 
     def outlines(self, sheet: Sheet, frame: int) -> Iterator[list[Array]]:
-        """Yield the lines of the cloud, inches, body by body as in `corners`."""
+        """Yield the lines of the cloud, inches, for each body in the order of `corners`."""
         places = sheet.project(self.points[1:, frame])
         for _, corners in self.corners:
             outlines = []
@@ -181,17 +181,17 @@ class Film:
         return f"t = {times[frame]:.{digits}f} s"
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield pictures, shape (height, width, 3)."""
+        """Yield frames, shape (height, width, 3)."""
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
         made = self.canvas
         canvas: Any = FigureCanvasAgg(made.figure)
         canvas.draw()
-        # axes and title are drawn once; in plane motions so is nothing else, since all may move
+        # only axes and title are drawn once, because all other objects may move
         empty = canvas.copy_from_bbox(made.figure.bbox)
         renderer = canvas.get_renderer()
         text = self.write_time(0)
-        # artists are moved from one time to the next: making them takes longer than drawing them
+        # artists are moved from one time to the next, because making an artist takes longer than drawing it
         kept: dict[tuple[Any, ...], list[Any]] = {}
         clouds = [made.own(lines) for lines in self.cloud(0)]
         for frame in range(self.points.shape[1]):

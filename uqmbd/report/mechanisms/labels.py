@@ -1,4 +1,4 @@
-"""Where names go, so that they cover neither each other nor what they name."""
+"""Place names so that they cover neither other names nor the named parts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uqmbd.typing import Array
 __all__ = ["Label", "PlacedLabel", "place", "placed_names"]
 
 MOST_NAMES = 60
-"""Names in a picture; of more, bodies come first."""
+"""Maximum number of names in a picture; bodies have priority."""
 
 
 DISTANCES = (0.11, 0.17, 0.25, 0.36, 0.5, 0.7, 0.95, 1.25)  # inches
@@ -23,7 +23,7 @@ HEIGHT, CHARACTER = 1.5 / 72, 0.58 / 72  # inches for each point of the size: he
 
 @dataclass(frozen=True)
 class Label:
-    """A name and what it names, at a place on the page in inches."""
+    """Name, and position of the named part on the page, inches."""
 
     text: str
     anchor: Array
@@ -33,14 +33,14 @@ class Label:
 
     @property
     def extent(self) -> Array:
-        """Width and height of the text, estimated, inches."""
+        """Return the estimated width and height of the text, inches."""
         wide = 1.08 if self.bold else 1.0
         return np.array([CHARACTER * wide * len(self.text), HEIGHT]) * self.size
 
 
 @dataclass(frozen=True)
 class PlacedLabel:
-    """A name in its place: the centre of the text, and how far it is from what it names, inches."""
+    """Placed name: centre of the text, and its distance from the named part, inches."""
 
     label: Label
     centre: Array
@@ -48,10 +48,10 @@ class PlacedLabel:
 
 
 def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, float, float]) -> list[PlacedLabel]:
-    """Put names beside what they name, one after the other, where they cover least.
+    """Place names next to the named parts in sequence, each at the position with the least overlap.
 
-    `labels`: the most important first; `obstacles` (N, 2): points that names should not cover, inches; `box`: where
-    they have room, inches.
+    `labels` begin with the most important one. `obstacles` (N, 2) are points that names should not cover, inches. `box`
+    is the available area, inches.
 
     >>> import numpy as np
     >>> both = [Label("one", np.array([1.0, 1.0]), 9), Label("two", np.array([1.0, 1.0]), 9)]
@@ -66,7 +66,7 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
         half = label.extent / 2
         distances = np.repeat(DISTANCES, len(directions))
         around = np.tile(directions, (len(DISTANCES), 1))
-        # as far beside the anchor as the text is large in that direction
+        # the distance from the anchor is the extent of the text in this direction
         centres = label.anchor + around * distances[:, None] + half * np.clip(1.6 * around, -1, 1)
         cost = 1.6 * distances
         cost += 60 * np.maximum(corners[0] - (centres - half), 0).sum(axis=1)
@@ -77,7 +77,7 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
         for other in done:
             gap = half + other.label.extent / 2 + 0.015 - abs(centres - other.centre)
             cost += np.where((gap > 0).all(axis=1), 20 + 40 * gap.min(axis=1), 0)
-            # a line from the name to what it names should not run through another name
+            # a line from a name to its part should not cross another name
             middle = (centres + label.anchor) / 2
             crossed = np.all(abs(middle - other.centre) < other.label.extent / 2, axis=1)
             cost += np.where(crossed & (distances > DISTANCES[2]), 3, 0)
@@ -89,11 +89,10 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
 def placed_names(
     labels: Sequence[Label], shapes: Sequence[Shape], box: tuple[float, float, float, float]
 ) -> tuple[list[PlacedLabel], list[Shape]]:
-    """Put names beside what they name, clear of shapes.
+    """Place names next to the named parts, clear of shapes.
 
-    `labels`: the most important first; those beyond `MOST_NAMES` are left out; `shapes`: what names should not cover;
-    `box`: where they have room, inches. Return the names, and thin lines from those that are not at hand to what they
-    name.
+    `labels` begin with the most important one; labels after `MOST_NAMES` are omitted. Names should not cover `shapes`;
+    `box` is the available area, inches. Return the names, and thin lines from names to parts that are not adjacent.
     """
     placed = place(labels[:MOST_NAMES], _obstacles(shapes), box)
     lines = []
@@ -108,7 +107,7 @@ def placed_names(
 
 
 def _obstacles(shapes: Sequence[Shape]) -> Array:
-    """Points on the page, a twelfth of an inch apart, that names should not cover."""
+    """Return points on the page, a twelfth of an inch apart, that names should not cover."""
     found = [np.zeros((0, 2))]
     for shape in shapes:
         corners = np.concatenate([shape.vertices, shape.vertices[:1]]) if shape.closed else shape.vertices

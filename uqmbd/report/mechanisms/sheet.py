@@ -1,4 +1,4 @@
-"""The page that a mechanism is drawn on, in inches, what lies on it, and the vectors that place it there."""
+"""Page of a mechanism drawing, in inches: shapes, and vectors of their positions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = [
 
 
 def hull(points: Array) -> Array:
-    """Return the corners of the convex hull of points, shape (N, 2), anticlockwise; of points on a line its two ends.
+    """Return the corners of the convex hull of points (N, 2), anticlockwise; the two ends if they are collinear.
 
     >>> import numpy as np
     >>> hull(np.array([[0, 0], [2, 0], [1, 0.5], [2, 2], [0, 2.0]])).tolist()
@@ -53,7 +53,7 @@ def _cross(a: Array, b: Array) -> float:
 
 
 def normals(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors perpendicular to an axis in space and to each other."""
+    """Return two unit vectors perpendicular to an axis in space and to each other."""
     axis = axis / np.linalg.norm(axis)
     other = np.eye(3)[int(np.argmin(abs(axis)))]
     b = np.cross(axis, other)
@@ -62,7 +62,7 @@ def normals(axis: Array) -> tuple[Array, Array]:
 
 
 def axes_of(axis: Array) -> Array:
-    """Return unit vectors as rows, shape (axes, axes): along an axis, and across it; in the plane on its left.
+    """Return unit vectors as rows (axes, axes): along an axis, and perpendicular to it (in the plane: to its left).
 
     >>> import numpy as np
     >>> axes_of(np.array([0.0, 2.0])).tolist()
@@ -73,14 +73,14 @@ def axes_of(axis: Array) -> Array:
 
 
 def across(normal: Array) -> list[Array]:
-    """Return unit vectors along a plane, given its normal: one in the plane of the page, two in space."""
+    """Return unit vectors in a plane from its normal: one in two dimensions, two in space."""
     if len(normal) == 3:
         return list(normals(normal))
     return [np.array([normal[1], -normal[0]]) / np.linalg.norm(normal)]
 
 
 def foot(origin: Array, normal: Array, point: Array) -> Array:
-    """Return the points of a plane that are nearest to others; all of shape (..., axis), m.
+    """Return the orthogonal projections of points onto a plane; all arrays have the shape (..., axis), m.
 
     >>> import numpy as np
     >>> foot(np.array([0.0, 1.0]), np.array([0.0, 2.0]), np.array([3.0, 5.0])).tolist()
@@ -92,48 +92,48 @@ def foot(origin: Array, normal: Array, point: Array) -> Array:
 
 
 def extremes(points: Array, radius: float) -> Array:
-    """Return the ends of circles or spheres along the axes, shape (N, axis), m, about points (..., axis)."""
+    """Return the extreme points of circles or spheres along the axes, shape (N, axis), m, from centres (..., axis)."""
     d = points.shape[-1]
     ends: Array = points.reshape(-1, 1, d) + radius * np.concatenate([np.eye(d), -np.eye(d)])
     return ends.reshape(-1, d)
 
 
 VIEW = (24.0, -58.0)  # degrees: elevation and azimuth of the spatial view
-MARGIN = 0.5  # inches between the ends of the page and the points: joints, names and the ground need them
+MARGIN = 0.5  # inches between the ends of the page and the points, for joints, names and the ground
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A line or area on the page."""
+    """Line or area on the page."""
 
-    vertices: Array  # (N, 2): inches; a line is broken where they are NaN
-    # edge, face: roles, which have colours on a page and on paper (`ROLES`); no face: a line, the edge "none": an area
+    vertices: Array  # (N, 2): inches; NaN interrupts a line
+    # edge, face: roles with colours on a page and on paper (`ROLES`); no face: a line; edge "none": an area
     edge: str = "ink"
     face: str | None = None
-    width: float = 1.0  # of the line, points
-    closed: bool = False  # whether the last vertex joins the first
+    width: float = 1.0  # width of the line, points
+    closed: bool = False  # whether a line joins the last vertex and the first
     style: Any = "-"  # line style of Matplotlib
-    order: float = 3.0  # what is higher lies above
+    order: float = 3.0  # shapes of higher order are above others
     alpha: float = 1.0  # opacity
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Where points are on the page."""
+    """Mapping of points to the page."""
 
-    project: Callable[[Array], Array]  # from points (..., 2 or 3), m, to the page (..., 2), inches
-    depth: Callable[[Array], Array]  # from points to their distance behind the page, for drawing those behind first
-    unit: float  # metres to an inch
-    box: tuple[float, float, float, float]  # where there is room for names, inches
-    spatial: bool  # whether the view is one of space
+    project: Callable[[Array], Array]  # maps points (..., 2 or 3), m, to the page (..., 2), inches
+    depth: Callable[[Array], Array]  # maps points to their distance behind the page, for the order of drawing
+    unit: float  # metres per inch
+    box: tuple[float, float, float, float]  # available area for names, inches
+    spatial: bool  # whether the view is spatial
 
 
 def sheet_for(points: Array, width: float, height: float) -> Sheet:
-    """Return a page without axes that holds all points; a view of space is orthographic.
+    """Return a page without axes that contains all points; a spatial view is orthographic.
 
-    It is laid out as the player of a report does (`view.js`).
+    The layout agrees with the player of a report (`view.js`).
 
-    `points` (N, 2 or 3): m, finite; `width`, `height`: inches.
+    `points` (N, 2 or 3) are finite, in m; `width` and `height` are in inches.
 
     >>> import numpy as np
     >>> sheet = sheet_for(np.array([[0.0, 0.0], [2.0, 0.5]]), 6.0, 3.0)
@@ -165,12 +165,12 @@ def sheet_for(points: Array, width: float, height: float) -> Sheet:
 
 
 def outline_of(sheet: Sheet, points: Array) -> Array:
-    """Return the corners of a body on the page, shape (1 or more, 2), inches: those that differ by a hair are one."""
+    """Return the corners of a body on the page, shape (1 or more, 2), inches, without near duplicates."""
     return hull(np.unique(np.round(sheet.project(points), 3), axis=0))
 
 
 def link_shapes(corners: Array, role: str, light: str, thick: float, order: float) -> list[Shape]:
-    """Return the rounded link or plate that the corners of a body span: its rim, and its face of a lighter role."""
+    """Return a rounded link or plate around the corners of a body: the rim, and the face in a lighter colour."""
     closed = len(corners) > 2
     vertices = corners if len(corners) > 1 else np.repeat(corners, 2, axis=0) + [[-1e-3, 0], [1e-3, 0]]
     return [

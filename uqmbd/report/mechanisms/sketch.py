@@ -1,4 +1,4 @@
-"""From the dataset of poses to shapes: which points belong to which body, and how each component is drawn."""
+"""Convert a dataset of poses to shapes: the points of each body, and the symbol of each component."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ __all__ = ["SketchPart", "Sketch", "world"]
 
 
 POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "damper", "")
-"""Symbols whose point on the ground is shown as held by it."""
+"""Symbols of components whose points on the ground are drawn with a ground support."""
 
 ON_GROUND = ("contact", "wheel")
-"""Symbols of what lies or rolls on a plane, whose normal is its first direction."""
+"""Symbols of components on a plane; the first direction is the normal of the plane."""
 
 CLOSED = ("hinge", "ball", "universal", "weld")
-"""Symbols of joints that hold two points together."""
+"""Symbols of joints with two coincident points."""
 
 
 def world(data: xr.Dataset) -> Array:
     """Return all points and directions in world axes.
 
-    `data`: of `uqmbd.report.motion`. Return (realisation, time, point, axis): m; directions are turned with their
-    bodies, but not moved.
+    `data` is the result of `uqmbd.report.motion`. Return an array (realisation, time, point, axis). Points are
+    in m; directions rotate with their bodies, but are not translated.
     """
     pose, local = data["pose"].values.astype(float), data["local"].values
     d = local.shape[-1]
@@ -50,7 +50,7 @@ def world(data: xr.Dataset) -> Array:
 
 
 def _turned(e: Array, vector: Array) -> Array:
-    """Turn vectors (..., 2 or 3) by half-angle pairs or quaternions (..., 2 or 4); without any, nothing turns."""
+    """Rotate vectors (..., 2 or 3) by half-angle pairs or quaternions `e` (..., 2 or 4); (..., 0): no rotation."""
     if e.shape[-1] == 0:
         return vector
     if e.shape[-1] == 2:
@@ -63,7 +63,11 @@ def _turned(e: Array, vector: Array) -> Array:
 
 @dataclass(frozen=True)
 class SketchPart:
-    """A component: its symbol, bodies, points and directions (indices), and where it is."""
+    """Symbol and bodies of a component, and indices of its points and directions.
+
+    `anchor` is the index of the position of the component; None if it is unknown. `ends` are the indices of the
+    known positions of its bodies.
+    """
 
     name: str
     symbol: str
@@ -76,52 +80,52 @@ class SketchPart:
 
 @dataclass(frozen=True)
 class Sketch:
-    """How a mechanism is drawn, for any of its poses."""
+    """Drawing instructions for a mechanism in any of its poses."""
 
-    data: xr.Dataset  # of `uqmbd.report.motion`
+    data: xr.Dataset  # result of `uqmbd.report.motion`
 
     @cached_property
     def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies."""
+        """Return the names of the bodies."""
         return tuple(str(name) for name in self.data["body"].values)
 
     @cached_property
     def kinds(self) -> list[str]:
-        """What each point is."""
+        """Return the kind of each point."""
         return [str(kind) for kind in self.data["point_kind"].values]
 
     @cached_property
     def owners(self) -> list[str]:
-        """Body of each point."""
+        """Return the body of each point."""
         return [str(body) for body in self.data["point_body"].values]
 
     @cached_property
     def placed(self) -> NDArray[np.bool_]:
-        """Which of the points are points, no directions."""
+        """Return a mask of points; other entries are directions."""
         return np.array([kind != "direction" for kind in self.kinds])
 
     def points_of(self, body: str) -> list[int]:
-        """Points of a body."""
+        """Return the indices of the points of a body."""
         return [k for k, owner in enumerate(self.owners) if owner == body and self.placed[k]]
 
     def colour(self, body: str) -> str:
-        """Return the role of a body."""
+        """Return the colour role of a body."""
         return f"c{self.bodies.index(body) % 5}" if body in self.bodies else "ground"
 
     def light(self, body: str) -> str:
-        """Return the role of its faces."""
+        """Return the colour role of the faces of a body."""
         return f"pale-{self.colour(body)}"
 
     @cached_property
     def radii(self) -> list[float]:
-        """Radius of the circle about each point, m; 0 for most."""
+        """Return the radius of the circle around each point, m; 0 for most."""
         if "point_radius" not in self.data:
             return [0.0] * len(self.kinds)
         return [abs(float(r)) for r in self.data["point_radius"].values[0]]
 
     @cached_property
     def parts(self) -> tuple[SketchPart, ...]:
-        """Its components."""
+        """Return the components of the mechanism."""
         if "component" not in self.data.coords:
             return ()
         owner = [str(name) for name in self.data["point_component"].values]
@@ -143,13 +147,13 @@ class Sketch:
         return tuple(made)
 
     def _middle(self, body: str) -> int | None:
-        """Where a body is, in one point: its centre of mass, else the first of its points."""
+        """Return the index of the position of a body: its centre of mass, otherwise its first point."""
         points = self.points_of(body)
         heavy = [k for k in points if self.kinds[k] == "com"]
         return next(iter([*heavy, *points]), None)
 
     def _beside(self, name: str, attached: dict[str, tuple[str, ...]], given: dict[str, list[int]]) -> int | None:
-        """Where a component without points is: at the joint between the same bodies."""
+        """Return the index of a point of another component between the same bodies, for a component without points."""
         for other, bodies in attached.items():
             if other != name and set(bodies) == set(attached[name]) and len(bodies) > 1:
                 points = [k for k in given[other] if self.placed[k]]
@@ -158,7 +162,7 @@ class Sketch:
         return None
 
     def extent(self, points: Array) -> Array:
-        """Points that a picture must hold, shape (N, axis), m, from `points` (..., point, axis)."""
+        """Return the points that a picture must contain, shape (N, axis), m, from `points` (..., point, axis)."""
         found = [points[..., self.placed, :].reshape(-1, points.shape[-1])]
         found += [extremes(points[..., k, :], radius) for k, radius in enumerate(self.radii) if radius > 0]
         for part in self.parts:
@@ -171,7 +175,11 @@ class Sketch:
 
     # -- drawing -----------------------------------------------------------------------------------------------------
     def reaches(self, points: Array) -> dict[str, tuple[float, float]]:
-        """How far something slides along each guide over all times, m, from `points` (time, point, axis)."""
+        """Return the range of positions along each guide and on each plane over all times, m.
+
+        `points` (time, point, axis) are points of one realisation. The key of a guide is the component name. The keys
+        of the axes of a plane are ``name/0`` and, in space, ``name/1``.
+        """
         found = {}
         for part in self.parts:
             if part.symbol in ("slide", "cylinder", "line") and len(part.points) > 1 and part.directions:
@@ -181,7 +189,7 @@ class Sketch:
                 along = np.sum((second - first) * axis, axis=-1)
                 along = along[np.isfinite(along)]
                 low, high = (float(along.min()), float(along.max())) if len(along) else (0.0, 0.0)
-                # the origin of a guide is on it, unless it is far away
+                # the guide includes its origin, unless the origin is far away
                 found[part.name] = (min(low, 0.0), max(high, 0.0)) if min(abs(low), abs(high)) < 1.0 else (low, high)
             if part.symbol in ON_GROUND and len(part.points) > 1 and part.directions:
                 offset = points[:, part.points[-1]] - points[:, part.points[0]]
@@ -195,8 +203,8 @@ class Sketch:
     def strokes(self, points: Array, unit: float) -> list[Stroke]:
         """Return the symbols of all components and marks.
 
-        `points` (time, point, axis): in the world, one realisation of `world`: guides reach as far as something
-        slides in it; `unit`: metres to an inch, by which springs have turns.
+        `points` (time, point, axis) are one realisation of `world`; their motion sets the length of guides. `unit` is
+        the number of metres per inch; it sets the number of turns of springs.
         """
         reaches, make = self.reaches(points), Symbols(points.shape[-1])
         found: list[Stroke] = []
@@ -211,8 +219,9 @@ class Sketch:
     ) -> list[Shape]:
         """Draw one pose.
 
-        `sheet`: what it is drawn on; `points` (point, axis): in the world, one realisation and time of `world`;
-        `strokes`: of `strokes`, for a whole motion; by default those of this pose; `thick`: width of links, points.
+        `sheet` is the page; `points` (point, axis) are one realisation and time of `world`. `strokes` are symbols
+        of a whole motion, from the method `strokes`; the default is symbols of this pose. `thick` is the width of
+        links, in typographic points.
         """
         shapes: list[Shape] = []
         if not np.isfinite(points).all():
@@ -235,18 +244,18 @@ class Sketch:
 
     @cached_property
     def boxed(self) -> set[str]:
-        """Bodies that the box of a slider shows where they are a point."""
+        """Return the second bodies of sliders; if such a body is a single point on the page, only the box is drawn."""
         return {p.bodies[1] for p in self.parts if p.symbol in ("slide", "cylinder") and len(p.bodies) > 1}
 
     @cached_property
     def joints(self) -> list[int]:
-        """Points of components: marks near them are left out."""
+        """Return the points of components; marks near them are omitted."""
         return [k for part in self.parts for k in part.points]
 
     def _component(
         self, make: Symbols, part: SketchPart, points: Array, reaches: dict[str, tuple[float, float]], unit: float
     ) -> list[Stroke]:
-        """Return the symbol of a component; `points` (point, axis) are those of one pose."""
+        """Return the symbol of a component; `points` (point, axis) belong to one pose."""
         axis = part.directions[0] if part.directions else None
         first, last = (part.points[0], part.points[-1]) if part.points else (None, None)
         found: list[Stroke] = []
@@ -298,7 +307,7 @@ class Sketch:
             case "force" if part.anchor is not None:
                 found += make.force(part.anchor, axis)
             case _:
-                # no symbol: where it attaches, or between which bodies it is
+                # a component without a symbol is a link between its points or, without points, between its bodies
                 ends = part.points if part.points else part.ends
                 found += [make.link(ends[0], ends[-1])] if len(ends) > 1 else []
                 diamond = 1.2 * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]])
@@ -306,7 +315,7 @@ class Sketch:
         return found
 
     def labels(self, sheet: Sheet, points: Array) -> list[Label]:
-        """Names of the bodies, then of the components, each with the place on the page that it names."""
+        """Return the names of bodies, then of components, each with the position of its part on the page."""
         found = []
         for body in self.bodies:
             middle = sheet.project(points[self.points_of(body)].mean(axis=0))

@@ -1,4 +1,4 @@
-"""Pictures of a mechanism: of one pose with axes and names, and drawings as SVG for pages and notebooks."""
+"""Pictures of a mechanism: one pose with axes and names, and SVG drawings for pages and notebooks."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ __all__ = ["draw_named", "draw_pose", "mechanism", "still"]
 
 @typechecked
 def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> Figure:
-    """Draw a mechanism as it is assembled: bodies from what is known of them, joints, springs, drivers and loads.
+    """Draw a mechanism as assembled: bodies from their known points, joints, springs, drivers and loads.
 
-    A body is what its joint points, ends of springs, centre of mass and observed points span.  Components of plugins
-    are drawn from their points and axes, too.  A mechanism that cannot be assembled is shown as drawn, and the title
-    says so.
+    The shape of a body is the hull of its joint points, ends of springs, centre of mass and observed points. Components
+    of plugins are also drawn from their points and axes. A mechanism that cannot be assembled has its drawn pose, and
+    the title states this.
 
     Parameters
     ----------
     mechanism : Mechanism
-        With at least one body.
+        Mechanism with at least one body.
     values : mapping, optional
-        Values of random variables by name; the others are at their means.
+        Values of random variables by name; other variables are at their means.
     time : float
         Initial time, s.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes in metres, of equal scale; a plane view, in space an orthographic one.
+        Figure with axes in metres of equal scale; the view is plane, or orthographic in space.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is no body, or a value cannot be used.
+        If there is no body, or a value is invalid.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def _title(made: Canvas, text: str, *, warning: bool) -> None:
 
 
 def _write(made: Canvas, names: Sequence[PlacedLabel], lines: Sequence[Shape]) -> None:
-    """Write names, and a thin line to what they name where that is not at hand."""
+    """Write names, each with a thin line to its part if the part is not adjacent."""
     from matplotlib.patheffects import withStroke
 
     for one in names:
@@ -112,9 +112,9 @@ WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, as the player of a wide page
 
 
 def still(data: xr.Dataset) -> Drawing:
-    """Draw a mechanism at the means of its inputs, and the cloud of other realisations, where these are farthest apart.
+    """Draw a mechanism at the means of its inputs, with the realisations at the time of their largest distance.
 
-    `data`: of `uqmbd.report.motion`, or the node ``motion`` of results.
+    `data` is the result of `uqmbd.report.motion`, or the node ``motion`` of results.
     """
     film = Film(data, WIDTH, INCH)
     bounds, frame = film.bounds, film.widest
@@ -138,7 +138,7 @@ def draw_named(data: xr.Dataset, realisation: int, time: float) -> Drawing:
 def draw_pose(data: xr.Dataset) -> Drawing:
     """Draw a mechanism in one pose, with the names of its bodies and components.
 
-    `data`: of `drawn_pose`; a line above the drawing states its note on why the mechanism is not assembled.
+    `data` is the result of `drawn_pose`; a line above the drawing states why the mechanism is not assembled.
     """
     sketch, points = Sketch(data), world(data)[0, 0]
     bounds = sketch.extent(points)
@@ -162,7 +162,7 @@ def draw_pose(data: xr.Dataset) -> Drawing:
 
 
 def _empty(bounds: Array) -> tuple[Drawing, Sheet, Callable[[Array], Array]]:
-    """Return a drawing with nothing but its scale, its sheet, and what maps inches on the sheet to the drawing."""
+    """Return a drawing that contains only its scale, its sheet, and the map from inches on the sheet to the drawing."""
     height = _height(bounds)
     sheet = sheet_for(bounds, WIDTH, height)
     made = Drawing(INCH * WIDTH, INCH * height)
@@ -195,7 +195,7 @@ def _height(bounds: Array) -> float:
 
 
 def _scale(made: Drawing, sheet: Sheet, corner: Array) -> None:
-    """Draw a length in metres, and in space the directions of the axes."""
+    """Draw a length in metres and, in space, the directions of the axes."""
     longest = 1.3 * sheet.unit
     power = 10.0 ** math.floor(math.log10(longest))
     length = next(x * power for x in (5, 2, 1) if x * power <= longest)

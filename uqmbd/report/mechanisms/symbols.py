@@ -1,4 +1,4 @@
-"""Symbols of components, as strokes in frames that move with the mechanism; paper and page project and draw them."""
+"""Symbols of components as strokes in frames that move with the mechanism; Matplotlib and the page draw the strokes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Stroke", "Symbols", "projected"]
 PIN = 0.06  # inches: radius of a pin
 PUSH = (0.5, 0.8)  # inches: shortest and longest arrow along the axis of a driver
 COIL = 0.2  # inches: a shorter spring or damper is a ring
-CLEAR = 0.1  # inches: a mark that is nearer to a joint is left out
+CLEAR = 0.1  # inches: a mark that is nearer to a joint is omitted
 HATCH = (0.04, 0.06, 0.05)  # inches: first stroke, distance, height
 INK, DARK, GROUND, PLATE, PAPER, DRIVE, LIMIT = "ink", "dark", "ground", "plate", "paper", "drive", "limit"
 CHAIN, DASHES, DOTS = (7.0, 2.0, 1.0, 2.0), (5.0, 2.0), (2.0, 2.0)
@@ -26,25 +26,26 @@ SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)
 
 @dataclass(frozen=True)
 class Stroke:
-    """A line or area, in a frame that points and directions of a mechanism give.
+    """Line or area, in a frame that points and directions of a mechanism define.
 
-    Without `axis` the frame is that of the page, at the point ``at[0]``; with it, that of the space whose first axis is
-    along a direction (`axes_of`).  With `tips` it is that of a span from ``at[0]`` to ``at[-1]``.
+    Without `axis`, the frame is the frame of the page at the point ``at[0]``. With `axis`, the frame is in space, and
+    its first axis is along a direction (`axes_of`). With `tips`, the frame is along a span from ``at[0]`` to
+    ``at[-1]``.
     """
 
-    points: Array  # (N, axes) in the frame, inches; of a span (N, 3): share of it, inches along and across it
-    at: tuple[int, ...]  # numbers of points
-    axis: int | None = None  # number of a direction
-    metres: Array | None = None  # (N, axes), m: added to the points
+    points: Array  # (N, axes) in the frame, inches; for a span (N, 3): share of its length, inches along and across it
+    at: tuple[int, ...]  # indices of points
+    axis: int | None = None  # index of a direction
+    metres: Array | None = None  # (N, axes), m: offset of the points
     tips: Array | None = None  # (2, axes), inches: the ends of a span in the frame
-    limits: tuple[float, float] | None = None  # inches: shortest and longest span along the axis, which ends at at[-1]
-    scaled: bool = False  # whether the points are in radii of the circle about at[-1]
-    between: tuple[float, float] = (0.0, 1e9)  # inches: lengths of the span, or radii, at which it is shown
-    shrinks: float = 0.0  # inches: of a shorter span the inches shrink in proportion
-    facing: int = 0  # 1, -1: shown where the axis, or its opposite, is towards the viewer
-    convex: bool = False  # whether it is the convex hull of its points
-    hatch: bool = False  # whether it is the hatching on the right of a line
-    clear: bool = False  # whether it is left out near a point of a component
+    limits: tuple[float, float] | None = None  # inches: shortest and longest span along the axis; it ends at at[-1]
+    scaled: bool = False  # whether the unit of the points is the radius of the circle about at[-1]
+    between: tuple[float, float] = (0.0, 1e9)  # inches: lengths of the span, or radii, at which the stroke is visible
+    shrinks: float = 0.0  # inches: for a shorter span, the inches shrink in proportion
+    facing: int = 0  # 1, -1: visible if the axis, or its opposite, points to the viewer
+    convex: bool = False  # whether the stroke is the convex hull of its points
+    hatch: bool = False  # whether the stroke is the hatching on the right of a line
+    clear: bool = False  # whether the stroke is omitted near a point of a component
     edge: str = INK
     face: str | None = None
     width: float = 1.0
@@ -55,7 +56,7 @@ class Stroke:
 
 
 def projected(stroke: Stroke, sheet: Sheet, points: Array, radii: Sequence[float]) -> Shape | None:
-    """Return a stroke on the page, from points and directions (N, axes) in the world; None where it is not shown."""
+    """Return a stroke on the page from points and directions (N, axes) in the world; None for a hidden stroke."""
     at, unit = stroke.at, sheet.unit
     frame = None if stroke.axis is None else axes_of(points[stroke.axis])
     measure = radii[at[-1]] / unit
@@ -92,18 +93,18 @@ def projected(stroke: Stroke, sheet: Sheet, points: Array, radii: Sequence[float
 
 
 def _hatched(start: Array, end: Array) -> Array:
-    """Return strokes on the right of a line as one that NaN breaks: a shape for each would slow animations down."""
+    """Return hatching on the right of a line as one line with NaN, because separate shapes slow animations down."""
     first, step, high = HATCH
     length = float(np.hypot(*(end - start)))
     along = (end - start) / (length or 1.0)
-    count = int((length - first) / step + 1.01)  # a stroke at the end of a line is part of it
+    count = int((length - first) / step + 1.01)  # includes a stroke at the end of the line
     tops = start + (first + step * np.arange(count))[:, None] * along
     foot = tops + high * np.array([along[1], -along[0]]) - first * along
     return np.stack([tops, foot, np.full_like(tops, np.nan)], axis=1).reshape(-1, 2)
 
 
 def _circle(radius: float, corners: int = 33, first: float = 0.0, last: float = 2 * np.pi, end: float = 0.0) -> Array:
-    """Return an arc or a spiral of a radius, and of another one at its `end`, inches."""
+    """Return an arc, or a spiral that ends at another radius `end`, inches."""
     turn = np.linspace(first, last, corners)
     path: Array = np.linspace(radius, end or radius, corners)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     return path
@@ -111,13 +112,13 @@ def _circle(radius: float, corners: int = 33, first: float = 0.0, last: float = 
 
 @dataclass(frozen=True)
 class Symbols:
-    """Makes the strokes of symbols; arguments named after points and directions are their numbers."""
+    """Maker of the strokes of symbols; arguments for points and directions are indices."""
 
-    dimension: int  # of the space that is drawn, 2 or 3
+    dimension: int  # dimension of the drawn space, 2 or 3
 
     @property
     def spatial(self) -> bool:
-        """Whether the mechanism moves in space."""
+        """Return whether the mechanism moves in space."""
         return self.dimension == 3
 
     def disc(self, at: int, radius: float = PIN, face: str = PAPER, order: float = 4.0, **more: Any) -> Stroke:
@@ -129,15 +130,15 @@ class Symbols:
         return self.disc(at, 0.6 * PIN, INK, **more)
 
     def polygon(self, at: int, corners: Any, face: str, width: float) -> Stroke:
-        """Return an area on the page, whose corners are in radii of a pin."""
+        """Return an area on the page; the unit of its corners is the radius of a pin."""
         return Stroke(PIN * np.asarray(corners, dtype=float), (at,), face=face, width=width, closed=True)
 
     def _about(self, points: Array) -> Array:
-        """Return points (N, 2) about an axis of space as (N, 3) in its frame."""
+        """Return points (N, 2) around an axis in space as points (N, 3) in the frame of the axis."""
         return np.column_stack([np.zeros(len(points)), points])
 
     def _along(self, *ends: float) -> Array:
-        """Return places along an axis as (N, axes) in its frame."""
+        """Return positions along an axis as points (N, axes) in the frame of the axis."""
         return np.outer(ends, np.eye(self.dimension)[0])
 
     def _pair(self, first: int, last: int, points: Any = ((0, 0, 0), (1, 0, 0)), **more: Any) -> Stroke:
@@ -156,7 +157,7 @@ class Symbols:
 
     # -- the ground --------------------------------------------------------------------------------------------------
     def _hatching(self, points: Any, at: int, **more: Any) -> list[Stroke]:
-        """Return a line with strokes on its right."""
+        """Return a line with hatching on the right side."""
         ends = np.asarray(points, dtype=float)
         return [
             Stroke(ends, (at,), edge=GROUND, width=1.2, order=0.9, **more),
@@ -164,13 +165,13 @@ class Symbols:
         ]
 
     def support(self, at: int) -> list[Stroke]:
-        """Return what holds a point to the ground: a triangle on hatching."""
+        """Return a ground support of a point: a triangle on hatching."""
         foot = np.array([[0, 0], [-0.11, -0.17], [0.11, -0.17]])
         shape = Stroke(foot, (at,), edge=GROUND, face=PLATE, width=0.9, closed=True, order=1)
         return [shape, *self._hatching([[-0.17, -0.17], [0.17, -0.17]], at)]
 
     def _patch(self, corners: Array, at: int, axis: int, metres: Array | None = None) -> Stroke:
-        """Return a part of a plane of space, from corners (4, 2) about its normal."""
+        """Return a patch of a plane in space from corners (4, 2) around its normal."""
         more = None if metres is None else self._about(metres)
         looks: dict[str, Any] = {
             "edge": GROUND,
@@ -183,9 +184,9 @@ class Symbols:
         return Stroke(self._about(corners), (at,), axis, more, **looks)
 
     def ground(self, at: int, normal: int, reaches: Sequence[tuple[float, float]]) -> list[Stroke]:
-        """Return what bodies hit or lie on: a hatched line, in space a patch, as far as `reaches` (m) along it."""
+        """Return a ground contact surface along its `reaches` (m): a hatched line, or a patch in space."""
         (low, high), more = reaches[0], 0.45
-        if not self.spatial:  # rightwards of the normal, which is the second axis backwards
+        if not self.spatial:  # to the right of the normal: the negative second axis
             ends, metres = np.array([[0, more], [0, -more]]), np.array([[0, -low], [0, -high]])
             return self._hatching(ends, at, axis=normal, metres=metres)
         bounds = np.array(reaches)
@@ -199,7 +200,7 @@ class Symbols:
         return Stroke(self._along(-half, half), (at,), axis, width=0.9, dashes=dashes, order=4.3)
 
     def hinge(self, at: int, axis: int | None) -> list[Stroke]:
-        """Return a circle; in space a ring about the axis."""
+        """Return a circle; in space a ring around the axis."""
         if not self.spatial or axis is None:
             return [self.disc(at)]
         ring = Stroke(self._about(_circle(1.5 * PIN)), (at,), axis, face=PAPER, width=1.3, closed=True)
@@ -214,7 +215,7 @@ class Symbols:
         return [self.disc(at, 1.5 * PIN), *(self._axis(at, axis, 1.5 * PIN, ()) for axis in axes)]
 
     def slide(self, at: int, axis: int, face: str, *, turns: bool) -> list[Stroke]:
-        """Return a box along its axis, in space one that is round if it turns as well."""
+        """Return a box along its axis; in space, a box that also rotates is round."""
         long, high = 0.19, 0.1
         if not self.spatial:
             return [Stroke(SQUARE * [long, high], (at,), axis, face=face, width=1.2, closed=True, order=2.8)]
@@ -230,25 +231,25 @@ class Symbols:
     def line(
         self, at: int, axis: int, reach: tuple[float, float], more: float = 0.3, dashes: tuple[float, ...] = DASHES
     ) -> Stroke:
-        """Return the line that something stays on, as far as `reach`, m, and `more`, inches."""
+        """Return the line along which a point moves, from and to `reach`, m, plus `more`, inches, at each end."""
         metres = self._along(*reach)
         return Stroke(
             self._along(-more, more), (at,), axis, metres, edge=GROUND, width=1.0, dashes=dashes, order=0.7
         )  # fmt: skip
 
     def guide(self, at: int, axis: int, reach: tuple[float, float], grounded: Array | None) -> list[Stroke]:
-        """Return the line on which something slides; `grounded`: the direction of one that is fixed to the ground."""
+        """Return the guide line of a slider; `grounded` is the direction of a guide that is fixed to the ground."""
         more = 0.36
         if self.spatial or grounded is None:
             return [self.line(at, axis, reach, more, CHAIN)]
-        # hatched beneath: the second axis is on the left of the first one
+        # hatching is beneath the line: the second axis is on the left of the first one
         x, y = grounded / (float(np.linalg.norm(grounded)) or 1.0)
         side = 1 if x < -1e-9 or (abs(x) <= 1e-9 and y > 0) else -1
         ends, metres = np.array([[-more, side * 0.115], [more, side * 0.115]]), self._along(*reach)
         return self._hatching(ends[::-side], at, axis=axis, metres=metres[::-side])
 
     def plane(self, at: int, normal: int) -> Stroke:
-        """Return the part of a plane beneath a point on it; in the plane a line."""
+        """Return a patch of a plane beneath a point on it; in two dimensions a line."""
         if self.spatial:
             return self._patch(0.35 * SQUARE, at, normal)
         ends = np.array([[0, -0.3], [0, 0.3]])
@@ -259,7 +260,7 @@ class Symbols:
         return Stroke(self._along(-0.22, 0.22), (at,), axis, width=3.2, order=4.1)
 
     def circle(self, at: int, role: str, axis: int | None = None) -> list[Stroke]:
-        """Return a circle or sphere of the radius of a point, in space with an axis a disc; a dot where it is tiny."""
+        """Return a circle or sphere with the radius of a point, a disc in space with an axis, or a dot if tiny."""
         seen: dict[str, Any] = {"closed": True, "scaled": True, "between": (0.6 * PIN, 1e9)}
         flat = self.spatial and axis is not None
         place, line = (axis, self._about(_circle(1.0))) if flat else (None, _circle(1.0, 97))
@@ -275,16 +276,16 @@ class Symbols:
         return [bar, self.disc(first, 0.7 * PIN), self.disc(last, 0.7 * PIN)]
 
     def link(self, first: int, last: int) -> Stroke:
-        """Return a line between places that a component without a symbol connects."""
+        """Return a line between the attachments of a component without a symbol."""
         return self._pair(first, last, edge=GROUND, dashes=DOTS, order=2.5)
 
     def gap(self, first: int, last: int) -> Stroke:
-        """Return a line between two places that should be one, and are not."""
+        """Return a line between two positions that should coincide but do not."""
         return self._pair(first, last, edge=LIMIT, width=1.5, dashes=(4.0, 2.5), order=3.9, between=(PIN, 1e9))
 
     # -- springs, drivers, loads -------------------------------------------------------------------------------------
     def _between(self, first: int, last: int, lines: Sequence[tuple[Any, float]]) -> list[Stroke]:
-        """Return lines (points, width) of a span with a pin at each end; a ring where it is short."""
+        """Return lines (points, width) of a span with a pin at each end; a ring for a short span."""
         looks: dict[str, Any] = {"edge": DARK, "order": 3.5}
         pins = [self.disc(at, 0.45 * PIN, INK) for at in (first, last)]
         ring = np.column_stack([np.zeros(33), _circle(0.1)])
@@ -292,7 +293,7 @@ class Symbols:
         return [self._pair(first, last, ring, width=1.2, closed=True, between=(0.0, COIL), **looks), *long, *pins]
 
     def spring(self, first: int, last: int, length: float) -> list[Stroke]:
-        """Return a zigzag between two points, whose turns follow from a length, inches."""
+        """Return a zigzag between two points; its length, inches, sets the number of turns."""
         turns = int(np.clip(np.nan_to_num(length) / 0.16, 4, 12))
         share = [0.0, *np.linspace(0.14, 0.86, 2 * turns + 1), 1.0]
         side = [0, 0, *([1, -1] * turns)[: 2 * turns - 1], 0, 0]
@@ -318,7 +319,7 @@ class Symbols:
         return [self._around(at, axis, _circle(0.07, 60, 0.0, 5 * np.pi, 0.16), GROUND, 1.0)]
 
     def arc(self, at: int, axis: int | None) -> list[Stroke]:
-        """Return an arrow that turns about a point."""
+        """Return a curved arrow around a point."""
         path = self._around(at, axis, _circle(0.19, 40, np.deg2rad(-30), np.deg2rad(215)), DRIVE, 1.6)
         return [path, self._head(path.at, path.axis, path.points[[-3, -1]])]
 
@@ -334,11 +335,11 @@ class Symbols:
         return [shaft, self._head(at, axis, tips, limits)]
 
     def force(self, at: int, direction: int | None) -> list[Stroke]:
-        """Return an arrow that pushes at a point; downwards where its direction is not known beforehand."""
+        """Return a force arrow at a point; the arrow points downwards if its direction is unknown in advance."""
         if direction is None:
             return self.arrow((at,), None, np.array([[0, 0.5], [0, 0]]))
         return self.arrow((at,), direction, self._along(-0.55, 0.0))
 
     def push(self, first: int, last: int, axis: int | None) -> list[Stroke]:
-        """Return an arrow from one point to another; with an axis a short one along it, at the driven point."""
+        """Return an arrow between two points, or with an axis a short arrow along it at the driven point."""
         return self.arrow((first, last), axis, np.zeros((2, self.dimension)), None if axis is None else PUSH)

@@ -1,4 +1,4 @@
-"""How results are shown: by a function, or, in a session that asks for it, by themselves."""
+"""Show results in notebooks, by a function or automatically in sessions with the extension."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ __all__ = ["Shown", "load_ipython_extension", "show", "unload_ipython_extension"
 @typechecked
 @dataclass(frozen=True)
 class Shown:
-    """What a notebook shows, as :func:`show` makes it.
+    """Displayed content of a notebook cell, the result of :func:`show`.
 
     Attributes
     ----------
     html : str
-        With its scripts; it asks for nothing from elsewhere.
+        HTML with its scripts; it loads no external data.
 
     Examples
     --------
@@ -50,23 +50,24 @@ def show(result: object, outputs: Sequence[str] | None = None) -> Shown:
     Parameters
     ----------
     result : xarray.DataTree
-        Of a study, or of one method. Studies, mechanisms and surrogates, which show themselves, are taken, too.
+        Result of a study, or of one method. Studies, mechanisms and surrogates, which notebooks display automatically,
+        are also accepted.
     outputs : sequence of str, optional
-        Which outputs of a result are drawn; default: the six most uncertain ones.
+        Drawn outputs of a result. Default: the six most uncertain outputs.
 
     Returns
     -------
     Shown
-        Which notebooks display when it is the last value of a cell; its ``html`` is a text.
+        Object that notebooks display if it is the last value of a cell; its ``html`` is a text.
 
     Raises
     ------
     StudyError
-        If it is nothing that can be shown, or lacks an output.
+        If the object cannot be shown, or lacks an output.
 
     See Also
     --------
-    load_ipython_extension : Results then show themselves.
+    load_ipython_extension : Show results automatically.
 
     Examples
     --------
@@ -94,14 +95,14 @@ def show(result: object, outputs: Sequence[str] | None = None) -> Shown:
 
 
 def load_ipython_extension(ipython: Any) -> None:
-    """Let results of studies show themselves in this session of IPython, after ``%load_ext uqmbd.report``.
+    """Show results of studies automatically in this IPython session, after ``%load_ext uqmbd.report``.
 
-    Other trees of xarray are shown as before.
+    The display of other xarray trees does not change.
 
     Parameters
     ----------
     ipython : IPython.core.interactiveshell.InteractiveShell
-        The session.
+        IPython session.
 
     Examples
     --------
@@ -119,12 +120,12 @@ def load_ipython_extension(ipython: Any) -> None:
 
 
 def unload_ipython_extension(ipython: Any) -> None:
-    """Let results be shown as xarray shows its trees, after ``%unload_ext uqmbd.report``.
+    """Show results as xarray trees again, after ``%unload_ext uqmbd.report``.
 
     Parameters
     ----------
     ipython : IPython.core.interactiveshell.InteractiveShell
-        The session.
+        IPython session.
 
     Examples
     --------

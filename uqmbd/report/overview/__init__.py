@@ -1,4 +1,4 @@
-"""The first screen of the report: results, main contributors, reliability, and the recommended method."""
+"""First screen of the report: results, main contributors, reliability, and the recommended method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sections of the report: about what came out, and about how it came about."""
+"""Sections of the report on results and on methods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a section of the report is, and how those of the core are made: plain data, shown by a template."""
+"""Interface of report sections, and sections of the core, which consist of plain data and a template."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 __all__ = ["Content", "Section", "TemplateSection", "environment"]
 
 Content = dict[str, Any]
-"""What a template shows: texts, rows of tables, and images."""
+"""Data of a template: texts, rows of tables, and images."""
 
 
 class Section(Protocol):
     """A section that a plugin adds to the report.
 
-    A section may also have a method ``first_screen(self, tree)``. It returns a `uqmbd.report.FirstScreen`, which the
-    first screen of the report shows, or None.
+    A section may also have a method ``first_screen(self, tree)``. This method returns a `uqmbd.report.FirstScreen` for
+    the first screen of the report, or None.
 
     Examples
     --------
-    What a plugin gives by the hook ``uqmbd_report_sections``:
+    The class that a plugin returns from the hook ``uqmbd_report_sections``:
 
     >>> import html
     >>> import xarray as xr
@@ -48,24 +48,24 @@ class Section(Protocol):
 
     @property
     def title(self) -> str:
-        """Heading of the section, plain text."""
+        """Return the heading of the section, plain text."""
 
     def render(self, tree: xr.DataTree) -> str:
-        """Return an HTML fragment; what it quotes from the data it must escape itself."""
+        """Return an HTML fragment; the method must escape quoted data."""
 
 
 @dataclass(frozen=True)
 class TemplateSection:
-    """A section whose content a template shows."""
+    """Section with a template that renders its content."""
 
     title: str
-    name: str  # of its block in the template, and its anchor on the page
-    # from the result of a study to what the template shows; None: the section is left out
+    name: str  # name of the block in the template, and of the anchor on the page
+    # maps the result of a study to the data of the template; None: the section is omitted
     content: Callable[[StudyResult], Content | None]
     template: str = "about_results.html.j2"  # file in ``templates``
 
     def render(self, tree: xr.DataTree) -> str:
-        """Return the HTML of the section; empty if it is left out."""
+        """Return the HTML of the section; empty if it is omitted."""
         result = StudyResult.of(tree)
         content = self.content(result)
         return "" if content is None else self.fragment(result, content)
@@ -77,15 +77,15 @@ class TemplateSection:
 
 
 _SETTINGS = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
-"""Of this module, which sets how templates are compiled."""
+"""Digest of this module, which contains the settings of the template compiler."""
 
 
 @functools.cache
 def environment() -> Environment:
-    """Return what reads the templates: all that is not marked as HTML is escaped.
+    """Return the template environment, which escapes all text that is not marked as HTML.
 
-    Compiled templates are kept beside the compiled kernels, with the same checks: to compile them takes 2 % of a short
-    run.  Jinja compares the digest of a template's source with that of what is kept.
+    Compiled templates are stored next to compiled kernels, with the same checks, because their compilation takes 2 % of
+    a short run. Jinja compares the source digests of the template and of the stored template.
     """
     from jinja2 import Environment, MemcachedBytecodeCache, PackageLoader, StrictUndefined
     from jinja2 import __version__ as version
@@ -104,12 +104,12 @@ def environment() -> Environment:
 
 
 class _TemplateCache:
-    """The store of what is compiled, as Jinja asks for it."""
+    """Bytecode cache of templates, with the interface of Jinja."""
 
     def get(self, key: str) -> bytes:
-        """Return what was kept by a key of Jinja; empty, which it takes for none, if nothing was."""
+        """Return the stored bytecode of a key of Jinja; empty if it is missing."""
         return Store(cache_folder()).get(key) or b""
 
     def set(self, key: str, value: bytes, timeout: int | None = None) -> None:  # noqa: ARG002 - as Jinja calls it
-        """Keep it."""
+        """Store bytecode."""
         Store(cache_folder()).put(key, value)

@@ -1,7 +1,7 @@
-"""Distances of distributions between two methods: of Wasserstein, of Kolmogorov and Smirnov.
+"""Compute Wasserstein and Kolmogorov-Smirnov distances of distributions between two methods.
 
 :func:`scipy.stats.wasserstein_distance` and :func:`scipy.stats.ks_2samp` take four times as long for the same numbers:
-each sorts for itself, and the latter works out a probability that is not asked for.
+each function sorts the samples again, and the latter computes a p-value that is not needed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SURROGATE_SAMPLES = 4096
 def distributions(
     nodes: Mapping[str, xr.DataTree], chosen: str, times: Array, base: OwnError, level: float
 ) -> dict[str, Any]:
-    """Return distances of distributions to those of a reference, at up to four times; nothing where it has none."""
+    """Return distances of distributions from a reference at up to four times; empty if it has no distributions."""
     fine = np.flatnonzero(np.isfinite(base.std).all(axis=0))
     if not len(fine) or not len(base.std):
         return {}
@@ -77,11 +77,11 @@ def sample_distances(first: Array, second: Array) -> tuple[float, float]:
 
 
 def ks_by_chance(counts: Sequence[float], level: float) -> float:
-    """Return the Kolmogorov-Smirnov distance that samples of one distribution exceed with a chance `level` at most.
+    """Return the Kolmogorov-Smirnov distance that samples of equal distributions exceed with probability <= `level`.
 
-    `counts`: independent samples of both; infinite for a distribution that is known.
+    `counts`: number of independent samples of each; infinite for a known distribution.
 
-    P. Massart, Annals of Probability 18 (1990) 1269-1283, for one sample; for two of them asymptotic (Smirnov).
+    One sample: P. Massart, Annals of Probability 18 (1990) 1269-1283; two samples: asymptotic (Smirnov).
 
     >>> round(ks_by_chance([100, np.inf], 0.05), 4)
     0.1358
@@ -90,9 +90,10 @@ def ks_by_chance(counts: Sequence[float], level: float) -> float:
 
 
 def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, float] | None:
-    """Return realisations (K, O, N) of a method at N of its times, from its samples, or else by sampling its chaos.
+    """Return realisations (K, O, N) of a method at N of its times, from its samples or by sampling its chaos.
 
-    With them how many count as independent: infinite for those of a chaos.  None where a method kept neither.
+    The second value is the equivalent number of independent realisations, which is infinite for a chaos. The result is
+    None if a method stored neither samples nor a chaos.
     """
     if "samples" in node.children:
         data = node.children["samples"].to_dataset()
@@ -106,19 +107,19 @@ def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, fl
         return None
     try:
         chaos = surrogate(node, times=where)
-    except (UqmbdError, KeyError, ValueError):  # of another kind, whose results stand without
+    except (UqmbdError, KeyError, ValueError):  # other surrogates have no distances
         return None
     values = chaos.evaluate_germs(spread_germs(chaos.space, SURROGATE_SAMPLES, 0))
     return values.reshape(*values.shape[:2], -1), np.inf
 
 
 def _reaches(data: xr.Dataset, where: Sequence[int]) -> bool:
-    """Return whether results were there at all of some times: those of a method that ended early were not."""
+    """Return whether results exist at all selected times, which is false for a method that ended early."""
     return "time" not in data.sizes or max(where, default=0) < data.sizes["time"]
 
 
 def _comparison_times(times: Array, base: OwnError, fine: NDArray[np.intp]) -> list[int]:
-    """Choose up to four times: a third, two thirds, the largest standard deviation of the first output, and the end."""
+    """Choose up to four times: 1/3 and 2/3 of the time, the largest std of the first output, and the end."""
     wanted = {int(fine[-1]), int(fine[base.std[0, fine].argmax()])}
     for share in (1 / 3, 2 / 3):
         wanted.add(int(fine[round(share * (len(fine) - 1))]))

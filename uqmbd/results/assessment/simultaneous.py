@@ -1,7 +1,7 @@
-"""Critical values for errors over time: how often the largest of many dependent deviations exceeds a bound by chance.
+"""Compute critical values for the largest of many correlated deviations over time.
 
-A deviation that is looked for at 401 times is found somewhere, if each time has its own 5 %. Deviations at neighbouring
-times depend on one another, so that 401 of them count as far fewer; how many follows from the samples.
+Tests at 401 times, each with a level of 5 %, almost always find a deviation. Deviations at neighbouring times are
+correlated, so 401 tests are equivalent to far fewer independent ones; this number is estimated from the samples.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ __all__ = ["chance", "curve_length", "pointwise_level", "student"]
 def curve_length(parts: Sequence[Array]) -> float:
     r"""Return the length of the curve of normalised deviations on the unit sphere over time.
 
-    `parts` (S, T): what each sample adds to a deviation at each time, one array for each independent set of samples;
-    the columns of all together have the norm of the standard error. Return radians: :math:`\sum_k \arccos
-    \varrho_{k,k+1}`, with the correlations of neighbouring times. Times without any deviation are passed over.
+    `parts` (S, T): contribution of each sample to a deviation at each time, with one array for each independent set of
+    samples. The norm of a column over all arrays is the standard error. Return radians: :math:`\sum_k \arccos
+    \varrho_{k,k+1}`, with the correlations of neighbouring times. Times without any deviation are skipped.
 
     >>> t = np.linspace(0, np.pi, 181)
     >>> round(curve_length([np.array([np.cos(t), np.sin(t)])]), 6)
@@ -36,13 +36,14 @@ def curve_length(parts: Sequence[Array]) -> float:
 
 
 def chance(bound: float, length: float, count: int) -> float:
-    r"""Return an upper bound of the chance that the largest of standard normal deviations exceeds a bound in size.
+    r"""Return an upper bound of the probability that the largest absolute standard normal deviation exceeds a bound u.
 
-    The lesser of :math:`2 \Phi(-u) + (\kappa / \pi) e^{-u^2/2}`, for deviations along a curve of the length
-    :math:`\kappa` on the unit sphere ([1]_, [2]_), and of :math:`2 T \Phi(-u)` (Bonferroni).
+    The result is the smaller of two bounds. The first is :math:`2 \Phi(-u) + (\kappa / \pi) e^{-u^2/2}`, for deviations
+    along a curve of length :math:`\kappa` on the unit sphere ([1]_, [2]_). The second is :math:`2 T \Phi(-u)`
+    (Bonferroni).
 
-    `bound`: in standard errors; `length`: from :func:`curve_length`; infinite where nothing is known of the
-    dependence; `count`: number of times, T.
+    `bound`: u, in standard errors; `length`: length from :func:`curve_length`, infinite for unknown correlations;
+    `count`: number of times, T.
 
     .. [1] H. Hotelling, American Journal of Mathematics 61 (1939) 440-460.
     .. [2] D. Q. Naiman, Annals of Statistics 14 (1986) 896-906.
@@ -58,10 +59,10 @@ def chance(bound: float, length: float, count: int) -> float:
 
 
 def pointwise_level(level: float, length: float, count: int) -> float:
-    """Return the level of a test at one time for which that over all times has a level.
+    """Return the level of a test at one time, such that the test over all times has the level `level`.
 
-    `level`: between 0 and 1: how often the largest deviation over time may exceed its critical value by chance;
-    `length`, `count`: as of :func:`chance`.
+    `level`: probability, between 0 and 1, that the largest deviation over time exceeds its critical value by chance;
+    `length`, `count`: as for :func:`chance`.
 
     >>> round(pointwise_level(0.05, 0.0, 401), 6), round(pointwise_level(0.05, np.inf, 10), 6)
     (0.05, 0.005)

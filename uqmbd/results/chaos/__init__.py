@@ -1,4 +1,4 @@
-"""Polynomial chaos as data: evaluation, statistics, sampling, stated errors, storage."""
+"""Evaluate, sample and store surrogates, and compute their statistics and stated errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elements of a surrogate, and readouts: how outputs at times follow from the coefficients of an element."""
+"""Provide elements of a surrogate, and readouts, which compute outputs at times from coefficients of an element."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = [
 
 
 class SampleBlocks(NamedTuple):
-    """Samples of a surrogate, block by block: from a slice of its O x T columns to (K, c), or to rows (c, K)."""
+    """Functions that return samples for a slice of the O x T columns, as columns (K, c) or as rows (c, K)."""
 
     columns: Callable[[slice], Array]
     rows: Callable[[slice], Array]
@@ -40,17 +40,17 @@ class SampleBlocks(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class GermElement:
-    """Part of the germ space with coefficients: arrays whose first axis is terms (P, ...)."""
+    """Part of the germ space with coefficient arrays (P, ...), whose first axis is terms."""
 
     box: GermBox
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Coefficients by their names, each (P, ...)."""
+        """Coefficient arrays (P, ...) by name."""
         return {f.name: x for f in fields(self) if isinstance(x := getattr(self, f.name), np.ndarray)}
 
     def _among(self, box: GermBox, terms: int, rows: Sequence[int]) -> Self:
-        """Return it in another box with more terms, of which its own are some rows; coefficients of others are 0."""
+        """Return the element in another box, with its terms at `rows` among `terms`, and other coefficients 0."""
         wide = {name: np.zeros((terms, *x.shape[1:]), np.result_type(x, float)) for name, x in self.arrays.items()}
         for name, x in self.arrays.items():
             wide[name][list(rows)] = x
@@ -58,7 +58,7 @@ class GermElement:
         return replace(self, **changes)
 
     def _without(self, terms: Mask) -> Self:
-        """Return it with coefficients of some terms (P,) set to 0."""
+        """Return the element with coefficients of masked terms (P,) set to 0."""
         shape = {name: (-1, *(1,) * (x.ndim - 1)) for name, x in self.arrays.items()}
         fewer: dict[str, Any] = {name: x * ~terms.reshape(shape[name]) for name, x in self.arrays.items()}
         return replace(self, **fewer)
@@ -76,7 +76,7 @@ Piece: TypeAlias = "tuple[GermSpace, Index, GermElement]"  # an element with its
 
 @dataclass(frozen=True, eq=False)
 class SampledPiece(ABC):
-    """Samples in one element: their numbers (K,), in any order, and basis (K, P)."""
+    """Samples in one element: their indices (K,), in any order, and basis (K, P)."""
 
     element: Any
     rows: NDArray[np.intp]
@@ -88,20 +88,20 @@ class SampledPiece(ABC):
 
     @abstractmethod
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate the first-order change by that of the basis (K, P), of all outputs, into rows of (N, O, T)."""
+        """Evaluate the first-order change of all outputs due to a basis change (K, P), into rows of (N, O, T)."""
 
 
 class Readout:
-    """Readout from coefficients to outputs at times; `name` is that of the dataset of a surrogate."""
+    """Readout from coefficients to outputs at times; `name` is the name of the dataset of a surrogate."""
 
     name: ClassVar[str]
 
 
 class OverTime(Readout, ABC):
-    """Outputs follow at any time from elements with the same terms; their moments are those of samples."""
+    """Readout of outputs at any time, from elements with the same terms; moments come from samples."""
 
-    needed: ClassVar[tuple[str, ...]]  # variables that a dataset has, among others
-    of_times: ClassVar[str]  # what outputs without times do not have
+    needed: ClassVar[tuple[str, ...]]  # required variables of a dataset
+    of_times: ClassVar[str]  # feature that outputs without times lack, for messages
 
     @abstractmethod
     def at(self, element: Any, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
@@ -121,11 +121,12 @@ class OverTime(Readout, ABC):
         """Return the readout and the elements of a dataset."""
 
     def samples(self, sampled: Sequence[SampledPiece], labels: Labels) -> SampleBlocks:
-        """Return samples in the order of their numbers, output by output."""
+        """Return samples in the order of their indices, output by output."""
         times, number = self.since(labels), sum(len(one.rows) for one in sampled)
         count, size = len(times), len(labels.outputs) * len(times)
 
         def columns(part: slice) -> Array:
+            # elements write whole rows, so evaluate one output at a time to limit the memory
             first, last, _ = part.indices(size)
             found = np.empty((number, last - first))
             for output in range(first // count, -(-last // count)):
@@ -143,7 +144,7 @@ class OverTime(Readout, ABC):
 
 @dataclass(frozen=True, eq=False)
 class SampledTerms(SampledPiece):
-    """Samples of outputs at fixed times, all of which are evaluated."""
+    """Samples of outputs at fixed times; all outputs and times are evaluated."""
 
     @property
     def flat(self) -> Array:
@@ -156,18 +157,18 @@ class SampledTerms(SampledPiece):
         found[self.rows] = self.summed(self.basis, found.shape[1:])
 
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate the change by that of the basis (K, P), into rows of (N, O, T)."""
+        """Evaluate the change due to a change of the basis (K, P), into rows of (N, O, T)."""
         found[self.rows] = self.summed(change, found.shape[1:])
 
     def summed(self, basis: Array, shape: tuple[int, ...]) -> Array:
-        """Return the sum (K, O, T) of the terms, each times a basis (K, P)."""
+        """Return the sum (K, O, T) of the terms, weighted by the basis (K, P)."""
         with one_thread():
             found: Array = basis @ self.flat
         return found.reshape(len(basis), *shape)
 
 
 class Plain(Readout):
-    """Outputs at each time are polynomials of the germs."""
+    """Readout of outputs that are polynomials of the germs at each time."""
 
     name = "chaos"
 
@@ -176,7 +177,7 @@ class Plain(Readout):
         return SampledTerms(element, rows, basis)
 
     def since(self, labels: Labels) -> Array:
-        """Return nothing: times are those of the coefficients."""
+        """Return an empty array, because the coefficients belong to fixed times."""
         return np.zeros(0)
 
     def samples(self, sampled: Sequence[Any], labels: Labels) -> SampleBlocks:
@@ -190,6 +191,6 @@ class Plain(Readout):
 
 
 class Composed(Readout):
-    """A separate readout for each part of the surrogate."""
+    """Placeholder for surrogates whose parts have separate readouts."""
 
     name = "composed"

@@ -1,4 +1,4 @@
-"""Requirements: probabilities of violation, by counts and by surrogates, with their confidence intervals."""
+"""Probabilities of violation of requirements, from counts and from surrogates, with confidence intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The dataset ``requirements`` of any method, from its results for margins as outputs."""
+"""Dataset ``requirements`` of any method, from its results for margins as outputs."""
 
 from __future__ import annotations
 
@@ -24,25 +24,26 @@ __all__ = ["requirements_of"]
 
 @typechecked
 def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late: NDArray[np.bool_]) -> xr.Dataset:
-    """Build the dataset ``requirements`` of a method from the node that it made of margins.
+    """Build the dataset ``requirements`` of a method from its node of margins.
 
     Parameters
     ----------
     node : xarray.DataTree
-        Its outputs are the running margins at the output times.
+        Node whose outputs are the running margins at the output times.
     requirements : sequence of Requirement
+        Requirements, in the order of the outputs.
     late : array of bool, shape (requirement,)
-        Whose margins are known at the end only: before, the node holds those of the end.
+        Whether each margin is known only at the end. At earlier times, the node then contains the margin at the end.
 
     Returns
     -------
     xarray.Dataset
-        From samples of the surrogate, where it has one; else from its realisations; else every probability is NaN, and
-        every interval that from 0 to 1.
+        Probabilities of violation from samples of the surrogate, if the method has one, otherwise from its
+        realisations. Without either, every probability is NaN, with the interval from 0 to 1.
 
     Examples
     --------
-    A method that knows means of a margin alone says nothing of its probability:
+    A method with only the mean of a margin does not state a probability:
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node, requirements_of
@@ -60,7 +61,7 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
     times = node.children["statistics"].to_dataset()["time"].values
     if surrogate_parts(node):
         counted = int(node.attrs.get("failures", 0)) / max(int(node.attrs.get("realisations", 0)), 1)
-        # realisations that lie in the tails on purpose count for less
+        # realisations that a method places in the tails have smaller weights
         lost = float(node.attrs.get("failed_share", counted))
         return sampled_requirements(
             requirements, late, surrogate(node, times=[len(times) - 1]), surrogate(node), lost, 0

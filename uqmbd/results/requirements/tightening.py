@@ -17,14 +17,14 @@ from uqmbd.results.requirements.surrogates import margin_bands, margins_of, sign
 from uqmbd.typing import Array
 
 SAMPLES = 1 << 15
-"""Samples of the surrogate for each input."""
+"""Number of samples of the surrogate for each input."""
 
 __all__ = ["TightenedProbability", "tightened_probabilities"]
 
 
 @dataclass(frozen=True)
 class TightenedProbability:
-    """The probability of one event if the standard deviation of one input is multiplied by a factor."""
+    """Probability of one event if the standard deviation of one input is multiplied by a factor."""
 
     input: str
     probability: float
@@ -35,10 +35,10 @@ class TightenedProbability:
 def tightened_probabilities(
     part: xr.DataTree, event: str, inputs: Sequence[str], factor: float = 0.5
 ) -> dict[str, TightenedProbability]:
-    """Return the probability of an event by the input whose distance from its mean is multiplied by a factor.
+    """Return probabilities of an event by input, if the distance of the input from its mean is multiplied by a factor.
 
-    `part`: the node ``requirements`` of a method. Inputs that depend on others, or take few values, are left out; of a
-    margin that the surrogate does not follow, or without verification realisations, there is no result.
+    `part`: the node ``requirements`` of a method. The result excludes dependent and discrete inputs. It is empty if the
+    surrogate does not follow the margin, or without verification realisations.
     """
     data = part.to_dataset()
     names = [str(name) for name in data["requirement"].values]
@@ -67,7 +67,7 @@ def tightened_probabilities(
 
 
 def _tightened(space: GermSpace, germs: Array, column: int, factor: float) -> Array | None:
-    """Return germs (K, d) whose input of a column is nearer to its mean by a factor; None if there are none."""
+    """Return germs (K, d) with the input of a column nearer to its mean by a factor; None if this is impossible."""
     group = next(one for one in space.groups if column in one.columns)
     if not isinstance(group, CorrelatedTransform) or len(group.columns) > 1 or space.germs[column].values is not None:
         return None
@@ -79,7 +79,7 @@ def _tightened(space: GermSpace, germs: Array, column: int, factor: float) -> Ar
 
 
 def _counts(chaos: Surrogate, germs: Array, before: Array, bands: Array) -> Array:
-    """Count events (3, event) at germs (K, d): as they are, and with margins moved up and down by their error band."""
+    """Count events (3, event) at germs (K, d): with unchanged margins, and with margins plus and minus the error."""
     margins = margins_of(chaos, germs)
     error = np.empty_like(margins)
     for j, order in enumerate(np.argsort(before, axis=0).T):

@@ -1,4 +1,4 @@
-"""The layout of results: axes, datasets, nodes of the tree, and their validation."""
+"""Define and validate the layout of results: axes, datasets, and nodes of the tree."""
 
 from __future__ import annotations
 

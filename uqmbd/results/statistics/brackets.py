@@ -1,9 +1,9 @@
-"""Brackets about order statistics of many columns, and how many samples lie in each part of them.
+"""Bracket order statistics of many columns, and count the samples in the bins of each bracket.
 
-Numbers between fixed edges, rather than a sketch: for a hundred thousand samples of 201 columns, the KLL sketches of
-Apache's ``datasketches`` (k = 2000) took 58 ns a number. They left ranks uncertain by 9e-4. Its t-digest (k = 1000)
-took 98 ns and left them uncertain by 4e-3; sketches of the same samples gave other bits in each process, for they draw
-random numbers. These take some 15 ns, give the same bits in any order, and bounds that hold with certainty.
+Counts between fixed edges are faster than sketches. For 100,000 samples of 201 columns, KLL sketches of Apache
+``datasketches`` (k = 2000) took 58 ns per number, with rank uncertainty 9e-4. Its t-digest (k = 1000) took 98
+ns per number, with an uncertainty of 4e-3. Sketches draw random numbers, so each process returned different bits for
+the same samples. Counts take some 15 ns per number, return the same bits in any order, and give certain bounds.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["Brackets", "Counts"]
 
 BLOCK_NUMBERS = 65_536
-"""Numbers (8 bytes each) that are compared at once: they stay in the cache."""
+"""Number of values (8 bytes each) that are compared at once and fit the cache."""
 
 _MOST_ROWS = 65_535
-"""Rows of a block, counted in 16 bits: that takes a third of the time of 64."""
+"""Maximum rows of a block for counters of 16 bits, which take a third of the time of 64 bits."""
 
 _PENDING = 1_000_000
-"""Numbers of bins that wait until they are counted together."""
+"""Number of bin indices that are collected before they are counted together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Brackets:
-    """Closed intervals [low, high] of values, M of them, each in one of C columns, and each in equal bins.
+    """M closed intervals [low, high] of values, each in one of C columns and divided into equal bins.
 
-    A bin is what a function that does not decrease maps to the same whole number: the linear one, or the distance
-    between the two floating-point numbers, counted in floating-point numbers.  The second one tells any values apart.
+    A non-decreasing function maps the values of a bin to the same integer. This function is linear, or counts the
+    floating-point numbers from the lower end. The second function separates any two values.
     """
 
     column: Index  # (M,)
@@ -43,12 +43,12 @@ class Brackets:
     # low, high: (M,), finite, low <= high
     low: Array
     high: Array
-    ordered: Mask  # (M,): whether the bins are those of floating-point numbers
-    bins: int  # of each bracket
+    ordered: Mask  # (M,): whether the bins count floating-point numbers
+    bins: int  # number of bins of each bracket
 
     @cached_property
     def _scale(self) -> Array:
-        """Bins per unit; 0 where the numbers do not allow for linear bins."""
+        """Bins per unit; 0 if linear bins are impossible."""
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             scale = self.bins / (self.high - self.low)
         usable = np.isfinite(scale) & (scale > 0) & ~self.ordered
@@ -60,7 +60,7 @@ class Brackets:
 
     @cached_property
     def _step(self) -> NDArray[np.uint64]:
-        """Floating-point numbers of a bin."""
+        """Number of floating-point numbers in a bin."""
         return (_key(self.high) - self._key) // np.uint64(self.bins) + np.uint64(1)
 
     def index(self, which: Index, x: Array) -> Index:
@@ -78,7 +78,7 @@ class Brackets:
         return found
 
     def edges(self, which: Index, number: Index) -> tuple[Array, Array]:
-        """Return closed intervals that hold the bins `number` of brackets `which`, to a few last bits."""
+        """Return closed intervals that enclose the bins `number` of brackets `which`, up to a few last bits."""
         linear = self._scale[which] > 0
         scale = np.where(linear, self._scale[which], 1.0)
         eps = 4.0 * np.finfo(float).eps
@@ -93,15 +93,15 @@ class Brackets:
         return np.maximum(low, base), np.minimum(high, self.high[which])
 
     def chosen(self, which: Index) -> Brackets:
-        """Return some of them, in the same order."""
+        """Return selected brackets, in the same order."""
         ends = self.low[which], self.high[which]
         return Brackets(self.column[which], self.group[which], *ends, self.ordered[which], self.bins)
 
     def within(self, x: Array, below: Index | None = None) -> list[tuple[Index, Array]]:
-        """Find the values of rows (K, C) that lie in brackets, and count those below each.
+        """Find the values of rows (K, C) in brackets, and count the values below each bracket.
 
-        `x` (K, C): finite; K at most 65,535; `below` (M,): what is counted is added here. Return numbers of brackets,
-        and the values in them.
+        `x` (K, C): finite values, with K at most 65,535; `below` (M,): counters, which are increased. Return indices of
+        brackets, and the values in them.
         """
         found = []
         for first, last in self._groups:
@@ -111,22 +111,23 @@ class Brackets:
             under = part < self.low[first:last]
             if below is not None:
                 below[first:last] += under.sum(axis=0, dtype=np.uint16)
-            # what is below is not above: one comparison for two
+            # a value below is not above: one comparison replaces two
             hit = np.flatnonzero((part <= self.high[first:last]) ^ under)
             found.append((first + hit % (last - first), part.ravel()[hit]))
         return found
 
     @cached_property
     def _groups(self) -> list[tuple[int, int]]:
-        """Ranges of the groups; those of a group that has all columns are in the order of the columns."""
+        """Index ranges of the groups; a group with all columns has them in order."""
         edges = np.flatnonzero(np.diff(self.group, prepend=-1, append=np.iinfo(np.int64).max))
         return [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
 
 
 class Counts:
-    """Numbers of samples below brackets and in their bins, smallest and largest samples; whole numbers in any order.
+    """Counters of samples below brackets and in their bins, with smallest and largest samples.
 
-    `columns`: c. `count`: samples so far; `smallest`, `largest` (C,): infinite before the first sample.
+    The counts are independent of the order of the samples. `columns`: C; `count`: number of samples so far; `smallest`,
+    `largest` (C,): extremes, infinite before the first sample.
     """
 
     def __init__(self, brackets: Brackets, columns: int) -> None:
@@ -139,7 +140,7 @@ class Counts:
         self._waiting = 0
 
     def add(self, x: Array) -> None:
-        """Count finite samples, shape (K, C); K as for `Brackets.within`."""
+        """Count finite samples, shape (K, C), with K as for `Brackets.within`."""
         self.count += len(x)
         np.minimum(self.smallest, x.min(axis=0), out=self.smallest)
         np.maximum(self.largest, x.max(axis=0), out=self.largest)
@@ -151,7 +152,7 @@ class Counts:
 
     @property
     def inside(self) -> Index:
-        """Numbers in the bins, shape (M, bins)."""
+        """Counts in the bins, shape (M, bins)."""
         self._flush()
         return self._inside.reshape(-1, self.brackets.bins)
 
@@ -162,7 +163,7 @@ class Counts:
 
 
 def row_blocks(parts: Iterable[Array]) -> Iterator[Array]:
-    """Cut or join rows (K, C), in their order, to blocks that fit the cache."""
+    """Split or join rows (K, C), in order, to blocks that fit the cache."""
     waiting, count = list[Array](), 0
     for part in parts:
         size = block_rows(part.shape[1])
@@ -182,18 +183,18 @@ def row_blocks(parts: Iterable[Array]) -> Iterator[Array]:
 
 
 def block_rows(columns: int) -> int:
-    """Return how many rows a block has."""
+    """Return the number of rows of a block."""
     return min(max(1, BLOCK_NUMBERS // max(1, columns)), _MOST_ROWS)
 
 
 def _key(x: Any) -> NDArray[np.uint64]:
-    """Return whole numbers in the order of floating-point numbers, neighbours for neighbours."""
+    """Map floating-point numbers to integers in the same order; neighbours have consecutive integers."""
     bits = (np.asarray(x, dtype=float) + 0.0).view(np.uint64)  # minus zero is zero
     sign = np.uint64(1 << 63)
     return np.where(bits & sign, ~bits + np.uint64(1), bits | sign)
 
 
 def _value(key: NDArray[np.uint64]) -> Array:
-    """Return the floating-point numbers of keys."""
+    """Map integers from `_key` to floating-point numbers."""
     sign = np.uint64(1 << 63)
     return np.where(key & sign, key & ~sign, ~key + np.uint64(1)).astype(np.uint64).view(np.float64)

@@ -1,4 +1,4 @@
-"""Directions of samples that are gathered chunk by chunk, in memory that does not grow with their number."""
+"""Accumulate directions of samples chunk by chunk, in memory independent of the number of samples."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ __all__ = ["CircularMoments"]
 @typechecked
 @dataclass(frozen=True, eq=False)
 class CircularMoments:
-    """Sums of sine and of 1 - cosine of angles from a reference; two of them merge into those of all samples.
+    """Sums of sine and of 1 - cosine of angles from a reference, which can be merged with sums of other samples.
 
     Attributes
     ----------
     count : int
         Number of samples.
     turns : array, shape (O,)
-        Length of a turn in the units of each output; 0: the output is no angle, and nothing is gathered of it.
+        Length of a full turn in the units of each output; 0 if the output is no angle and is ignored.
     reference : array, shape (A, ...)
-        An angle near the samples, so that no digits are lost where they deviate little, of the A outputs that are
-        angles; in radians.
+        Angle near the samples, rad, for each of the A angular outputs, so that small deviations lose no digits.
     sine, lack : array, shape (A, ...)
-        Sums of the sine, and of 1 less the cosine, of the angles less their reference.
+        Sums of the sine, and of 1 minus the cosine, of the angles relative to their reference.
 
     Examples
     --------
@@ -47,24 +46,24 @@ class CircularMoments:
 
     @classmethod
     def of(cls, response: Array, turns: Array) -> CircularMoments:
-        """Gather finite samples, shape (S, O, ...), in the units of the outputs; S may be zero.
+        """Sum over finite samples, shape (S, O, ...), in the units of the outputs; S may be zero.
 
         Parameters
         ----------
         response : array, shape (S, O, ...)
-            Samples; rows that are not finite count for nothing.
+            Samples; rows that are not finite are ignored.
         turns : array, shape (O,)
             Length of a turn of each output, in its units.
 
         Returns
         -------
         CircularMoments
-            Of these samples.
+            Sums over these samples.
 
         Raises
         ------
         uqmbd.StudyError
-            If shapes do not fit.
+            If shapes do not match.
         """
         if response.ndim < 2 or turns.shape != response.shape[1:2]:
             raise StudyError(
@@ -83,7 +82,7 @@ class CircularMoments:
         return cls(len(angles), turns, angles[0], (double * np.cos(half)).sum(axis=0), lack)
 
     def merge(self, other: CircularMoments) -> CircularMoments:
-        """Gather the samples of both."""
+        """Return the sums over the samples of both objects."""
         if not self.count or not other.count:
             return other if not self.count else self
         shift = other.reference - self.reference
@@ -95,13 +94,13 @@ class CircularMoments:
         )
 
     def statistics(self) -> dict[str, Array]:
-        """Return the further statistics of directions: circular mean and deviation.
+        """Return circular mean and standard deviation.
 
         Returns
         -------
         dict of str to numpy.ndarray
-            ``circular_mean`` and ``circular_std``, shape (O, ...), in the units of the outputs, as `circular_mean` and
-            `circular_std` have them, NaN for what is no angle; empty where nothing is one.
+            ``circular_mean`` and ``circular_std``, shape (O, ...), in the units of the outputs, as from
+            `circular_mean` and `circular_std`. Other outputs have NaN. The result is empty if no output is an angle.
         """
         angular = np.flatnonzero(self.turns)
         if not len(angular):

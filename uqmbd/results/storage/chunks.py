@@ -1,4 +1,4 @@
-"""Chunks of variables in files: the values of one output over time are contiguous."""
+"""Choose chunk shapes of variables in files, so that the values of one output over time are contiguous."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import xarray as xr
 __all__ = ["chunks_of"]
 
 SMALL = 1 << 20
-"""Bytes of a variable that is one chunk."""
+"""Maximum number of bytes of a variable that is stored as one chunk."""
 
 LARGE = 1 << 22
-"""Bytes of a chunk, about."""
+"""Approximate number of bytes of a chunk."""
 
 
 def chunks_of(variable: xr.Variable) -> tuple[int, ...]:
-    """Return the chunks of a variable: one where it is small, else one output each, at all times.
+    """Return the chunk shape of a variable: one chunk if it is small, else chunks of one output at all times.
 
-    Of what is left of a chunk the last dimensions take what they need first.
+    The other dimensions fill a chunk up to its approximate size, the last dimension first.
 
     >>> import numpy as np
     >>> chunks_of(xr.Variable(("sample", "output", "time"), np.zeros((500, 4, 401))))

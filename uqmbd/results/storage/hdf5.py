@@ -1,10 +1,10 @@
-"""HDF5 files that close even if the disk fails, and that index their contents.
+"""Provide HDF5 files that close even if the disk fails, and that cache their objects by path.
 
-For each access, h5netcdf searches an object by its path: 43 times for a variable. This takes half of the time in which
-results of many small variables are written (152 of them: 1.0 of 2.0 s) or read: here it is found once.
+For each access, h5netcdf searches an object by its path: 43 times for a variable. These searches take half of the time
+to write (152 small variables: 1.0 of 2.0 s) or read results. The classes in this module find each object once.
 
-Files have the format of HDF5 1.10 (2016): all of its structures have checksums, and a variable of one chunk needs no
-index, which would take 2 kB.
+Files have the format of HDF5 1.10 (2016). All structures of this format have checksums, and a variable of one chunk
+needs no index, which would take 2 kB.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ __all__ = ["NetcdfFile", "WriteError", "netcdf_file", "remembering"]
 
 
 class WriteError(OSError):
-    """The disk did not accept the written bytes."""
+    """Error of the disk when a file is written."""
 
 
 class _Handle(io.RawIOBase):
-    """A file that records the first failure of the disk instead of raising it, and discards later writes.
+    """File object that records the first error of the disk instead of raising it, and discards later writes.
 
-    HDF5 cannot close a file that it cannot write, and the process dies with it at its end.
+    HDF5 cannot close a file after a failed write; the process would then crash when it ends.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -54,7 +54,7 @@ class _Handle(io.RawIOBase):
         return self._place
 
     def readinto(self, buffer: Any) -> int:
-        """Read; unwritten bytes are zero."""
+        """Read bytes into a buffer; unwritten bytes are zero."""
         view = memoryview(buffer).cast("B")
         self._file.seek(self._place)
         data = self._file.read(len(view))
@@ -87,14 +87,14 @@ class _Handle(io.RawIOBase):
         return self._end
 
     def check(self) -> None:
-        """Raise the recorded error of the disk."""
+        """Raise WriteError if an error of the disk was recorded."""
         if self.problem is not None:
             raise WriteError(self.problem.errno, self.problem.strerror or str(self.problem)) from self.problem
 
 
 @functools.cache
 def remembering() -> Any:
-    """Return the class of an HDF5 file that looks each object up once."""
+    """Return a subclass of `h5py.File` that looks up each object once."""
     import h5py
 
     class RememberingGroup(h5py.Group):  # type: ignore[misc]  # h5py has no types
@@ -110,7 +110,7 @@ def remembering() -> Any:
     class RememberingFile(h5py.File):  # type: ignore[misc]  # h5py has no types
         def __init__(self, place: Any, mode: str) -> None:
             self._known: dict[str, Any] = {}
-            # the order of creation, as netCDF has it
+            # netCDF lists objects in order of creation
             written = {"track_order": True, "libver": ("v110", "v110")} if mode == "w" else {}
             super().__init__(place, mode, **written)
 
@@ -131,13 +131,13 @@ def remembering() -> Any:
 
 
 def _forget(known: dict[str, Any], gone: str) -> None:
-    """Remove cached entries of a path from the root, and of the paths below it."""
+    """Remove cached entries of a path from the root, and of all paths below it."""
     for name in [name for name in known if f"/{name.strip('/')}/".startswith(f"{gone}/")]:
         del known[name]
 
 
 class NetcdfFile:
-    """A netCDF file that h5netcdf writes; `check` raises the recorded errors of the disk."""
+    """NetCDF file that h5netcdf writes; `check` raises the recorded error of the disk."""
 
     def __init__(self, file: Any, inner: Any, handle: _Handle) -> None:
         self.file = file
@@ -145,7 +145,7 @@ class NetcdfFile:
         self._inner = inner
 
     def chunks(self, names: Iterable[str]) -> list[tuple[int, int]]:
-        """Return where the chunks of variables begin in the file, and their bytes; names are paths from the root."""
+        """Return the offsets and sizes (bytes) of the chunks of variables; names are paths from the root."""
         self._inner.flush()
         found = []
         for name in names:
@@ -157,9 +157,9 @@ class NetcdfFile:
 
 @contextmanager
 def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
-    """Create a netCDF file; it is closed in any case.
+    """Create a netCDF file, which is closed after any exception.
 
-    Raise WriteError at the end, if it could not be written; other errors are those of the context.
+    Raise WriteError at the end if the file could not be written; exceptions of the context are passed on.
 
     >>> import tempfile, xarray
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -177,6 +177,6 @@ def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
                 yield NetcdfFile(file, inner, handle)
                 handle.check()
         except Exception:
-            handle.check()  # whatever HDF5 made of it
+            handle.check()  # HDF5 reports an error of the disk by exceptions of several types
             raise
         handle.check()

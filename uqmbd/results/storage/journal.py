@@ -1,4 +1,4 @@
-"""An append-only file of records: damage affects only the record in which it occurs."""
+"""Provide an append-only file of records; damage affects only the damaged record."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uqmbd.files import no_link
 __all__ = ["Journal", "Record"]
 
 Record = tuple[dict[str, Any], dict[str, NDArray[Any]]]
-"""Noted data, in JSON, and arrays."""
+"""JSON data and arrays of a record."""
 
 _MARK = b"\x00uqmbd\xff\n"
 _HEAD = struct.Struct("<II")
@@ -28,9 +28,9 @@ _AT_ONCE = 1 << 20
 
 
 class Journal:
-    """Records in a file, each with its length and checksum.
+    """File of records, each with its length and checksum.
 
-    `path`: need not exist.
+    `path`: path of the file, which need not exist.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -45,9 +45,9 @@ class Journal:
         self.path = path
 
     def append(self, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> int:
-        """Write a record, and return where it begins.
+        """Write a record and return its offset (bytes).
 
-        Raise OSError if it cannot be written.
+        Raise OSError if the record cannot be written.
         """
         content = io.BytesIO()
         np.savez(content, **{_ABOUT: np.array(json.dumps(about))}, **arrays)  # type: ignore[arg-type]  # names as options
@@ -56,17 +56,17 @@ class Journal:
             place = file.seek(0, os.SEEK_END)
             rest = memoryview(_MARK + _HEAD.pack(len(payload), zlib.crc32(payload)) + payload)
             while rest:
-                rest = rest[file.write(rest) :]  # what a full disk takes only in part
+                rest = rest[file.write(rest) :]  # a partial write on a full disk
         return place
 
     def read(self, place: int) -> Record | None:
-        """Return the record that begins at a place, or nothing where it is damaged."""
+        """Return the record at an offset `place` (bytes), or None if the record is damaged."""
         with self.path.open("rb") as file:
             found = _payload(file, place)
         return None if found is None else _record(found)
 
     def places(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the place and the noted data of each complete record."""
+        """Yield the offset (bytes) and the JSON data of each complete record."""
         if not self.path.exists():
             return
         with self.path.open("rb") as file:
@@ -92,7 +92,7 @@ def _payload(file: Any, place: int) -> bytes | None:
 
 
 def _next(file: Any, place: int) -> int:
-    """Return where the next mark is, from a place on; -1: there is none."""
+    """Return the offset of the next mark from `place` on, bytes; -1 if there is none."""
     while True:
         file.seek(place)
         part = file.read(_AT_ONCE)
@@ -109,5 +109,5 @@ def _record(payload: bytes) -> Record | None:
             arrays = {key: stored[key] for key in stored.files}
         about = json.loads(str(arrays.pop(_ABOUT)))
         return (about, arrays) if isinstance(about, dict) else None
-    except Exception:  # noqa: BLE001 - whatever is wrong with it, the work is done again
+    except Exception:  # noqa: BLE001 - after any error the chunk is computed again
         return None

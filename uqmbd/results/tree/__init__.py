@@ -1,8 +1,8 @@
-"""The result of a study: the nodes of its methods, their outputs without a time, and the comparison of both.
+"""Result of a study: nodes of the methods, their outputs over time, scalar outputs, and the comparison of both.
 
-Outputs without a time are the child ``scalars`` of a propagator's node.  It has the form of the node itself, without
-the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or ``scalars/chaos``, and attributes that say how
-these numbers came about.
+Scalar outputs, which have no time, are in the child ``scalars`` of a propagator's node. The child has the form of the
+node itself, without the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or ``scalars/chaos``, and
+attributes with the origin of these numbers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Conformance of components: derivatives, energy, events, and the methods of propagation on their mechanisms."""
+"""Conformance of components: derivatives, energy, events, and propagation methods on their mechanisms."""
 
 from __future__ import annotations
 

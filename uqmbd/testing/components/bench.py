@@ -1,4 +1,4 @@
-"""A component on a bench: what is derived of it, with random values of whatever it declares, in random states."""
+"""Test fixture of a component: derived equations with random values of all parameters, in random states."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ REALISATIONS = 3
 
 @dataclass(frozen=True)
 class Bench:
-    """Fixture of a component: its equations, for some realisations of its parameters."""
+    """Fixture of a component: equations for some realisations of the parameters."""
 
-    title: str  # in messages
-    case: ComponentCase  # the mechanism
+    title: str  # title in messages
+    case: ComponentCase  # case with the mechanism
     instance: Instance  # the component as a block
     parameters: ParameterMap  # map from inputs to the parameters of the block
     inputs: Array  # (K, input) random
 
     @classmethod
     def of(cls, title: str, case: ComponentCase, rng: np.random.Generator) -> Bench:
-        """Derive the component's block."""
+        """Derive the block of the component."""
         instance = instances_of([case.component], case.mechanism.space)[0]
         joint = case.mechanism.inputs
         uniform = rng.uniform(0.05, 0.95, (REALISATIONS, len(joint)))
@@ -41,7 +41,7 @@ class Bench:
         return cls(title, case, instance, ParameterMap.of(instance.parameters, joint.variables), inputs)
 
     def kernel(self, kind: str) -> tuple[Kernel, list[Any]]:
-        """Compile one kind of equations of the block; what each result is comes with it."""
+        """Compile one kind of equations of the block; return the kernel and the meaning of each result."""
         derived = derive(self.instance.type)
 
         def make() -> tuple[Kernel, list[Any]]:
@@ -53,7 +53,7 @@ class Bench:
         return result
 
     def state(self, rng: np.random.Generator) -> dict[str, Array]:
-        """Return random values of all variables by letter, shape (K, count); no constraint holds."""
+        """Return random values of all variables by letter, shape (K, count), without regard to constraints."""
         counts = Counter(letter for letter, *_ in derive(self.instance.type).arguments("jacobian"))
         found = {letter: rng.normal(size=(REALISATIONS, count)) for letter, count in counts.items()}
         found["q"] = random_coordinates(self.case.mechanism.space, rng, REALISATIONS, len(self.instance.bodies))
@@ -61,7 +61,7 @@ class Bench:
         return found
 
     def evaluate(self, kind: str, state: dict[str, Array], parameters: Array) -> Array:
-        """Return the results of one kind, shape (K, result)."""
+        """Return the results of one kind of equations, shape (K, result)."""
         letters = dict.fromkeys(letter for letter, *_ in derive(self.instance.type).arguments(kind))
         arguments = np.concatenate([*(state[letter] for letter in letters), parameters], axis=1)
         return self.kernel(kind)[0](np.ascontiguousarray(arguments))

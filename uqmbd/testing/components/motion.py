@@ -11,14 +11,14 @@ __all__ = ["displaced", "random_turn", "random_unit", "virtual_motions"]
 
 
 def random_unit(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Return random vectors of length one, the last axis being that of their entries."""
+    """Return random unit vectors with their entries along the last axis."""
     found: Array = rng.normal(size=shape)
     found /= np.linalg.norm(found, axis=-1, keepdims=True)
     return found
 
 
 def random_turn(space: Space, rng: np.random.Generator) -> Array:
-    """Return the quaternion of a random rotation, a half-angle pair in the plane, or nothing where bodies do not turn.
+    """Return the quaternion of a random rotation, a half-angle pair in the plane, or an empty array without rotation.
 
     >>> import uqmbd
     >>> random_turn(uqmbd.Planar(), np.random.default_rng(0)).shape
@@ -28,10 +28,10 @@ def random_turn(space: Space, rng: np.random.Generator) -> Array:
 
 
 def displaced(space: Space, turn: Array, values: Array, shift: Array | None = None) -> Array:
-    """Turn coordinates, rates or forces (bodies * size,) about the world's origin by a unit quaternion, and shift.
+    """Rotate coordinates, rates or forces (bodies * size,) about the world origin by a unit quaternion, and shift them.
 
-    The map of the coordinates is orthogonal, so that generalised forces transform like rates. Only coordinates are
-    shifted (dimension,).
+    The map of the coordinates is orthogonal, so generalised forces transform like rates. Only coordinates have a shift
+    (dimension,).
 
     >>> import uqmbd
     >>> half_turn = np.array([0.0, 1.0])
@@ -50,9 +50,10 @@ def displaced(space: Space, turn: Array, values: Array, shift: Array | None = No
 
 
 def virtual_motions(space: Space, q: Array) -> Array:
-    """Return the rates of coordinates (bodies * size,) in the rigid motions of all bodies: a row for each.
+    """Return the rates of coordinates (bodies * size,) for the rigid motions of all bodies, one row for each motion.
 
-    These are translations along the axes; where bodies turn, also rotations about the axes through the world's origin.
+    The motions are translations along the axes and, for bodies that rotate, rotations about the axes through the world
+    origin.
 
     >>> import uqmbd
     >>> virtual_motions(uqmbd.Planar(), np.array([1.0, 0.0, 1.0, 0.0]))[2]

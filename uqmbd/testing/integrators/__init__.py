@@ -1,4 +1,4 @@
-"""Conformance of integrators, of realisations and of projected equations."""
+"""Conformance of integrators of realisations and of projected equations."""
 
 from __future__ import annotations
 

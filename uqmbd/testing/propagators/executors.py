@@ -1,4 +1,4 @@
-"""Who computes and who listens while a propagator is checked: both keep count of what is done."""
+"""Executor and progress receiver for checks of propagators."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Interrupter", "Interruption", "RecordingExecutor"]
 
 
 class RecordingExecutor(Executor):
-    """Executor in this process that computes on pickled copies, as another process would, and counts."""
+    """Executor that computes here on pickled copies, as another process would, and counts chunks and realisations."""
 
     def __init__(self) -> None:
         self.chunks = self.realisations = 0
@@ -23,10 +23,10 @@ class RecordingExecutor(Executor):
         work, arguments, keywords = pickle.loads(pickle.dumps((fn, args, kwargs)))  # noqa: S301 - made by ourselves
         try:
             found = work(*arguments, **keywords)
-        except Exception as error:  # noqa: BLE001 - handed to whoever waits for the result
+        except Exception as error:  # noqa: BLE001 - passed to the receiver of the result
             future.set_exception(error)
             return future
-        computed = getattr(found, "result", found)  # of an answer that says who has computed it
+        computed = getattr(found, "result", found)  # an answer that identifies its worker has this attribute
         status = getattr(computed, "status", ())
         self.chunks += 1
         self.realisations += len(status)
@@ -36,18 +36,18 @@ class RecordingExecutor(Executor):
 
 
 class Interruption(BaseException):
-    """Ends a run, as Ctrl-C does."""
+    """Exception that ends a run like Ctrl-C."""
 
 
 class Interrupter:
-    """A progress that ends the run at the first finished chunk."""
+    """Progress receiver that ends the run at the first finished chunk."""
 
     def start(self, label: str, total: int) -> None:
-        """Let it begin."""
+        """Accept the start."""
 
     def advance(self, label: str, count: int = 1) -> None:
         """Raise Interruption."""
         raise Interruption
 
     def finish(self, label: str) -> None:
-        """Hear of the end."""
+        """Accept the end."""

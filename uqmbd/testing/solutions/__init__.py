@@ -1,4 +1,4 @@
-"""Mechanisms whose motions, or whose moments, are known in closed form."""
+"""Mechanisms with closed-form motions or moments."""
 
 from __future__ import annotations
 

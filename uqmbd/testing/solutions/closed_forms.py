@@ -1,4 +1,4 @@
-"""Small mechanisms whose motions are known in closed form: what integrators are held against."""
+"""Small mechanisms with closed-form motions, as references for integrators."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GRAVITY = 9.81
 BOUNCE = 0.8
 """Coefficient of restitution."""
 MARK = 0.3
-"""Height at which it is noted that the ball falls past, m."""
+"""Height of the marker of the falling ball, m."""
 SAMPLES, GAIN = 7.0, 2.0
 """Samples per second of the controller that drives the ball, Hz, and its gain, N s/m."""
 
@@ -32,14 +32,14 @@ SAMPLES, GAIN = 7.0, 2.0
 class ClosedForm:
     """Mechanism with one random number, and its exact motion."""
 
-    name: str  # in messages
-    model: Model  # compiled
-    times: Array  # (T,) s
-    values: Array  # (K,) of the random number
+    name: str  # name in messages
+    model: Model  # compiled model
+    times: Array  # (T,) times, s
+    values: Array  # (K,) values of the random number
     exact: Callable[[Array, Array], Array]  # maps values (K, 1) and times (T,) to outputs (K, output, T)
 
     def ensemble(self, values: Array | None = None) -> Ensemble:
-        """Return realisations, of other values or its own."""
+        """Return realisations of given values, by default the values of the case."""
         return Ensemble(self.model, np.asarray(self.values if values is None else values, dtype=float)[:, None])
 
     def expected(self, values: Array | None = None, times: Array | None = None) -> Array:
@@ -60,7 +60,7 @@ def _form(mechanism: Mechanism, times: Any, values: Any, exact: Callable[[Array,
 
 @cache
 def stone() -> ClosedForm:
-    """Return a stone thrown at 0.25 s, which a time-dependent force pushes to the side.
+    """Return a stone that is thrown at 0.25 s, with a time-dependent lateral force.
 
     >>> print(stone().expected()[:, 0, -1])
     [-2.2340625 -2.0465625 -1.6715625]
@@ -82,7 +82,7 @@ def stone() -> ClosedForm:
 
 @cache
 def oscillator() -> ClosedForm:
-    """Let go 1 kg at 1 m on a spring of random stiffness."""
+    """Return a mass of 1 kg that is released at 1 m on a spring of random stiffness."""
     stiffness = uniform_variable("stiffness", 50, 150, "N/m")
     mechanism = Mechanism("oscillator", Translational())
     mass = mechanism.body("mass", mass=1, position=(1, 0))
@@ -125,7 +125,7 @@ def pendulum() -> ClosedForm:
 
 @cache
 def fading() -> ClosedForm:
-    """Push bodies by forces that are no numbers from a time on: ``F = 1.5 sqrt(end - t)``."""
+    """Return bodies with a force that is undefined after some time: ``F = 1.5 sqrt(end - t)``."""
     end = uniform_variable("end", 0.1, 5, "s")
     mechanism = Mechanism("fading", Translational())
     body = mechanism.body("body", mass=1)
@@ -140,7 +140,7 @@ def fading() -> ClosedForm:
 
 @cache
 def ball() -> ClosedForm:
-    """Return a ball that bounces on a floor with 0.8 of its speed; from the largest height it never reaches the floor.
+    """Return a ball that bounces on a floor with 0.8 of its speed; from the largest height it does not reach the floor.
 
     >>> print(impacts(np.array([1.0]), 2.5)[0].round(6))
     [0.451524 1.173961 1.751912 2.214272]
@@ -164,7 +164,7 @@ def ball() -> ClosedForm:
 
 @cache
 def driven_ball(floor: bool = True) -> ClosedForm:
-    """Let a sampled controller push the same ball along the floor, which knows nothing of impacts, or as it falls."""
+    """Return the same ball with a horizontal force of a sampled controller that ignores impacts, or in free fall."""
     height = uniform_variable("height", 0.5, 50, "m")
     mechanism = Mechanism("driven ball" if floor else "driven body", Translational(gravity=(0, -GRAVITY)))
     body = mechanism.body("ball", mass=1, position=(0, height))
@@ -178,7 +178,7 @@ def driven_ball(floor: bool = True) -> ClosedForm:
 
     def exact(h: Array, at: Array) -> tuple[Array, ...]:
         last = np.floor(at * SAMPLES + 1e-9)
-        left = (1 - GAIN / SAMPLES) ** last  # of the speed that is missing
+        left = (1 - GAIN / SAMPLES) ** last  # remaining part of the speed difference
         height = ball().exact(h, at)[:, 0] if floor else h - GRAVITY * at**2 / 2
         return height, 1 - left * (1 - GAIN * (at - last / SAMPLES)) + 0 * h
 
@@ -186,12 +186,12 @@ def driven_ball(floor: bool = True) -> ClosedForm:
 
 
 def _to_one(time: float, measured: Array) -> Array:
-    """Command a force that brings the speed to 1 m/s."""
+    """Return a force command that controls the speed to 1 m/s."""
     return GAIN * (1 - measured)
 
 
 def impacts(heights: Array, end: float) -> Array:
-    """Return the times of the impacts of the ball, shape (K, impact); NaN behind the last."""
+    """Return the times of the impacts of the ball, s, shape (K, impact); NaN after the last one."""
     first = np.sqrt(2 * heights[:, None] / GRAVITY)
     flights = 2 * BOUNCE ** np.arange(1, 40)
     found: Array = first * np.concatenate([[1.0], 1.0 + np.cumsum(flights)])
@@ -201,7 +201,7 @@ def impacts(heights: Array, end: float) -> Array:
 
 @cache
 def pulse(breaks: bool = False) -> ClosedForm:
-    """Push a body for about a thousandth of a second, or switch a force on: as ``ensemble.pace`` measures time."""
+    """Return a body with a force for about 1 ms, or with a force that is switched on, in time of ``ensemble.pace``."""
     size = uniform_variable("size", 0.5, 1.5)
     mechanism = Mechanism("switch" if breaks else "pulse", Translational())
     body = mechanism.body("body", mass=1)
@@ -220,7 +220,7 @@ def pulse(breaks: bool = False) -> ClosedForm:
 
 @cache
 def strip(longest: float = 2e-3) -> ClosedForm:
-    """Send a body over a narrow strip, which only short steps see."""
+    """Return a body that crosses a narrow strip, which only short steps resolve."""
     work = uniform_variable("work", 0.5, 1.5, "J")
     mechanism = Mechanism("strip", Translational())
     body = mechanism.body("body", mass=1, velocity=(1, 0))

@@ -1,4 +1,4 @@
-"""Small mechanisms whose moments are known: closed forms, and a quadrature of a motion that is integrated elsewhere."""
+"""Small mechanisms with known moments: closed forms, and a quadrature of an independently integrated motion."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ __all__ = ["CASES", "ReferenceSolution", "certain", "fragile"]
 
 
 RTOL = 1e-8
-"""Of the integration: its error must not count beside that of a method."""
+"""Tolerance of the integration: its error must be negligible compared with the error of a method."""
 
 GRAVITY = 9.81
 
 POPULATION = 22_500
-"""Points of the grid by which distributions are known: 150 by 150 of two inputs."""
+"""Number of grid points for the reference distributions: 150 by 150 for two inputs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceSolution:
     """Study with known moments and outputs."""
 
-    study: Study  # without propagators
+    study: Study  # study without propagators
     mean: Array  # (output, time) exact
     std: Array  # (output, time) exact
     exact: Callable[[Array], Array]  # maps inputs (K, input), in the order of the study, to outputs (K, output, time)
-    sobol_first: Array | None = None  # (input, output, time) first-order Sobol' indices; NaN where nothing varies
+    sobol_first: Array | None = None  # (input, output, time) first-order Sobol' indices; NaN without variance
 
     @cached_property
     def population(self) -> Array:
-        """Outputs (N, output, time) at a regular grid of the inputs: equally probable values of the distribution."""
+        """Return outputs (N, output, time) at a regular grid of equally probable values of the inputs."""
         joint = self.study.mechanism.inputs
         side = round(POPULATION ** (1 / len(joint)))
         middle = (np.arange(side) + 0.5) / side
@@ -93,7 +93,7 @@ def oscillator() -> ReferenceSolution:
     t = np.linspace(0, 1, 5)
 
     def expected_cosine(time: Array) -> Array:
-        """E[cos(w t)] where w^2 is uniform."""
+        """Return E[cos(w t)] for uniform w^2."""
         w = np.sqrt([[low], [high]]) * time
         lower, upper = 2 * (w * np.sin(w) + np.cos(w)) / (high - low)
         return np.where(time > 0, (upper - lower) / np.where(time > 0, time, 1.0) ** 2, 1.0)
@@ -148,7 +148,7 @@ def pendulum() -> ReferenceSolution:
 
 
 CASES: dict[str, Callable[[], ReferenceSolution]] = {"stone": stone, "oscillator": oscillator, "pendulum": pendulum}
-"""By name."""
+"""Functions that return reference solutions, by name."""
 
 
 @cache
@@ -168,7 +168,7 @@ def fragile(shortest: float, longest: float) -> Study:
 
 @cache
 def certain() -> Study:
-    """Return a study in which nothing is random."""
+    """Return a study without random inputs."""
     mechanism = Mechanism("certain", Translational(gravity=(0, -GRAVITY)))
     stone: Any = mechanism.body("stone", mass=1)
     mechanism.output("height", stone.position[1], units="m")

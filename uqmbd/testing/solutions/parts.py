@@ -1,4 +1,4 @@
-"""Components of the mechanisms whose answers are known."""
+"""Components of the mechanisms with known solutions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Spring(Component):
     stiffness = Parameter("N/m", "spring rate")
 
     def terms(self, p: Local) -> Iterator[Potential]:
-        """Yield its energy."""
+        """Yield the energy of the spring."""
         d = p.body_j.position - p.body_i.position
         yield Potential(p.stiffness * d.dot(d) / 2)
 
@@ -28,7 +28,7 @@ class Pin(Component):
     point = Parameter("m", "pinned point, frame of body j", kind="point")
 
     def terms(self, p: Local) -> Iterator[Constraint]:
-        """Yield where the point is held."""
+        """Yield the constraint of the point."""
         yield Constraint(p.body_j.point(p.point) - p.body_i.position, "pin")
 
 
@@ -39,7 +39,7 @@ class Rod(Component):
     length = Parameter("m", "length")
 
     def terms(self, p: Local) -> Iterator[Constraint]:
-        """Yield its length."""
+        """Yield the constraint of the length."""
         d = p.body_j.position - p.body_i.point(p.post)
         yield Constraint(d.dot(d) - p.length**2, "length")
 
@@ -71,14 +71,14 @@ class Strip(Component):
 
 
 class Floor(Component):
-    """A floor on which a body bounces, and a height at which it is noted that the body falls past."""
+    """A floor on which a body bounces, and a height with a marker for the falling body."""
 
     bodies = ("body",)
     restitution = Parameter("1", "coefficient of restitution")
     mark = Parameter("m", "height")
 
     def terms(self, p: Local) -> Iterator[Event]:
-        """Yield the impact, and what is noted."""
+        """Yield the impact and the marker."""
         height = p.body.position[1]
         yield Event(height, Impact(p.rate_of(height), p.restitution))
         yield Event(height - p.mark, label="passing")

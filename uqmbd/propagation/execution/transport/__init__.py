@@ -1,4 +1,4 @@
-"""How calls travel to workers, of whatever executor, and return values."""
+"""Transport of calls to workers of any executor, and of return values."""
 
 from __future__ import annotations
 

@@ -20,25 +20,25 @@ __all__ = ["Reply", "CallTerms", "answer", "records_before", "terms"]
 class CallTerms:
     """Data that accompany every call to a worker."""
 
-    versions: Versions  # required of the worker
+    versions: Versions  # software versions that the worker must have
     listener: Listener | None  # process that receives log records of the worker; None: no process
 
 
 def terms() -> CallTerms:
-    """Return the terms of calls of this process."""
+    """Return the data that accompany calls from this process."""
     return CallTerms(versions(), listener())
 
 
 @dataclass(frozen=True)
 class Reply:
-    """Answer of a worker to a call."""
+    """Reply of a worker to a call."""
 
     worker: Worker
     kind: Literal["done", "missing", "refused"]
-    """Of the answer: missing: a packed object is not there; refused: the worker has other versions."""
-    result: Any = None  # if the kind is "done"
-    seconds: float = 0.0  # wall time of the call
-    records: tuple[logging.LogRecord, ...] = ()  # log records, where the worker is another process
+    """Kind of reply; missing: the worker lacks a packed object; refused: the worker has other versions."""
+    result: Any = None  # return value if the kind is "done"
+    seconds: float = 0.0  # wall time of the call, s
+    records: tuple[logging.LogRecord, ...] = ()  # log records if the worker is another process
 
 
 def answer(asked: CallTerms, function: Callable[..., Any], *arguments: Any) -> Reply:
@@ -50,14 +50,14 @@ def answer(asked: CallTerms, function: Callable[..., Any], *arguments: Any) -> R
     with collect_records(asked.listener) as records:
         try:
             for argument in arguments:
-                if isinstance(argument, Packed):  # it is here from now on, whatever the function does
+                if isinstance(argument, Packed):  # this process now stores the object, even if the function fails
                     argument.value()
             result = function(*arguments)
         except Missing:
             return Reply(worker, "missing", records=tuple(records))
         except Exception as error:
             if records:
-                with suppress(AttributeError):  # of an error that has no attributes
+                with suppress(AttributeError):  # some errors have no attributes
                     setattr(error, _RECORDS, tuple(records))
             raise
     return Reply(worker, "done", result, time.perf_counter() - begin, tuple(records))

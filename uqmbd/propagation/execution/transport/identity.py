@@ -1,4 +1,4 @@
-"""Who computes: what has to be the same everywhere, and what may change the last bits."""
+"""Identity of workers: versions that all processes must share, and properties that may change the last bits."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from uqmbd.version import __version__
 __all__ = ["Worker", "machine_type", "this_worker", "versions"]
 
 LIBRARIES = ("numpy", "scipy", "llvmlite", "scikit-sundae")
-"""Which compute numbers, or compile what does: another version of one gives other bits."""
+"""Libraries that compute numbers or compile code: a different version may give different bits."""
 
 EXTENSIONS = (
     *("avx", "avx2", "fma", "avx512f", "avx512dq", "avx512bw", "avx512vl", "avx512vnni"),
     *("neon", "sve", "sve2"),
 )
-"""Vector extensions by which libraries choose what they run, as LLVM names them."""
+"""Names, in LLVM, of the vector extensions that determine which code the libraries run."""
 
 Versions = tuple[tuple[str, str], ...]
 
@@ -36,19 +36,19 @@ class Worker:
     """Identity of a worker."""
 
     host: str  # name of the machine
-    process: int  # number, as `thread`, that the system assigned
+    process: int  # process number in the operating system; `thread` is the thread number
     thread: int
-    versions: Versions  # names and versions of all software that must be the same everywhere
-    machine: str  # type of the machine, on which last bits depend
-    address: str = ""  # on a Dask cluster; else empty
+    versions: Versions  # names and versions of all software that must be the same in all processes
+    machine: str  # type of the machine, which affects the last bits
+    address: str = ""  # address on a Dask cluster; otherwise empty
 
     @property
     def key(self) -> tuple[str, int, int]:
-        """Key that is unique to each worker."""
+        """Return a key that is unique to each worker."""
         return self.host, self.process, self.thread
 
     def differs(self, expected: Versions) -> str:
-        """Say in words which versions are not those that are expected; empty if all are."""
+        """Describe the versions that differ from the expected ones; return an empty text if all agree."""
         wanted = dict(expected)
         return ", ".join(
             f"{name} {found} instead of {wanted.get(name, 'none')}"
@@ -59,7 +59,7 @@ class Worker:
 
 @cache
 def versions() -> Versions:
-    """Return the versions of all that has to be the same everywhere: pickles, or bits, depend on it."""
+    """Return all versions that affect pickles or bits; they must be the same in all processes."""
     found = [
         ("uqmbd", f"{__version__} (sources {_sources()})"),
         ("Python", platform.python_version().rpartition(".")[0]),
@@ -73,7 +73,7 @@ def versions() -> Versions:
 
 
 def _sources() -> str:
-    """Return a digest of the program's modules: copies of one version may have been edited."""
+    """Return a digest of the modules of uqmbd: a user may have edited a copy of the same version."""
     folder, digest = Path(__file__).parents[3], hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         digest.update(path.relative_to(folder).as_posix().encode())
@@ -91,7 +91,7 @@ def machine_type() -> str:
 
 
 def this_worker() -> Worker:
-    """Return who is here."""
+    """Return the identity of this worker."""
     return Worker(*_process(os.getpid()), threading.get_ident(), versions(), machine_type(), _address())
 
 
@@ -101,7 +101,7 @@ def _address() -> str:
         return ""
     try:
         return str(dask.get_worker().address)
-    except ValueError:  # this is none of its workers
+    except ValueError:  # this process is not a Dask worker
         return ""
 
 

@@ -1,4 +1,4 @@
-"""Log records of worker processes, which are forwarded to the process that started the run."""
+"""Forward log records of worker processes to the process that started the run."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _PLAIN = (str, int, float, bool, type(None))
 
 @dataclass(frozen=True)
 class Listener:
-    """Process that receives log records below `uqmbd`, and their levels."""
+    """Process that receives the records of the loggers below `uqmbd`, and the levels of these loggers."""
 
-    host: str  # name of its machine
-    process: int  # number that the system assigned
-    levels: tuple[tuple[str, int], ...]  # names of the loggers that have separate levels, and these
+    host: str  # name of the machine of this process
+    process: int  # process number
+    levels: tuple[tuple[str, int], ...]  # names and levels of the loggers with a separate level
 
 
 def listener() -> Listener | None:
-    """Return this process as the listener; None if it has no handler that shows or stores records.
+    """Return this process as the listener; None if no handler of the process shows or stores records.
 
     >>> listener() is None or dict(listener().levels)["uqmbd"] >= logging.NOTSET
     True
@@ -48,7 +48,7 @@ def listener() -> Listener | None:
 
 
 def _has_handler(logger: logging.Logger) -> bool:
-    """Return whether a logger, or one above it, has a handler that shows or stores records."""
+    """Return whether a logger, or one of its ancestors, has a handler that shows or stores records."""
     at: logging.Logger | None = logger
     while at is not None:
         if any(not _discards(handler) for handler in at.handlers):
@@ -58,17 +58,17 @@ def _has_handler(logger: logging.Logger) -> bool:
 
 
 def _discards(handler: logging.Handler) -> bool:
-    """Return whether a handler discards records, as the one that chaospy adds on import."""
+    """Return whether a handler discards records, like the handler that chaospy adds on import."""
     nowhere = isinstance(handler, logging.FileHandler) and handler.baseFilename == os.path.abspath(os.devnull)
     return nowhere or isinstance(handler, logging.NullHandler)
 
 
 @contextmanager
 def collect_records(listener: Listener | None) -> Iterator[list[logging.LogRecord]]:
-    """Collect log records of this thread at the levels of the listener; none if that is this process, or missing.
+    """Collect log records of this thread at the levels of the listener.
 
-    Handlers of this process do not receive them: processes of MPI also run the script that adds handlers, and would
-    show all records twice.
+    The list stays empty if the listener is None or this process. Handlers of this process do not receive the records:
+    MPI processes also run the script that adds handlers, and would show all records twice.
     """
     found: list[logging.LogRecord] = []
     if listener is None or (listener.host, listener.process) == (socket.gethostname(), os.getpid()):
@@ -96,7 +96,7 @@ def collect_records(listener: Listener | None) -> Iterator[list[logging.LogRecor
                 _before.clear()
 
 
-# Loggers belong to the process, and so does the record of changed levels: the threads of a worker share both.
+# Loggers belong to the process. The threads of a worker therefore share the loggers and the record of changed levels.
 _lock = threading.Lock()
 _now: list[_Collector] = []
 _before: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Objects that are sent to a worker once; later messages hold their hash only."""
+"""Objects that are sent to a worker once; later messages contain only the hash of the object."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from typing import Any
 __all__ = ["CAPACITY", "Missing", "Packed"]
 
 CAPACITY = 4
-"""Number of objects that a process stores: the most recently used."""
+"""Maximum number of objects in a process; it stores the most recently used objects."""
 
 
 class Missing(LookupError):
-    """Only the hash of an object was received, and the object is not stored here."""
+    """Error if a process received only the hash of an object that it does not store."""
 
 
 @dataclass(frozen=True)
 class Packed:
     """Pickled object, or only its hash if the receiver has the object already."""
 
-    digest: str  # of the bytes
+    digest: str  # hash of the bytes
     data: bytes | None = field(default=None, repr=False, compare=False)  # the bytes
 
     @classmethod
@@ -34,13 +34,13 @@ class Packed:
 
     @property
     def ticket(self) -> Packed:
-        """Hash without the bytes."""
+        """Return the hash without the bytes."""
         return replace(self, data=None)
 
     def value(self) -> Any:
-        """Return the object, the same one while it is among the last few.
+        """Return the object; the last few unpacked objects are cached.
 
-        Raise Missing without bytes or stored object.
+        Raise Missing if neither the bytes nor a stored object are available.
         """
         return _SHELF.value(self)
 

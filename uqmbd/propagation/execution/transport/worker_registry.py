@@ -1,4 +1,4 @@
-"""Workers that have replied: an executor does not report its number of workers, and that number may change."""
+"""Registry of replying workers: an executor does not report its number of workers, and this number may change."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from uqmbd.propagation.execution.transport.identity import Versions, Worker
 __all__ = ["AHEAD", "WorkerRegistry"]
 
 AHEAD = 64
-"""Least number of pieces that are sent before the first reply."""
+"""Minimum number of tasks that are sent before the first reply."""
 
 EACH = 4
-"""Pieces that are sent for each worker that has replied, so that new workers also receive pieces."""
+"""Number of tasks that are sent for each replying worker, so that new workers also receive tasks."""
 
 PATIENCE = 256
-"""Consecutive refusals after which the run gives up."""
+"""Number of consecutive refusals after which the run raises an error."""
 
 
 class WorkerRegistry:
-    """Workers that have replied lately, that lack a packed object, or that have refused."""
+    """Registry of workers that replied recently, lack a packed object, or refused a task."""
 
     def __init__(self, expected: Versions) -> None:
         self._expected = expected
@@ -29,33 +29,33 @@ class WorkerRegistry:
         self._lacking: set[tuple[str, int]] = set()
         self._refusers: OrderedDict[tuple[str, int], str] = OrderedDict()
         self.refused = 0
-        """Refusals since a worker accepted."""
+        """Number of refusals since the last accepted task."""
         self.typical = 0.0
-        """Typical wall time of a piece, s."""
+        """Typical wall time of a task, s."""
 
     @property
     def count(self) -> int:
-        """Number of workers that have replied lately."""
+        """Return the number of workers that replied recently."""
         return len(self._last)
 
     def wants(self, carried: int) -> bool:
-        """Return whether the next piece carries packed objects, if `carried` others do.
+        """Return whether the next task includes packed objects, if `carried` other tasks include them.
 
-        They are sent once for each process that has asked.  If some workers refuse, every piece carries them, because a
-        refusing worker may take a piece that was sent for another one.
+        Each process that lacks the objects receives them once. If some workers refuse tasks, every task includes the
+        objects, because a refusing worker may receive a task that was meant for another worker.
         """
         return len(self._lacking) > (0 if self._refusers else carried)
 
     @property
     def window(self) -> int:
-        """Most pieces that may be submitted at once."""
+        """Return the maximum number of tasks that may be submitted at once."""
         if self._refusers:
-            # a refusing worker is free at once, and would take all pieces that wait for the others
+            # a refusing worker is free at once, and would receive all tasks that wait for other workers
             return max(1, self.count + 1)
         return max(AHEAD, EACH * self.count)
 
     def done(self, worker: Worker, seconds: float) -> None:
-        """Note that a worker has done a piece."""
+        """Record that a worker has completed a task."""
         self._lacking.discard(worker.key[:2])
         self.refused = 0
         self._answers += 1
@@ -66,15 +66,15 @@ class WorkerRegistry:
         self.typical += (seconds - self.typical) / min(self._answers, 16)
 
     def missing(self, worker: Worker) -> None:
-        """Note that a worker lacks a packed object."""
+        """Record that a worker lacks a packed object."""
         self._lacking.add(worker.key[:2])
 
     def gone(self) -> None:
-        """Note that an unknown worker has died: workers that lack objects will ask again."""
+        """Record that an unknown worker has died; workers that lack objects will request them again."""
         self._lacking.clear()
 
     def refuse(self, worker: Worker) -> None:
-        """Note that a worker is of another version."""
+        """Record that a worker has another version."""
         self.refused += 1
         self._refusers[worker.key[:2]] = worker.differs(self._expected)
         while len(self._refusers) > PATIENCE:

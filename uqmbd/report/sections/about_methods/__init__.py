@@ -1,4 +1,4 @@
-"""Sections on how it came about: what each method did, how far it is to be trusted, what it cost, what failed."""
+"""Sections on methods: their procedure, accuracy, cost and failures."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ from uqmbd.report.sections.about_methods.surrogate_accuracy import GROWTH, TRUST
 __all__ = ["ABOUT_METHODS"]
 
 ABOUT_METHODS = (METHODS, COMPARISON, TRUST, GROWTH, COST, FAILURES, PROVENANCE)
-"""Sections after those of plugins, in the order of the page."""
+"""Sections after the sections of plugins, in the order of the page."""

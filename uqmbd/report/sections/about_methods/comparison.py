@@ -1,4 +1,4 @@
-"""Compare methods: which one to use, whether they agree, and their differences from the reference."""
+"""Section that compares methods: the recommendation, agreement, and differences from the reference."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["COMPARISON", "agreement"]
 
 
 def agreement(result: StudyResult) -> Content | None:
-    """Return the recommendation and the verdict of each method and output; None for one method, or older results.
+    """Return the recommendation and the verdict on each method and output; None for one method or older results.
 
-    Verdicts stand in the section that compares methods (``each``), and nowhere else; ``rows`` name them.
+    Only the comparison section shows verdicts (``each``); ``rows`` contains their names.
     """
     data, found = result.comparison, result.assessment
     compared = [one for one in found.judgements if one.kind]
@@ -47,7 +47,7 @@ _NONE = Cell("–", "")
 
 
 def describe_comparison(result: StudyResult) -> Content | None:
-    """Return what the section says; None for a single method."""
+    """Return the content of the section; None for a single method."""
     data = result.comparison
     if data is None:
         return None
@@ -59,7 +59,7 @@ COMPARISON = TemplateSection("Comparison of methods", "comparison", describe_com
 
 
 def _differences(result: StudyResult, data: xr.Dataset, *, timeless: bool = False) -> list[dict[str, Any]]:
-    """Return the rows of outputs over time, or of those without a time, which have one difference each."""
+    """Return the rows of outputs over time, or of scalar outputs, which have a single difference each."""
     prefix, dim, end, std = ("scalar_", "scalar", "", "std") if timeless else ("", "output", "_max", "std_max")
     if f"{prefix}mean_difference{end}" not in data:
         return []
@@ -86,7 +86,7 @@ def _differences(result: StudyResult, data: xr.Dataset, *, timeless: bool = Fals
 
 
 def _with_share(value: float, units: str, scale: float) -> Cell:
-    """Write a difference, and which part of a standard deviation it is where there is one."""
+    """Return a difference, and its ratio to a non-zero standard deviation, as text."""
     (cell,) = format_cells([value], units)
     share = f" ({format_percent(value / scale)})" if scale > 0 and math.isfinite(value) else ""
     return Cell(cell.number, f"{cell.rest}{share}".strip())

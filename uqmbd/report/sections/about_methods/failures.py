@@ -1,4 +1,4 @@
-"""The report's section on failures of each method: how many, by their reason, and the inputs that caused them."""
+"""Section on failures of each method: number, reasons, and inputs that separate failed and successful samples."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHOWN_REASONS = 6
 
 
 def describe_failures(result: StudyResult) -> Content:
-    """Return what the section says and shows of each method."""
+    """Return the content of the section for each method."""
     fine = [method for method in result.methods.values() if not method.failures]
     rest = [method for method in result.methods.values() if method.failures or method.lacking]
     return {"fine": _fine(fine, len(result.methods)), "methods": [_of_method(method) for method in rest]}
@@ -32,7 +32,7 @@ FAILURES = TemplateSection("Failures", "failures", describe_failures, "about_met
 
 
 def _fine(methods: Sequence[Method], count: int) -> str:
-    """Say of which methods nothing failed, in one sentence."""
+    """List the methods without failures in one sentence."""
     if not methods:
         return ""
     if len(methods) == count:

@@ -1,4 +1,4 @@
-"""Accuracy of the surrogates: stated errors, and error against cost."""
+"""Section on the accuracy of surrogates: stated errors, and error against cost."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _VERIFIED = 3
 
 
 def describe_reliability(result: StudyResult) -> Content | None:
-    """Return what the section says and shows; None if no method holds a surrogate."""
+    """Return the content of the section; None if no method has a surrogate."""
     nodes = result.nodes
     holders = surrogate_nodes(nodes)
     if not holders:
@@ -59,7 +59,7 @@ def describe_reliability(result: StudyResult) -> Content | None:
     shown = most_uncertain(result, names)
     several = max(len({order_of(nodes[m]) for m in members}) for members in groups.values()) > 2
     return {
-        # where methods are compared, what each states of its outputs stands there
+        # the comparison section shows the stated errors of each method
         "compared": agreement(result) is not None,
         "methods": [_verdicts(method, said) for method in best.values()],
         "rows": rows,
@@ -91,13 +91,13 @@ def _verdicts(method: Method, said: Assessment) -> Content:
         found = [". ".join(filter(None, (f"{name}: {texts[name]}", words.get(name)))) for name in method.names]
         jumps = [f"{name}: {words[name]}" for name in method.names if name in words]
         return {"label": label, "what": what, "problem": "", "verdicts": found, "jumps": jumps}
-    except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must stand
+    except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must remain
         problem = f"The polynomial chaos of {label} cannot be read: {type(error).__name__}: {error}"
         return {"label": label, "what": what, "problem": problem, "verdicts": (), "jumps": ()}
 
 
 def _rows(method: Method, said: Assessment) -> list[dict[str, str]]:
-    """Return the table of a method: for each output its order, cost and errors."""
+    """Return the table of a method, with the order, cost and errors of each output."""
     stated = stated_error_of(method.node)
     left_out = method.statistics.get("leave_one_out")
     gains = _gains(method)
@@ -123,7 +123,7 @@ def _rows(method: Method, said: Assessment) -> list[dict[str, str]]:
             row["error"] = format_percent(one.error, _UNKNOWN)
             row["horizon"] = "never" if first is None else f"{first:.4g} s"
         if left_out is not None and one.varies:
-            # where hardly anything spreads, a share of the spread is any number
+            # for a very small standard deviation, a ratio to it has no meaning
             spreads = varies_over_time(method.statistics["std"].values[k], method.statistics["mean"].values[k])
             square = float(np.max(left_out.values[k], where=spreads, initial=0.0))
             row["left_out"] = format_percent(math.sqrt(square), _UNKNOWN)
@@ -132,10 +132,10 @@ def _rows(method: Method, said: Assessment) -> list[dict[str, str]]:
 
 
 def _gains(method: Method) -> list[str]:
-    """Say by how much each order divides what is missing, at the time of the largest standard deviation."""
+    """State the reduction factor of the error for each order, at the time of the largest standard deviation."""
     try:
         rate = chaos_of(method.node).decay()["rate"].values
-    except Exception:  # noqa: BLE001 - said where the verdicts are
+    except Exception:  # noqa: BLE001 - reported with the verdicts
         return ["–"] * len(method.names)
     places = np.nan_to_num(method.statistics["std"].values, nan=-1.0).argmax(axis=-1)
     decades = [float(rate[k, place]) for k, place in enumerate(places)]
@@ -198,7 +198,7 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
 def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]:
     try:
         reference, found = orders_of(nodes, name)
-    except Exception:  # noqa: BLE001 - said where the figure would be
+    except Exception:  # noqa: BLE001 - reported in place of the figure
         return []
     words = []
     for row in found:
@@ -215,10 +215,10 @@ def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]
 
 
 def growth(result: StudyResult) -> Content | None:
-    """Return what the section says and shows; None if the study did not ask for it.
+    """Return the content of the section; None if the study has no convergence levels.
 
-    Return ``problem`` (empty, or why there is nothing else), ``reference``, ``outputs`` (name, words, figure, rows),
-    ``problems`` of single levels and ``note``: which outputs are left out.
+    ``problem`` is the reason why other keys are missing, or empty. Other keys are ``reference``, ``outputs`` (name,
+    words, figure, rows), ``problems`` of single levels, and ``note`` (omitted outputs).
     """
     data = result.convergence
     if data is None:
@@ -280,7 +280,7 @@ def _growth_of(data: xr.Dataset, o: int, name: str) -> Content:
 
 
 def _in_words(data: xr.Dataset, m: int, o: int) -> str:
-    """Say how far the error of the standard deviation of a method falls, and how fast."""
+    """State the reduction of the error of the standard deviation of a method, and its rate."""
     error, runs = data["std_error_l2"].values[m, :, o], data["realisations"].values[m]
     known = np.flatnonzero(np.isfinite(error))
     method = str(data["method"].values[m])

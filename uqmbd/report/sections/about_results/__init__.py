@@ -1,4 +1,4 @@
-"""Sections on what came out: outputs, requirements and events, and the inputs that they come from."""
+"""Sections on results: outputs, requirements, events, and inputs."""
 
 from __future__ import annotations
 
@@ -27,4 +27,4 @@ __all__ = [
 ]
 
 ABOUT_RESULTS = (EXPLORE, REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, INPUTS)
-"""Sections after the first screen and before those of plugins, in the order of the page."""
+"""Sections between the first screen and the sections of plugins, in the order of the page."""

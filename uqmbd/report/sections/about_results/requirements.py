@@ -1,4 +1,4 @@
-"""What the report says of requirements: how probably each is violated, by each method, and over time."""
+"""Section on requirements: the probability of violation by each method, and over time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["REQUIREMENTS"]
 
 
 def _rows(result: StudyResult) -> Content:
-    """Return the table: a row for each requirement and method, and who contradicts whom."""
+    """Return the table with a row for each requirement and method, and the methods that contradict each other."""
     found = answers(result.nodes)
     rows = [
         {
@@ -33,7 +33,7 @@ def _rows(result: StudyResult) -> Content:
 
 
 def content(result: StudyResult) -> Content | None:
-    """Return what the section says and shows; None if there are no requirements."""
+    """Return the content of the section; None if there are no requirements."""
     if not answers(result.nodes):
         return None
     drawn = []
@@ -57,7 +57,7 @@ def _data(result: StudyResult) -> dict[str, xr.Dataset]:
 
 
 def _words(result: StudyResult) -> list[str]:
-    """Say where probabilities come from, and what widens their intervals."""
+    """State the source of the probabilities, and the errors that widen their intervals."""
     said = []
     for label, data in _data(result).items():
         sentence = f"{label}: {data.attrs.get('how', 'as the method defines it')}."

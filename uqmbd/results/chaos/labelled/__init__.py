@@ -1,4 +1,4 @@
-"""Surrogates and labels: inputs by their names in, values with dimensions, coordinates and units out."""
+"""Convert inputs by name to points of a surrogate, and its values to arrays with dimensions, coordinates and units."""
 
 from __future__ import annotations
 

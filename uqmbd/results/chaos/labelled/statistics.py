@@ -1,4 +1,4 @@
-"""Values and statistics of a surrogate as labelled data."""
+"""Convert values and statistics of a surrogate to labelled data."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ DERIVATIVE: Mapping[str, str] = {"name": "gradient", "long_name": "derivative wi
 
 
 def labelled_array(values: Array, points: Points, labels: Labels, about: Mapping[str, str]) -> xr.DataArray:
-    """Give values the dimensions of the points, and those of the outputs.
+    """Label values with the dimensions of the points and of the outputs.
 
-    `values` (K, O, T); `about`: `VALUE` or `DERIVATIVE`: what they are. Return with ``units`` where they are one.
+    `values` (K, O, T); `about`: name of the quantity, `VALUE` or `DERIVATIVE`. The result has the attribute ``units``
+    if all values have the same unit.
 
     >>> import numpy as np
     >>> from uqmbd.extend import labels
@@ -51,10 +52,10 @@ def surrogate_statistics(
     of_germs: tuple[Sequence[str], Array, Array] | None,
     stated: tuple[Array, Array] | None,
 ) -> xr.Dataset:
-    """Build the dataset of statistics, and state which of them are from samples."""
-    # `shape_samples` are those of skewness and kurtosis, 0: exact; `samples` those of quantiles, of which `wanted` were
-    # asked for and `terms` allow no more; `of_germs` has names of germs and their first-order and total indices, where
-    # inputs are dependent; `stated` has the stated error (O, T) and the factor by which it may be off
+    """Build the dataset of statistics, with attributes for statistics from samples."""
+    # `shape_samples`: samples for skewness and kurtosis, 0 if exact; `samples`: samples for quantiles, fewer than the
+    # requested `wanted` if there are many `terms`; `of_germs`: names, first-order and total indices of the germs, for
+    # dependent inputs; `stated`: stated error (O, T) and its uncertainty factor
     found = statistics_dataset(labels, **values)
     if shape_samples:
         for name in ("skewness", "kurtosis"):

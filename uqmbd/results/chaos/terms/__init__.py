@@ -1,4 +1,4 @@
-"""Moments of sums of orthonormal terms: standard deviation, skewness and kurtosis, and shares of the variance."""
+"""Compute standard deviation, skewness, kurtosis and variance shares of sums of orthonormal terms."""
 
 from __future__ import annotations
 

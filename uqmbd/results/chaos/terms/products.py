@@ -1,4 +1,4 @@
-"""Products of basis polynomials in the basis: the sparse table of E[psi_i psi_j psi_k]."""
+"""Expand products of basis polynomials in the basis, by the sparse table of E[psi_i psi_j psi_k]."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ if TYPE_CHECKING:
 __all__ = ["ProductTable", "product_count", "product_table"]
 
 
-# A linearisation coefficient below this, relative to the largest of its pair, is rounding of a zero.
+# A linearisation coefficient below this fraction of the largest of its pair counts as zero.
 _ZERO = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class ProductTable:
-    """Square of a chaos from products of its coefficients: ``matrix @ (f[i] * f[j])``."""
+    """Table to compute the square of a chaos from products of its coefficients: ``matrix @ (f[i] * f[j])``."""
 
-    pairs: Index  # (N, 2) terms i <= j; the pair of different ones counts twice, which the matrix holds
+    pairs: Index  # (N, 2) terms i <= j; the matrix contains the factor 2 of pairs with i < j
     matrix: Any  # scipy.sparse.csr_array (Q, N)
     position: Index  # (P,) row of the square's coefficients that belongs to each term of the chaos
     terms: int  # Q
 
 
 def product_count(index: Index, germs: Sequence[Germ]) -> tuple[int, int]:
-    """Return the number of pairs of terms (i <= j, without the mean), and of all their non-zero products."""
+    """Return the number of pairs of terms (i <= j, without the mean), and the number of their non-zero products."""
     tables = [_nonzeros(germ, int(top))[0] for germ, top in zip(germs, index.max(axis=0), strict=True)]
     terms = len(index) - 1
     total = 0.0
@@ -44,12 +44,12 @@ def product_count(index: Index, germs: Sequence[Germ]) -> tuple[int, int]:
 
 
 def product_table(index: Index, germs: Sequence[Germ]) -> ProductTable:
-    """Tabulate the products of all pairs of terms (P, d) but the mean: the chaos is meant to be central."""
+    """Tabulate the products of all pairs of terms (P, d) without the mean, for a centred chaos."""
     import scipy.sparse
 
     left, right = np.triu_indices(len(index) - 1)
     pairs = np.stack([left, right], axis=1) + 1
-    # one row for each pair, multiplied input by input into one row for each non-zero product
+    # start with one row for each pair; each input multiplies it to one row for each non-zero product
     owner = np.arange(len(pairs))
     value = np.where(left == right, 1.0, 2.0)
     key, own, span = np.zeros(len(pairs), dtype=np.int64), np.zeros(len(index), dtype=np.int64), 1
@@ -72,13 +72,13 @@ def product_table(index: Index, germs: Sequence[Germ]) -> ProductTable:
 
 
 def _renumbered(key: Index, own: Index) -> tuple[Index, Index, int]:
-    """Replace keys by their ranks among all keys."""
+    """Replace keys by their ranks among all keys; return also the number of different keys."""
     distinct, ranks = np.unique(np.concatenate([key, own]), return_inverse=True)
     return ranks[: len(key)], ranks[len(key) :], len(distinct)
 
 
 def _nonzeros(germ: Germ, top: int) -> tuple[Index, Index, Index, Array]:
-    """Non-zeros of E[p_i p_j p_k]: their number and start for each pair (i, j), and for each the degree k and value."""
+    """Return non-zeros of E[p_i p_j p_k]: number and start by pair (i, j), and degree k and value of each."""
     table = germ.linearisation(top)
     kept = np.abs(table) > _ZERO * np.abs(table).max(axis=2, keepdims=True)
     count = np.arange(top + 1)

@@ -1,4 +1,4 @@
-"""Sobol' indices of chaoses: shares of the squared coefficients; exact integrals over elements."""
+"""Compute Sobol' indices of chaoses from squared coefficients, or from exact integrals over elements."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ Interval = tuple[float, float]
 
 
 def first_order_masks(multi_index: Index) -> Mask:
-    """Mark, for each germ, the terms (d, P) that involve it alone."""
+    """Return masks (d, P) of terms that involve only one germ, for each germ."""
     involved = multi_index > 0
     return np.asarray((involved & (involved.sum(axis=1, keepdims=True) == 1)).T)
 
 
 def total_order_masks(multi_index: Index) -> Mask:
-    """Mark, for each germ, the terms (d, P) that involve it."""
+    """Return masks (d, P) of terms that involve a germ, for each germ."""
     return (multi_index > 0).T
 
 
 def interaction_mask(multi_index: Index, columns: Sequence[int]) -> Mask:
-    """Mark the terms (P,) that involve all of the given germs and no other."""
+    """Return the mask (P,) of terms that involve all given germs and no other germ."""
     wanted = np.zeros(multi_index.shape[1], dtype=bool)
     wanted[list(columns)] = True
     return np.asarray(np.all((multi_index > 0) == wanted, axis=1))
 
 
 def second_order_masks(multi_index: Index) -> Mask:
-    """Mark, for each pair of different germs (in the order of ``numpy.triu_indices(d, 1)``), its terms."""
+    """Return masks of terms that involve only a pair of germs, in the order of ``numpy.triu_indices(d, 1)``."""
     pairs = np.stack(np.triu_indices(multi_index.shape[1], 1), axis=1).tolist()
     masks = [interaction_mask(multi_index, pair) for pair in pairs]
     return np.array(masks, dtype=bool).reshape(-1, len(multi_index))
 
 
 def variance_shares(coefficients: Array, masks: Mask, std: Array | None = None) -> Array:
-    """Return which share of the variance each group of terms carries.
+    """Return the share of the variance of each group of terms.
 
-    `coefficients` (P, C): of an orthonormal basis; row 0 is the mean; `masks` (G, P): the terms of each group; `std`
-    (C,): standard deviation, if it is known already. Return (G, C): from 0 to 1; 0 where a column does not vary (to
-    rounding of its mean): there is no variance to share.
+    `coefficients` (P, C): coefficients in an orthonormal basis, with the mean in row 0; `masks` (G, P): terms of each
+    group; `std` (C,): standard deviation, if known. The shares (G, C) are from 0 to 1. They are 0 for a column that is
+    constant within the rounding of its mean.
 
     >>> import numpy as np
     >>> coefficients = np.array([[5.0, 5.0], [3.0, 0.0], [4.0, 0.0]])
@@ -73,19 +73,19 @@ def variance_shares(coefficients: Array, masks: Mask, std: Array | None = None) 
             unit = coefficients[1:, part] / divisor[part]
             np.matmul(weights, np.square(unit, out=unit), out=found[:, part])
     found[:, constant] = 0.0
-    # sums of shares may pass 1 by their last bits
+    # rounding may raise sums of shares above 1
     return np.minimum(found, 1.0)
 
 
 def closed_variance(
     coefficients: Array, multi_index: Index, boxes: Sequence[GermBox], mean: Array, germs: Sequence[int]
 ) -> Array:
-    """Compute Var(E[f | germs]) (C,) of outputs that are polynomials (E, P, C) in boxes that fill the germ space."""
-    # In the marginal box of an element over the germs the expectation over the others keeps the terms without these,
-    # with the probability of the element's other intervals as factor.  Where marginal boxes of elements overlap these
-    # add up, so that the expectation of the square is a sum over pairs of elements; its integrals of products of
-    # polynomials over overlaps are those of Gauss rules that are exact.  Indices of groups of variables: I. M. Sobol',
-    # Mathematics and Computers in Simulation 55 (2001) 271-280.
+    """Compute Var(E[f | germs]) (C,) of piecewise polynomial outputs (E, P, C) in boxes that fill the germ space."""
+    # The expectation of an element over the other germs consists of its terms without these germs, times the
+    # probability of its intervals in these germs. Expectations add up where marginal boxes of elements overlap. The
+    # expectation of the square is therefore a sum over pairs of elements. Gauss rules integrate the products of
+    # polynomials over overlaps exactly. Indices of groups of variables: I. M. Sobol', Mathematics and Computers in
+    # Simulation 55 (2001) 271-280.
     given = list(germs)
     others = [k for k in range(multi_index.shape[1]) if k not in given]
     kept = ~np.any(multi_index[:, others] > 0, axis=1)
