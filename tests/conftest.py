@@ -18,6 +18,27 @@ from uqmbd.dynamics import Ensemble, build, integrate
 from .clock import CLOCK
 from .mechanisms import oscillator, pendulum, rolling_wheel, sleigh, slider_crank, spatial_pendulum
 
+MANY = 12
+"""Cases of one thorough test above which `.ci/run` runs a part of them; the slow tests have them all."""
+
+PART = 3
+"""`.ci/run` runs one of so many of these cases."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark two of three cases of thorough tests with many cases as slow, except with ``thorough(every_case=True)``."""
+    cases = {}
+    for item in items:
+        marker = item.get_closest_marker("thorough")
+        if marker and not marker.kwargs.get("every_case") and not item.get_closest_marker("slow"):
+            cases.setdefault((item.parent.nodeid, getattr(item, "originalname", item.name)), []).append(item)
+    for same in cases.values():
+        if len(same) > MANY:
+            for k, item in enumerate(same):
+                if k % PART:
+                    item.add_marker(pytest.mark.slow)
+
 
 def pytest_collection_finish():
     """Search for garbage seldom, and never among modules and tests: an eighth of the time went into it, measured."""

@@ -53,7 +53,7 @@ ALONE = {
 """Pages whose examples need more than is installed for tests, and who runs them."""
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough(every_case=True)
 @pytest.mark.parametrize(
     "page", [page for page in OTHERS if page.name not in ALONE and blocks_of(page)], ids=lambda page: page.stem
 )

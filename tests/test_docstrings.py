@@ -23,7 +23,7 @@ import uqmbd
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs" / "_ext"))
 try:
-    from uqmbd_site.names import CORE, PLUGINS, kind, public_names, returned
+    from uqmbd_site.names import CORE, PLUGINS, kind, owners, public_names, returned
 finally:
     sys.path.remove(str(ROOT / "docs" / "_ext"))
 
@@ -59,6 +59,7 @@ INTERNALS = (
     "plugins/uqmbd_joints",
     "plugins/uqmbd_models",
     "plugins/uqmbd_montecarlo",
+    "plugins/uqmbd_processes",
     "plugins/uqmbd_pytest",
     "plugins/uqmbd_reliability",
     "plugins/uqmbd_springs",
@@ -101,8 +102,8 @@ def _methods():
     """Public methods of public classes by their full name, without properties and what a base has told."""
     found = {}
     for name, cls in {**CLASSES, "uqmbd.results.Surrogate": uqmbd.results.PolynomialChaos.__mro__[1]}.items():
-        for key, member in vars(cls).items():
-            inherited = any(key in vars(base) for base in cls.__mro__[1:] if base.__module__.startswith("uqmbd"))
+        for owner, key, member in ((x, *item) for x in owners(cls) for item in vars(x).items()):
+            inherited = any(key in vars(base) for base in owner.__mro__[1:] if base.__module__.startswith("uqmbd"))
             ours = not key.startswith("_") and not isinstance(member, (property, functools.cached_property))
             if ours and not inherited and _plain(member) is not None and not _of_sympy(cls, key):
                 found[f"{name}.{key}"] = member

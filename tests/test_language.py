@@ -59,7 +59,7 @@ ALLOWED: dict[str, str] = {
 
 ALLOWED_WORDS: dict[str, tuple[str, str]] = {
     "docs/project/deprecations.md": ("foretold", "the old name of a method"),
-    "uqmbd/propagation/studies/study.py": (
+    "uqmbd/propagation/studies/study_data.py": (
         "foretold",
         "`Study.foretold` was public: it warns, and leaves in version 0.2",
     ),

@@ -108,7 +108,7 @@ def test_classes_are_registered_by_name(install, loaded):
         ("import sys; sys.exit('bye')", "it cannot be loaded: SystemExit: bye"),
         ("import no_such_module_at_all", "it cannot be loaded: ModuleNotFoundError: No module named"),
         ("x = (", "it cannot be loaded: SyntaxError"),
-        ("x = 1", "implements no hook; decorate its functions"),
+        ("x = 1", "does not implement a hook; decorate its functions"),
         ("import uqmbd\n@uqmbd.hookimpl\ndef uqmbd_components(a, b): return []", "it is not a valid plugin: "),
         (
             "import uqmbd\n@uqmbd.hookimpl\ndef uqmbd_component(): return []",
@@ -234,10 +234,10 @@ def test_unknown_name_lists_what_is_installed(install, loaded, monkeypatch):
     with pytest.raises(uqmbd.StudyError) as caught:
         plugins.propagator("gess")
     text = str(caught.value)
-    assert "There is no propagator named 'gess'. Installed: guess." in text
+    assert "The propagator 'gess' is not installed. Installed: guess." in text
     assert "Could not be loaded completely: plugin 'plugin_broken'" in text
     assert plugins.propagator("guess") is registry.classes["propagators"]["guess"]
-    with pytest.raises(uqmbd.StudyError, match="no integrator named 'magic'. Installed: none."):
+    with pytest.raises(uqmbd.StudyError, match="The integrator 'magic' is not installed. Installed: none."):
         plugins.integrator("magic")
 
 
@@ -275,6 +275,7 @@ print(*(f"{info.name}={info.status}" for info in uqmbd.plugins.installed() if in
         "joints",
         "models",
         "monte-carlo",
+        "processes",
         "reliability",
         "springs",
     ]

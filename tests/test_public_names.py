@@ -78,7 +78,7 @@ def test_an_old_name_is_the_new_one_with_a_warning(module, name, now):
 )
 def test_a_renamed_name_is_found_with_a_warning(old, now):
     for module in (uqmbd, extend) if old != "Landmarks" else (extend, results):
-        with pytest.warns(DeprecationWarning, match=rf"uqmbd\.extend\.{now} now") as told:
+        with pytest.warns(DeprecationWarning, match=rf"uqmbd\.extend\.{now}\b") as told:
             assert getattr(module, old) is getattr(extend, now)
         assert [one.filename for one in told] == [__file__]
 

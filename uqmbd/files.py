@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all."""
+"""Atomic writing of files and folders, and checks of files."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ _SUFFIX = ".part"
 _OLD = "old"
 _MARK = "uqmbd"
 _MARK_TEXT = b"uqmbd writes here, and removes this folder.\n"
-"""What tells a folder for what is half written from one of the user's of such a name."""
+"""Contents of the file that distinguishes a temporary folder of uqmbd from a folder of the user."""
 
 
 def no_link(path: str | os.PathLike[str], flags: int, mode: int = 0o666) -> int:
-    """Open a file as `os.open` does, but never what a symbolic link of this name leads to; an opener for `open`.
+    """Open a file like `os.open`, but do not follow a symbolic link of this name; an opener for `open`.
 
-    Everything that is opened for writing in a folder that others may share is opened so: else a link there decides
-    what is overwritten.  A pipe does not block.
+    Use this opener to write in folders that others may share; otherwise a link could redirect the writing to another
+    file.  A pipe does not block.
     """
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), mode)
 
 
 @contextlib.contextmanager
 def regular(path: Path) -> Iterator[BinaryIO]:
-    """Open a regular file to read; a pipe or a device could keep the reader waiting for ever.
+    """Open a regular file for reading; reading from a pipe or a device could block forever.
 
-    Raise StudyError if it is something else. Raise OSError if it cannot be opened.
+    Raise StudyError if the path is not a regular file. Raise OSError if it cannot be opened.
     """
 
     def at_once(name: str, flags: int) -> int:
@@ -51,12 +51,12 @@ def regular(path: Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
-    """Yield a place beside `path` to write a file or a folder to, which takes the name if the context ends well.
+    """Yield a temporary path for a file or folder, and rename it to `path` if the context ends without an error.
 
-    A reader meets what was there before or what is there afterwards.  What is half written is removed.
+    Readers find either the old or the complete new contents.  Incomplete contents are removed.
 
-    `path`: in a folder that exists; `lasting`: whether it must survive a loss of power: it is on the disk before it
-    takes the name. Yield nothing is there yet; in a folder that its owner alone can read.
+    The folder of `path` must exist. If `lasting`, the contents survive a power loss: they are written to the disk
+    before the renaming. The temporary path does not exist yet, and only the owner can read its folder.
 
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     with replacing(Path(folder) / "a.txt") as part:
@@ -76,13 +76,13 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
             os.replace(path, place / _OLD / path.name)
         os.replace(part, path)
     if lasting:
-        with contextlib.suppress(OSError):  # folders cannot be opened everywhere
+        with contextlib.suppress(OSError):  # some systems cannot open folders
             _flush(path.parent)
 
 
 @contextlib.contextmanager
 def scratch(folder: Path) -> Iterator[Path]:
-    """Yield a new folder in another one, hence on the same file system, in which ``new`` may be made; it is removed."""
+    """Yield a new subfolder, on the file system of `folder`, for the temporary path ``new``; remove it at the end."""
     place = Path(tempfile.mkdtemp(dir=folder, prefix=_PREFIX, suffix=_SUFFIX))
     try:
         (place / _MARK).write_bytes(_MARK_TEXT)
@@ -92,9 +92,10 @@ def scratch(folder: Path) -> Iterator[Path]:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what processes that were killed left half written in a folder; nobody must be writing there.
+    """Remove incomplete files of killed processes from a folder; no process may write to the folder meanwhile.
 
-    What one had just moved away, to put something in its place, is put back.  What only has such a name is left.
+    The function restores contents that a killed process moved away but did not replace.  It does not remove folders of
+    the user with a similar name.
     """
     for part in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
         if _is_scratch(part):
@@ -107,19 +108,19 @@ def _is_scratch(place: Path) -> bool:
             return False
         with open(place / _MARK, "rb", opener=no_link) as file:
             mark = file.read(len(_MARK_TEXT) + 1)
-        # a process may be killed while it writes the mark
+        # a killed process may leave an incomplete mark
         return mark == _MARK_TEXT or (os.listdir(place) == [_MARK] and _MARK_TEXT.startswith(mark))
     except OSError:
         return False
 
 
 def _discard(scratch: Path) -> None:
-    """Remove a place beside others, but for what was there before and has not been replaced."""
+    """Remove a temporary folder, and restore older contents that have not been replaced."""
     for old in (scratch / _OLD).glob("*"):
         place = scratch.parent / old.name
         if not place.exists():
             os.replace(old, place)
-    # the mark last: what is left by who is killed here is still known
+    # remove the mark last, so that `sweep` recognises the folder if this process is killed here
     for part in (scratch / "new", scratch / _OLD):
         if part.is_dir() and not part.is_symlink():
             shutil.rmtree(part, ignore_errors=True)
@@ -130,7 +131,7 @@ def _discard(scratch: Path) -> None:
 
 
 def flush(path: Path) -> None:
-    """Have a file, or all files of a folder, on the disk, where they survive a loss of power."""
+    """Write a file, or all files of a folder, to the disk, so that they survive a power loss."""
     for file in [path, *path.rglob("*")]:
         if file.is_file():
             _flush(file)
@@ -145,26 +146,26 @@ def _flush(path: Path) -> None:
 
 
 def check_script(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a study script if there is such a file, else raise; nothing heavy is imported for it.
+    """Return the path of a study script, without importing large libraries.
 
-    Raise StudyError if there is no such file, or it is no Python file.
+    Raise StudyError if the file does not exist, or is not a Python file.
     """
     file = Path(path)
     try:
         folder, exists = file.is_dir(), file.exists()
-    except (OSError, ValueError) as error:  # a name that is too long, or has a null character
+    except (OSError, ValueError) as error:  # the name is too long, or contains a null character
         raise StudyError(f"{str(path)[:100]!r} cannot be the name of a study script: {error}.") from None
     if folder:
-        raise StudyError(f"{path} is a folder; a study script (a .py file) is expected.{_alternatives(file)}")
+        raise StudyError(f"{path} is a folder; expected a study script (a .py file).{_alternatives(file)}")
     if not exists:
-        raise StudyError(f"There is no file {path} (looked in {Path.cwd()}).{_alternatives(file.parent)}")
+        raise StudyError(f"The file {path} does not exist (current folder: {Path.cwd()}).{_alternatives(file.parent)}")
     if file.suffix != ".py":
         raise StudyError(f"{path} is not a Python file; a study script is a .py file with a module-level `study`.")
     return file
 
 
 def _alternatives(folder: Path) -> str:
-    """Name the Python files of a folder, for someone who mistyped one of them."""
+    """Return a sentence with the Python files of a folder, as alternatives to a misspelt name."""
     if not folder.is_dir():
         return ""
     names = sorted(found.name for found in folder.glob("*.py"))

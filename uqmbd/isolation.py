@@ -1,7 +1,7 @@
-"""Code of others at work: whatever it raises is held and told, and harms nobody else.
+"""Isolation of code of plugins and users: its exceptions are caught and reported, and do not affect other code.
 
-Plugins, and methods of propagation, are called within :class:`Isolated`.  Only what the user does ends the program: a
-press of Ctrl-C, or a signal that a handler in Python answers.
+Plugins and methods of propagation are called within :class:`Isolated`.  Only the user can end the program: by Ctrl-C,
+or by a signal with a handler in Python.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import threading
 import traceback
+from functools import partial
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -17,19 +18,19 @@ from uqmbd.errors import UqmbdError
 __all__ = ["ERRORS_AND_EXITS", "Isolated", "last_line", "reason_of", "release"]
 
 ERRORS_AND_EXITS = Exception, SystemExit
-"""What a method or a script may raise while the program goes on."""
+"""Exceptions of a method or a script after which the program continues."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 
 _LONGEST = 1000
-"""Characters of a text that are reported."""
+"""Largest number of characters of a reported text."""
 
 
 class Isolated:
-    """A context that holds what is raised in it instead of passing it on.
+    """Context that catches an exception and stores it in `error`.
 
-    `holding`: what is held: by default everything.  An exception that a signal caused, as Ctrl-C does, is never held.
-    `error`: what was raised.
+    `holding` contains the types of caught exceptions, by default all.  An exception caused by a signal, such as
+    Ctrl-C, is never caught.
 
     >>> with Isolated() as work:
     ...     raise SystemExit("no licence")
@@ -49,21 +50,21 @@ class Isolated:
 
     @property
     def failed(self) -> bool:
-        """Whether something was raised."""
+        """Whether an exception was caught."""
         return self.error is not None
 
     @property
     def reason(self) -> str:
-        """What was raised, in one line; empty if nothing was."""
+        """Reason of the caught exception, or an empty text."""
         return "" if self.error is None else reason_of(self.error)
 
     def __enter__(self) -> Isolated:
-        # Signals are answered in the main thread, and only there can their handlers be exchanged.
+        # Python calls signal handlers in the main thread, and only this thread can replace them.
         if threading.current_thread() is threading.main_thread():
             for number in _SIGNALS:
                 before = signal.getsignal(number)
                 if callable(before):
-                    noting = self._noting(before)
+                    noting = partial(self._note, before)
                     self._before[number] = (before, noting)
                     signal.signal(number, noting)
         return self
@@ -79,16 +80,13 @@ class Isolated:
         self.error = error
         return True
 
-    def _noting(self, before: Any) -> Any:
-        def note(number: int, frame: FrameType | None) -> Any:
-            self._signalled = True
-            return before(number, frame)
-
-        return note
+    def _note(self, before: Any, number: int, frame: FrameType | None) -> Any:
+        self._signalled = True
+        return before(number, frame)
 
 
 def reason_of(error: BaseException) -> str:
-    """Say why something failed: the message of an error of uqmbd, else the last line of the traceback and its place."""
+    """Return the reason of a failure: the message of uqmbd's own errors, or the last line of the traceback."""
     if isinstance(error, UqmbdError):
         return str(error)
     if isinstance(error, MemoryError):
@@ -97,7 +95,7 @@ def reason_of(error: BaseException) -> str:
 
 
 def last_line(error: BaseException) -> str:
-    """Say in one line the type of an error, its text, and where it was raised.
+    """Return the type, the text and the location of an error in one line.
 
     >>> last_line(ValueError("too short"))
     'ValueError: too short'
@@ -105,15 +103,15 @@ def last_line(error: BaseException) -> str:
     kind = type(error).__name__
     try:
         text = " ".join(str(error.msg if isinstance(error, SyntaxError) else error).split())
-    except BaseException:  # noqa: BLE001 - even the text of an error is code of others
-        text = "(its text cannot be made)"
+    except BaseException:  # noqa: BLE001 - the text of an error is computed by code of others
+        text = "(its text is not available, because __str__ failed)"
     line = f"{kind}: {text if len(text) <= _LONGEST else text[: _LONGEST - 3] + '...'}" if text else kind
     frames = traceback.extract_tb(error.__traceback__)
     return f"{line} ({frames[-1].filename}, line {frames[-1].lineno})" if frames else line
 
 
 def release(error: BaseException) -> None:
-    """Let go of the local variables of the frames in which something failed: they may be large."""
+    """Release the local variables of the frames of an error, which may need much memory."""
     seen: set[int] = set()
     waiting: list[BaseException | None] = [error]
     while waiting:

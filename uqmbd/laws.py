@@ -1,9 +1,10 @@
-"""Laws in a user's symbol: expressions of the user that a component takes, for components of anybody.
+"""User-defined laws: expressions in symbols of a component, for components of any package.
 
-A component declares a parameter of the kind ``option`` for the law, and says in which symbols it is written.
-`law_values` checks it, and makes numbers of each realisation of whatever else it contains, for
-`uqmbd.Component.prepare`; `law_at` inserts, for `uqmbd.Component.terms`.  A law may be a table: `uqmbd.spline` called
-with a symbol.  The symbols here are those of the laws that uqmbd has; a component of one's own may use them or others.
+A component declares the symbols, and a parameter of the kind ``option`` for the law.  In `uqmbd.Component.prepare`,
+`law_values` checks the law and returns its other quantities, such as random variables and the time.  They become
+numbers of each realisation.  In `uqmbd.Component.terms`, `law_at` inserts values for the symbols.  A law may be a
+table: `uqmbd.spline` called with a symbol.  The laws of uqmbd use the symbols of this module; custom components may use
+these or other symbols.
 
 Examples
 --------
@@ -52,33 +53,33 @@ distance = sympy.Symbol("distance", real=True)
 """Distance along a road, m."""
 
 depth = sympy.Symbol("depth", real=True)
-"""How deep two bodies overlap, m."""
+"""Penetration depth of two bodies, m."""
 
 depth_rate = sympy.Symbol("depth_rate", real=True)
 """Rate of the depth, m/s."""
 
 speed = sympy.Symbol("speed", real=True)
-"""Of sliding, m/s."""
+"""Sliding speed, m/s."""
 
 
 @typechecked
 def registered_contact_law(name: str) -> Any:  # noqa: ANN401 - a law of the package that has the contacts
-    """Return the law of contact that a plugin registers by a name, by the hook ``uqmbd_contact_laws``.
+    """Return the contact law that a plugin registers with a name, by the hook ``uqmbd_contact_laws``.
 
     Parameters
     ----------
     name : str
-        Such as ``"hertz"``.
+        Name of the contact law, such as ``"hertz"``.
 
     Returns
     -------
     object
-        What the method ``law()`` of the registered class returns: the same object each time.
+        Return value of the method ``law()`` of the registered class. Each call returns the same object.
 
     Raises
     ------
     uqmbd.StudyError
-        If no plugin registers it: the message lists those that are installed.
+        If no plugin registers this name. The message lists the installed contact laws.
 
     Examples
     --------
@@ -91,7 +92,7 @@ def registered_contact_law(name: str) -> Any:  # noqa: ANN401 - a law of the pac
 
 @functools.cache
 def _made_law(kind: Any) -> Any:
-    """Return the law of a registered class, made once."""
+    """Return the law of a registered class, created at the first call."""
     return kind().law()
 
 
@@ -104,33 +105,35 @@ def random_record(
     ends: Literal["not-a-knot", "natural", "flat"] | None = None,
     beyond: Literal["constant", "linear"] | None = None,
 ) -> sympy.Expr:
-    """Return a function of time that is another measured record in each realisation.
+    """Return a function of time that uses a randomly selected measured record in each realisation.
 
     Parameters
     ----------
     which : RandomVariable
-        Number of the record: whole numbers from 0 to K - 1. ``chaospy.DiscreteUniform(0, K - 1)`` chooses all alike.
+        Index of the record, a whole number from 0 to K - 1. ``chaospy.DiscreteUniform(0, K - 1)`` selects all records
+        with equal probability.
     times : sequence of T numbers
-        Times of the values, increasing, s.
+        Increasing times of the values, s.
     records : sequence of K sequences of T numbers
-        Measured values in their own units, record by record.
+        Measured values of each record, in the units of the record.
     ends, beyond : str, optional
-        As for `uqmbd.spline`.
+        Options as for `uqmbd.spline`.
 
     Returns
     -------
     expression
-        In `uqmbd.t` and `which`: the cubic spline through the record. It may be a force, a prescribed motion or any
-        other number of a component. At means, which no realisation has, it is the last record.
+        Cubic spline through the record, as an expression in `uqmbd.t` and `which`. It may be a force, a prescribed
+        motion or any other number of a component. If `which` is not the index of a record, the expression is the last
+        record. The mean of `which`, for example, is in general not an index.
 
     Raises
     ------
     uqmbd.StudyError
-        If `which` is no whole number, or its values are not those from 0 to K - 1; as for `uqmbd.spline`.
+        If the values of `which` are not the whole numbers from 0 to K - 1, or for the same reasons as `uqmbd.spline`.
 
     Notes
     -----
-    An output is no smooth function of the number of a record. Use a method that samples, such as Monte Carlo.
+    An output is not a smooth function of the index of a record. Use a sampling method, such as Monte Carlo.
 
     Examples
     --------
@@ -144,7 +147,7 @@ def random_record(
     """
     count, law = len(records), which.distribution
     if not count:
-        raise StudyError("random_record: records is empty; expected one record at least.")
+        raise StudyError("random_record: records is empty; expected at least one record.")
     if not getattr(law, "interpret_as_integer", False):
         raise StudyError(
             f"random_record: which is {which.name!r}, whose values are not whole numbers; expected the number of a "
@@ -153,8 +156,8 @@ def random_record(
     first, last = math.ceil(float(law.lower[0])), math.floor(float(law.upper[0]))
     if (first, last) != (0, count - 1):
         raise StudyError(
-            f"random_record: which is {which.name!r}, whose values are from {first} to {last}; expected those from "
-            f"0 to {count - 1}, the numbers of the {count} records."
+            f"random_record: which is {which.name!r}, whose values are from {first} to {last}; expected whole numbers "
+            f"from 0 to {count - 1}, the numbers of the {count} records."
         )
     tables = [spline(times, record, ends=ends, beyond=beyond) for record in records]
     cases = [(table, sympy.Eq(which, k)) for k, table in enumerate(tables[:-1])]

@@ -1,4 +1,4 @@
-"""Names, units and arguments that users give: one rule for bodies, components, outputs, random variables, methods."""
+"""Check of names, units and arguments from users, with the same rules for all objects of a study."""
 
 from __future__ import annotations
 
@@ -44,24 +44,24 @@ RESERVED_LABELS = frozenset(
         "requirements",
     }
 )
-"""Names of the parts of results, which no method can have."""
+"""Names of the parts of results, which methods cannot use."""
 
 ANY = "any"
-"""Name of the event that one requirement or another is violated."""
+"""Name of the event that at least one requirement is violated."""
 
 LONGEST_LABEL = 200
-"""Bytes of a label: it names files as well."""
+"""Largest number of bytes of a label, which is part of file names."""
 
 
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-"""Control characters, halves of characters, and what is none: files, pages and terminals cannot hold them."""
+"""Control characters, surrogates and non-characters, which files, pages and terminals cannot contain."""
 
 
 _DIGITS = re.compile(r"([0-9]+)")
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:
-    """Return by what names are sorted, so that the second of numbered ones comes before the tenth.
+    """Return the sort key of a name, with which number 2 comes before number 10.
 
     >>> sorted(["road_10", "road_2", "road_1", "mass"], key=natural_order)
     ['mass', 'road_1', 'road_2', 'road_10']
@@ -70,9 +70,9 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
 
 
 def unwritable(text: str) -> str:
-    r"""Name the first character of a text that files, pages and terminals cannot hold; empty if there is none.
+    r"""Name the first character of a text that files, pages and terminals cannot contain; empty if there is none.
 
-    Tabs and ends of lines are allowed, and so is every printable character of any script.
+    Tabs, ends of lines and printable characters of all scripts are allowed.
 
     >>> unwritable("Länge [m]"), unwritable("bell\a")
     ('', 'the control character U+0007')
@@ -88,36 +88,37 @@ def unwritable(text: str) -> str:
 
 
 def check_name(name: object, what: str) -> str:
-    """Return `name` if it can be one, else raise.
+    """Return a valid name, or raise StudyError.
 
-    `name`: what the user gave; `what`: what it is to name, for the message. Raise StudyError if it is not a text,
-    empty, contains ``/`` or a control character, or is ``time``, ``.`` or ``..``.
+    `name` is the input of the user, `what` the kind of the named object for the message. A name is invalid if it is not
+    a text, is empty, contains ``/`` or a control character, or is ``time``, ``.`` or ``..``.
 
     >>> check_name("crank", "body")
     'crank'
     """
     if not isinstance(name, str):
         raise StudyError(
-            f"{what}: the name is {name!r} ({type(name).__name__}); expected a text. The name is the first argument."
+            f"{what}: the name is {name!r} ({type(name).__name__}); expected a string as the first argument."
         )
     if not name.strip():
-        raise StudyError(f"{what}: the name is empty; give it one that you will recognise in plots and tables.")
+        raise StudyError(f"{what}: the name is empty; give a descriptive name for plots and tables.")
     mark = "'/', which separates groups in result files" if "/" in name else unwritable(name)
     if not mark and len(name.splitlines()) > 1 or set(name) & _BREAKS:
         mark = "tabs or ends of lines, which break tables and messages"
     if mark:
         raise StudyError(f"{what} {name!r}: a name cannot contain {mark}.")
     if name in (".", ".."):
-        raise StudyError(f"{what} {name!r}: that name denotes a folder; choose another one.")
+        raise StudyError(f"{what} {name!r}: this name is reserved for a folder; choose another name.")
     if name == "time":
-        raise StudyError(f"{what} 'time': that name is taken by the time axis of the results; choose another.")
+        raise StudyError(f"{what} 'time': this name is reserved for the time axis of the results; choose another name.")
     return name
 
 
 def check_label(label: object) -> str:
-    """Return the label of a method if it can name results and files, else raise.
+    """Return a valid label of a method for results and files, or raise StudyError.
 
-    `label`: what the user gave. Raise StudyError if it is no name, a name that results use themselves, or too long.
+    `label` is the input of the user. It is invalid if it is not a name, is the name of a part of results, or is too
+    long.
 
     >>> check_label("order 4")
     'order 4'
@@ -125,23 +126,23 @@ def check_label(label: object) -> str:
     name = check_name(label, "label")
     if name in RESERVED_LABELS:
         raise StudyError(
-            f"label {name!r}: that name belongs to a part of the results; choose another; reserved are "
+            f"label {name!r}: this name is reserved for a group of the results; choose another name. Reserved names: "
             f"{', '.join(sorted(RESERVED_LABELS))}."
         )
     if len(name.encode()) > LONGEST_LABEL:
         raise StudyError(
-            f"label {name[:40] + '...'!r}: it has {len(name)} characters and names files, too; take at most "
-            f"{LONGEST_LABEL} bytes."
+            f"label {name[:40] + '...'!r}: the label has {len(name)} characters; expected at most {LONGEST_LABEL} "
+            "bytes, because it is part of file names."
         )
     return name
 
 
 def check_units(units: object, where: str) -> str:
-    """Return units if they are a text, else raise; warn where they are spelt in another way than here.
+    """Return valid units; warn about unknown units and about spellings that differ from uqmbd's.
 
-    `units`: what the user gave; an empty text where there are none; `where`: what they belong to, for the message.
-    Raise StudyError if they are no text, or contain a control character. Warn by UnitsWarning if they are no units,
-    or are to be written in another way.
+    `units` is the input of the user, or an empty text without units. `where` is the object with these units, for the
+    message. Raise StudyError if `units` is not a text, or contains a control character. Warn by UnitsWarning if the
+    units are unknown, or have another spelling.
 
     >>> check_units("kg m^2", "output 'inertia'")
     'kg m^2'
@@ -152,7 +153,7 @@ def check_units(units: object, where: str) -> str:
         raise StudyError(f"{where}: units is {units!r}; units cannot contain {mark}.")
     if set(units) & _BREAKS:
         raise StudyError(f"{where}: units is {units!r}; units cannot contain tabs or ends of lines.")
-    from uqmbd.units import spelling, warn  # which `uqmbd --help` does not need
+    from uqmbd.units import spelling, warn  # imported here, because `uqmbd --help` does not need them
 
     if told := spelling(where, units):
         warn(told)
@@ -160,9 +161,9 @@ def check_units(units: object, where: str) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the known name that is nearest to a misspelt one, as the end of a sentence; empty if none is near.
+    """Return the known name nearest to a misspelt name, as the end of a sentence; empty if no name is near.
 
-    `name`: what the user gave; `known`: what there is.
+    `name` is the input of the user, `known` are the existing names.
 
     >>> did_you_mean("colocation", ["monte-carlo", "collocation"])
     "; did you mean 'collocation'?"
@@ -174,9 +175,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function refuse arguments that it does not have, as everything else is refused.
+    """Decorate a function so that wrong arguments raise StudyError instead of TypeError.
 
-    Python's own TypeError says neither which name was meant nor what there is.
+    Python's own TypeError states neither the intended argument nor the existing arguments.
 
     >>> @checked
     ... def spring(stiffness, damping=0):
@@ -201,11 +202,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def check_arguments(
     what: str, signature: inspect.Signature, arguments: Sequence[Any], keywords: Mapping[str, Any], *, bound: bool
 ) -> None:
-    """Raise unless a call fits a signature.
+    """Raise StudyError unless a call fits a signature.
 
-    `what`: what is called, for the message; `signature`: what it takes; `arguments`, `keywords`: what it is given;
-    `bound`: whether its first argument is the object or the class, which users do not see. Raise StudyError naming
-    the argument that is unknown, missing, given twice or too many.
+    `what` is the name of the function for the message. `signature` is its signature. `arguments` and `keywords` are
+    the given arguments. `bound` states whether the first argument is the object or the class, which users do not see.
+    The message names the argument that is unknown, missing, given twice or superfluous.
     """
     try:
         signature.bind(*arguments, **keywords)
@@ -240,7 +241,7 @@ def check_arguments(
 
 
 def lineage(kind: type) -> list[str]:
-    """Name a type and its bases, the nearest first, each after its package.
+    """Return the names of a type and its bases, nearest first, with the name of the package before each name.
 
     >>> lineage(StudyError)[:2]
     ['uqmbd.StudyError', 'uqmbd.UqmbdError']

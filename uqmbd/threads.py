@@ -1,8 +1,8 @@
 """Linear algebra on one thread.
 
-:func:`threadpoolctl.threadpool_limits` reads the list of the libraries of the process each time, which takes 1 to 3 ms:
-more than some chunks of realisations take. This module reads that list only after a library has been loaded. A limit
-stays until the last of its threads has ended.
+:func:`threadpoolctl.threadpool_limits` reads the list of loaded libraries at each call, which takes 1 to 3 ms. Some
+chunks of realisations take less time. This module reads the list only after a library has been loaded. Limits for the
+whole process remain until the last thread leaves its context.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ __all__ = ["one_thread"]
 
 
 class _Thread(threading.local):
-    """What one thread has to give back, and how many limits it is within."""
+    """Settings that one thread must restore, and its number of nested contexts."""
 
     def __init__(self) -> None:
-        """Begin in a thread."""
+        """Initialise the settings of a thread."""
         self.depth = 0
         self.before: dict[str, int] = {}
 
 
 class _ProcessLibraries:
-    """Libraries with threads of their own, and what the last thread has to give back."""
+    """Libraries with thread pools, and the settings that the last thread restores."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -39,7 +39,7 @@ class _ProcessLibraries:
         self.before: dict[str, int] = {}
 
     def enter(self) -> None:
-        """Limit all libraries that are loaded now."""
+        """Limit all loaded libraries to one thread."""
         with self.lock:
             loads = _loads()()
             if loads != self.loads:
@@ -49,14 +49,17 @@ class _ProcessLibraries:
             self.inside += self.thread.depth == 0
             self.thread.depth += 1
             for library in self.libraries:
-                before = self.thread.before if _per_thread(library) else self.before
+                # OpenMP has a separate number of threads for each calling thread, other libraries have one number
+                openmp = getattr(library, "threading_layer", "") == "openmp"
+                own = openmp or library.internal_api in ("openmp", "mkl")
+                before = self.thread.before if own else self.before
                 threads = library.get_num_threads()
                 before.setdefault(library.filepath, threads)
                 if threads != 1:
                     _set(library, 1)
 
     def leave(self) -> None:
-        """Give back what is this thread's, and what is everybody's if it is the last one."""
+        """Restore the settings of this thread; the last thread also restores the settings of the process."""
         with self.lock:
             self.thread.depth -= 1
             if self.thread.depth:
@@ -77,10 +80,10 @@ _PROCESS = _ProcessLibraries()
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread, so that its bits do not depend on the number of processors.
+    """Limit linear algebra to one thread, so that results are bitwise independent of the number of processors.
 
-    It may stand inside another, and in several threads at once; libraries that were loaded since the last time are
-    limited, too.
+    Contexts can be nested, and several threads can use them at the same time.  A context also limits libraries that
+    were loaded since the previous context.
     """
     _PROCESS.enter()
     try:
@@ -89,13 +92,8 @@ def one_thread() -> Iterator[None]:
         _PROCESS.leave()
 
 
-def _per_thread(library: Any) -> bool:
-    """Return whether a library has a number of threads for each thread that calls it, as OpenMP has, or one for all."""
-    return library.internal_api in ("openmp", "mkl") or getattr(library, "threading_layer", "") == "openmp"
-
-
 def _set(library: Any, threads: int) -> None:
-    """Set a number of threads, whichever thread has set the last one (threadpoolctl 3.8 lets only that one do it)."""
+    """Set the number of threads from any thread; threadpoolctl 3.8 allows it only to the thread of the last setting."""
     release = getattr(library, "clear_controlling_thread", None)
     if release is not None:
         release(force=True)
@@ -105,7 +103,7 @@ def _set(library: Any, threads: int) -> None:
 
 
 class _Object(ctypes.Structure):
-    """A library as the loader of Linux describes it: ``dl_phdr_info``."""
+    """Description ``dl_phdr_info`` of a library by the loader of Linux."""
 
     _fields_ = (
         ("address", ctypes.c_void_p),
@@ -119,7 +117,7 @@ class _Object(ctypes.Structure):
 
 @cache
 def _loads() -> Callable[[], int]:
-    """Return a function that gives another number whenever a library has been loaded: of loads, or else of modules."""
+    """Return a function of the number of library loads, or of Python modules on systems other than Linux."""
     if not sys.platform.startswith("linux"):
         return lambda: len(sys.modules)
     found = [0]

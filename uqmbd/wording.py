@@ -1,4 +1,4 @@
-"""Numbers, durations, counts and places in files as people read them."""
+"""Format numbers, durations, counts, and positions in files, as text for readers."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import math
 import re
 import traceback
 from collections.abc import Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
 __all__ = [
+    "FACTOR",
     "Cell",
     "format_at_most",
     "format_cells",
@@ -18,6 +20,7 @@ __all__ = [
     "format_factor",
     "format_integer",
     "format_number",
+    "format_part",
     "format_percent",
     "format_power",
     "format_quantity",
@@ -30,20 +33,28 @@ __all__ = [
 ]
 
 _POWER = re.compile(r"(?:\^|\*\*)(?:\((-?\d+)\)|(-?\d+)(?![\d.]))")
-_TIMES = re.compile(r"\s*\*\s*")
+_SIGN = re.compile(r"\s*([*·⋅×/])\s*")
+_SPACE = re.compile(r"(?<=[^\s,])\s+")
+_JOINING = re.compile(r"[\s/·()]")
 LIBRARIES = ("uqmbd", "sympy", "numpy", "scipy", "chaospy")
-"""Whose lines say nothing of a mistake to those who call them."""
+"""Packages whose lines in a traceback do not help users to find their mistake."""
 
 SMALLEST_SHARE = 1e-6
-"""Errors below this part are stated as below it: rounding decides their exact values."""
+"""Least relative error with a stated value; smaller errors are stated as below this value, because of rounding."""
+
+FACTOR = 1.05
+"""Least relative error that is stated as a factor; a smaller factor, rounded to two digits, would be 1."""
+
+SMALLEST_IN_PER_CENT = 1e-6
+"""Probability below which a power of ten is used, even next to a probability in per cent, to avoid many zeros."""
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def format_number(value: float, error: float | None = None) -> str:
-    """Write a number for reading: four digits, or as many as its standard error allows.
+    """Return a number as text with four digits, or with as many digits as its standard error allows.
 
-    `error`: standard error, shown with two digits.
+    `error` is the standard error, shown with two digits.
 
     >>> format_number(0.150123), format_number(-1.5e-7), format_number(0.0)
     ('0.1501', '−1.5 × 10⁻⁷', '0')
@@ -61,7 +72,7 @@ def format_number(value: float, error: float | None = None) -> str:
         mantissa = f"{value / 10.0**exponent:.4g}" if exponent > -300 else f"{value:.3e}".split("e")[0]
         return f"{minus(mantissa)} × {format_power(exponent)}"
     exponent = math.floor(math.log10(max(abs(value), error)))
-    # Plain digits only where all of them mean something: 33080 ± 3816 claims too much.
+    # without a power of ten, all digits must be significant: 33080 ± 3816 has too many digits
     scale = 0 if -3 <= exponent < 5 and error < 99.5 else exponent
     decimals = max(0, scale - math.floor(math.log10(error)) + 1)
     text = f"{minus(f'{value / 10.0**scale:.{decimals}f}')} ± {error / 10.0**scale:.{decimals}f}"
@@ -69,7 +80,7 @@ def format_number(value: float, error: float | None = None) -> str:
 
 
 def power_of_ten(size: float) -> int:
-    """Tell by which power of ten numbers of a size are divided, for reading: 0 where they are short without.
+    """Return the exponent of ten for the display of numbers of a given size; 0 if the numbers are short without it.
 
     >>> [power_of_ten(size) for size in (0.0, 0.0012, 0.00098, 99999.0, 123456.0)]
     [0, 0, -4, 0, 5]
@@ -79,7 +90,7 @@ def power_of_ten(size: float) -> int:
 
 
 def format_power(power: int) -> str:
-    """Write a power of ten; nothing for one.
+    """Return a power of ten as text; an empty text for the exponent 0.
 
     >>> format_power(-4), format_power(12), format_power(0)
     ('10⁻⁴', '10¹²', '')
@@ -88,7 +99,7 @@ def format_power(power: int) -> str:
 
 
 def format_quantity(value: float, units: str, error: float | None = None) -> str:
-    """Write a number as :func:`format_number` does, with its units as :func:`typeset_units` does, if it has any.
+    """Return a number as from :func:`format_number`, with any units as from :func:`typeset_units`.
 
     >>> format_quantity(0.150123, "m", 0.00134), format_quantity(2.0, "1"), format_quantity(float("nan"), "m")
     ('0.1501 ± 0.0013 m', '2', 'unknown')
@@ -100,7 +111,7 @@ def format_quantity(value: float, units: str, error: float | None = None) -> str
 
 
 class Cell(NamedTuple):
-    """A number in a table, in two parts that are aligned on either side: the number, and its error and units."""
+    """Number in a table, in two parts for separate alignment: the number, and its error and units."""
 
     number: str
     rest: str
@@ -113,10 +124,11 @@ class Cell(NamedTuple):
 def format_cells(
     values: Sequence[float], units: str = "", errors: Sequence[float] = (), scale: float = 0.0
 ) -> list[Cell]:
-    """Write numbers of one quantity that stand below each other: all with the same digits behind the point.
+    """Return the cells of a column with numbers of one quantity, with equal numbers of decimals.
 
-    `errors`: standard errors; NaN where there is none; `scale`: size of the quantity, where that is more than the
-    values. Return as many digits as the smallest error asks for, or four of the largest number, six at the most.
+    `errors` are standard errors, or NaN if there is none. `scale` is the size of the quantity, if it exceeds the
+    values. The smallest error determines the number of digits. Without errors, the largest number has four digits.
+    The largest number has at most six digits.
 
     >>> [str(cell) for cell in format_cells([0.46485, 0.4653], "m", [0.00048, float("nan")])]
     ['0.46485 ± 0.00048 m', '0.46530 m']
@@ -151,39 +163,42 @@ def format_cells(
 
 
 def typeset_units(units: str) -> str:
-    """Write units for reading: whole powers raised, products with a dot, nothing for a pure number ("1").
+    """Return units for display: powers as superscripts, products with a dot or a thin space, nothing for "1".
 
-    All that reports, figures and tables on the terminal show of units comes from here.
+    Reports, figures and tables on the terminal show units in this form. A thin space does not break, and a text
+    with a per cent sign ("% of std") keeps its spaces.
 
-    >>> [typeset_units(u) for u in ("m/s^2", "kg*m**2", "s^-1", "N m", "m^(1/2)", "1", "")]
-    ['m/s²', 'kg·m²', 's⁻¹', 'N m', 'm^(1/2)', '', '']
+    >>> [typeset_units(u) for u in ("m/s^2", "kg*m**2", "s^-1", "m^(1/2)", "1", "")]
+    ['m/s²', 'kg·m²', 's⁻¹', 'm^(1/2)', '', '']
+    >>> [typeset_units(u).replace("\N{NARROW NO-BREAK SPACE}", "_") for u in ("N m", "kg m^2 / s", "N/m, N m/rad")]
+    ['N_m', 'kg_m²/s', 'N/m, N_m/rad']
     """
-    text = units.strip()
-    if text == "1":
+    if units.strip() == "1":
         return ""
-    text = _POWER.sub(lambda found: (found[1] or found[2]).translate(_SUPERSCRIPTS), text)
-    return _TIMES.sub("·", text)
+    raised = _POWER.sub(lambda found: (found[1] or found[2]).translate(_SUPERSCRIPTS), units.strip())
+    text = _SIGN.sub(lambda found: "/" if found[1] == "/" else "·", raised)
+    return text if "%" in text else _SPACE.sub("\N{NARROW NO-BREAK SPACE}", text)
 
 
 def reciprocal_units(units: str) -> str:
-    """Write the units of a density over a quantity: those of one over it, typeset.
+    """Return the units of a density over a quantity: the reciprocal of its units, typeset.
 
-    >>> [reciprocal_units(u) for u in ("m", "m/s^2", "1/s", "N m", "kg*m^2/s", "1")]
-    ['1/m', 's²/m', 's', '1/(N m)', '1/(kg·m²/s)', '']
+    >>> [reciprocal_units(u) for u in ("m", "m/s^2", "1/s", "N*m", "kg*m^2/s", "1")]
+    ['1/m', 's²/m', 's', '1/(N·m)', '1/(kg·m²/s)', '']
     """
     text = typeset_units(units)
     if not text:
         return ""
     over, slash, under = text.partition("/")
-    if slash and not any(c in over + under for c in " /·()"):
+    if slash and not _JOINING.search(over + under):
         return under if over == "1" else f"{under}/{over}"
-    return f"1/({text})" if any(c in text for c in " /·") else f"1/{text}"
+    return f"1/({text})" if _JOINING.search(text) else f"1/{text}"
 
 
 def format_duration(seconds: float, rough: bool = False) -> str:
-    """Write a duration for reading.
+    """Return a duration in s as text.
 
-    `rough`: whether it passes while one reads: in tenths of a second at the most, and in whole ones from ten on.
+    `rough` is used for a running clock: it shows tenths of a second at most, and whole seconds from 10 s on.
 
     >>> [format_duration(s) for s in (0.0123, 4.56, 75.0, 7300.0, float("nan"))]
     ['12 ms', '4.6 s', '1 min 15 s', '2 h 1 min', 'unknown']
@@ -205,7 +220,7 @@ def format_duration(seconds: float, rough: bool = False) -> str:
 
 
 def format_integer(number: float) -> str:
-    """Write a whole number, from five digits on in groups of three.
+    """Return a whole number as text, in groups of three digits if it has at least five digits.
 
     >>> format_integer(1234), format_integer(1234567).replace(" ", "_")
     ('1234', '1_234_567')
@@ -215,7 +230,7 @@ def format_integer(number: float) -> str:
 
 
 def format_count(number: int, one: str, many: str | None = None) -> str:
-    """Write how many there are of something.
+    """Return a number of objects as text, with the singular or plural of the noun.
 
     >>> format_count(1, "sample"), format_count(3, "body", "bodies")
     ('1 sample', '3 bodies')
@@ -224,7 +239,7 @@ def format_count(number: int, one: str, many: str | None = None) -> str:
 
 
 def format_factor(factor: float) -> str:
-    """Write by how much something is multiplied or divided, with two digits, or all of a whole number.
+    """Return a factor as text, with two digits, or as a whole number from 10 on.
 
     >>> [format_factor(x) for x in (1.0, 6.63, 9.97, 118.6)]
     ['1', '6.6', '10', '119']
@@ -233,7 +248,7 @@ def format_factor(factor: float) -> str:
 
 
 def format_percent(share: float, unknown: str = "–") -> str:
-    """Write a share that is an error in per cent, with two digits; one that is not finite is ``unknown``.
+    """Return a relative error in per cent as text, with two digits; return `unknown` if it is not finite.
 
     >>> [format_percent(x) for x in (0.0123, 0.08, 0.1204, 1.7, 2e-9, 0.0, float("nan"))]
     ['1.2 %', '8.0 %', '12 %', '170 %', 'below 0.0001 %', '0 %', '–']
@@ -247,18 +262,33 @@ def format_percent(share: float, unknown: str = "–") -> str:
     return f"{f'{100 * share:#.2g}'.rstrip('.')} %" if share < 0.995 else f"{100 * share:.0f} %"
 
 
-def format_at_most(share: float) -> str:
-    """Write a bound of an error in per cent, as a part of a sentence.
+def format_at_most(share: float, whole: str) -> str:
+    """Return a bound of an error relative to `whole` as text, in per cent, or as a factor above one.
 
-    >>> [format_at_most(x) for x in (0.0123, 2e-9, 0.0, float("nan"))]
-    ['at most 1.2 %', 'below 0.0001 %', 'at most 0 %', 'an unknown part']
+    >>> [format_at_most(x, "the range") for x in (0.0123, 2e-9, 0.0, float("nan"))]
+    ['at most 1.2 % of the range', 'below 0.0001 % of the range', 'at most 0 % of the range',
+     'an unknown part of the range']
+    >>> format_at_most(30.9, "the range")
+    'larger than the range, up to 31 times as large'
     """
+    if FACTOR <= share < math.inf:
+        return f"larger than {whole}, up to {format_factor(share)} times as large"
     text = format_percent(share, "an unknown part")
-    return f"at most {text}" if math.isfinite(share) and not 0 < share < SMALLEST_SHARE else text
+    return f"{'at most ' if math.isfinite(share) and not 0 < share < SMALLEST_SHARE else ''}{text} of {whole}"
+
+
+def format_part(share: float, whole: str) -> str:
+    """Return an error relative to `whole` as text, in per cent, or as a factor above one.
+
+    >>> [format_part(x, "the range") for x in (0.0123, 1.0, 30.9, float("nan"))]
+    ['1.2 % of the range', '100 % of the range', '31 times the range', '– of the range']
+    """
+    above = FACTOR <= share < math.inf
+    return f"{format_factor(share)} times {whole}" if above else f"{format_percent(share)} of {whole}"
 
 
 def format_share(share: float) -> str:
-    """Write the part that something has of a whole in per cent.
+    """Return a share in per cent as text.
 
     >>> [format_share(x) for x in (0.5, 0.0123, 1e-5, float("nan"))]
     ['50 %', '1.2 %', '0 %', '–']
@@ -268,32 +298,40 @@ def format_share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.0995 else (f"{100 * share:.1f} %" if share >= 0.0005 else "0 %")
 
 
-def format_probability(value: float, width: float = 0.0) -> str:
-    """Write a probability with two digits, or as many as distinguish it from one or resolve a width.
+def format_probability(value: float, width: float = 0.0, largest: float = 0.0) -> str:
+    """Return a probability as text, with at least two digits.
 
-    `width`: of the interval whose ends are to differ.
+    More digits distinguish the probability from 1, or resolve `width`: the width of an interval whose ends must differ
+    in the text. `largest` is the upper end of the interval; the text uses the same power of ten, or per cent, as for
+    the upper end.
 
     >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 0.999995, 1.0, float("nan"))]
     ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '99.9995 %', '100 %', 'not known']
     >>> format_probability(0.18, 0.0005), format_probability(3.204e-7, 1e-9)
     ('18.00 %', '3.204 × 10⁻⁷')
+    >>> format_probability(5.917e-5, largest=8e-4), format_probability(3.2e-7, largest=4.9e-5)
+    ('0.0059 %', '0.032 × 10⁻⁵')
     """
     if not math.isfinite(value):
         return "not known"
     if value in (0.0, 1.0):
         return f"{100 * value:.0f} %" if value else "0"
-    resolved = math.ceil(-math.log10(50 * width) - 1e-9) if width > 0 else 0  # decimals, per cent: a quarter of it
+    # decimals in per cent, with a rounding error of at most a quarter of the width
+    resolved = math.ceil(-math.log10(50 * width) - 1e-9) if width > 0 else 0
     size = math.floor(math.log10(100 * value))
-    if value < 1e-4:
-        mantissa, exponent = f"{value:.{min(max(1, resolved + size), 12)}e}".split("e")
-        return f"{mantissa.removesuffix('.0')} × {format_power(int(exponent))}"
+    if value < 1e-4 and (largest < 1e-4 or value < SMALLEST_IN_PER_CENT):
+        alike = value if largest >= 1e-4 or value < 1e-4 * largest else max(value, largest)
+        own, exponent = (int(f"{one:.1e}".split("e")[1]) for one in (value, alike))
+        decimals = min(max(1 - own + exponent, resolved + 2 + exponent), 12)
+        mantissa = f"{Decimal(value).scaleb(-exponent):.{decimals}f}"
+        return f"{mantissa.removesuffix('.0')} × {format_power(exponent)}"
     digits = 2 if value < 0.9 else 3 if value < 0.999 else 4
     apart = math.ceil(-math.log10(100 * (1 - value))) if value > 0.999 else 0
     return f"{100 * value:.{min(max(digits - 1 - size, resolved, apart, 0), 12)}f} %"
 
 
 def format_interval(value: float, lower: float, upper: float) -> str:
-    """Write a probability with the interval that it lies in.
+    """Return a probability with its interval as text.
 
     >>> format_interval(0.02, 0.012, 0.031), format_interval(0.0, 0.0, 0.00597), format_interval(0.1, 0.0, 1.0)
     ('2.0 % (1.2 % to 3.1 %)', '0 (at most 0.60 %)', '10 % (may be anything)')
@@ -302,14 +340,17 @@ def format_interval(value: float, lower: float, upper: float) -> str:
     """
     if lower <= 0 and upper >= 1 and not math.isfinite(value):
         return "not known"
-    return f"{format_probability(value, resolved_width(lower, upper))} ({format_interval_ends(lower, upper)})"
+    text = format_probability(value, resolved_width(lower, upper), min(max(upper, 0.0), 1.0))
+    return f"{text} ({format_interval_ends(lower, upper)})"
 
 
 def format_interval_ends(lower: float, upper: float) -> str:
-    """Write the interval that a probability lies in, with digits that distinguish its ends.
+    """Return the interval of a probability as text, with enough digits to distinguish its ends.
 
     >>> format_interval_ends(0.012, 0.031), format_interval_ends(0.0, 0.00597), format_interval_ends(0.0, 1.0)
     ('1.2 % to 3.1 %', 'at most 0.60 %', 'may be anything')
+    >>> format_interval_ends(4.2e-6, 8.8e-5), format_interval_ends(4.2e-6, 8.8e-4)
+    ('0.42 × 10⁻⁵ to 8.8 × 10⁻⁵', '0.00042 % to 0.088 %')
     """
     if lower <= 0 and upper >= 1:
         return "may be anything"
@@ -318,22 +359,22 @@ def format_interval_ends(lower: float, upper: float) -> str:
     if upper >= 1:
         return f"at least {format_probability(lower)}"
     width = resolved_width(lower, upper)
-    return f"{format_probability(lower, width)} to {format_probability(upper, width)}"
+    return f"{format_probability(lower, width, upper)} to {format_probability(upper, width)}"
 
 
 def resolved_width(lower: float, upper: float) -> float:
-    """Return the width that digits are to resolve; 0 of an interval with one end, or of rounding."""
+    """Return the width that digits must resolve; 0 for a one-sided interval, or a width at the level of rounding."""
     width = upper - lower
     return width if lower > 0 and upper < 1 and width > 1e-12 * upper else 0.0
 
 
 def minus(text: str) -> str:
-    """Write minus signs as such, not as hyphens."""
+    """Replace hyphens in a text by minus signs."""
     return text.replace("-", "−")
 
 
 def place_of(error: BaseException) -> str:
-    """File and line in which an error came up, as a part of a sentence; of calls of libraries, that of the call."""
+    """Return the file and line of an error as a part of a sentence; for a library, the line that calls the library."""
     frames = list(traceback.walk_tb(error.__traceback__))[1:]
     theirs = [x for x in frames if x[0].f_globals.get("__name__", "").partition(".")[0] not in LIBRARIES]
     if not frames:

@@ -1,4 +1,4 @@
-"""From a study and its records to cases: the unknown inputs, their records, and their operating points."""
+"""Arrangement of a study and its records: unknown inputs, operating points, and the records of each machine."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = ["Arrangement", "arrange"]
 
 
 SAME = 1e-10
-"""Difference of times, over the largest, up to which they are one."""
+"""Difference of times, relative to the largest time, up to which times are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """Unknowns of a calibration, and the records that inform them."""
+    """Unknowns of a calibration, and the data that inform them."""
 
     unknowns: Unknowns
     points: tuple[OperatingPoint, ...]  # each with the times of its records
     cases: tuple[MachineRecords, ...]  # machines at operating points
 
     def physical(self, vectors: Array) -> Array:
-        """Return the unknown inputs (K, D), in their units, of vectors of unknowns (K, N)."""
+        """Return the unknown inputs (K, D), in their units, for vectors of unknowns (K, N)."""
         values = np.empty((len(vectors), len(self.unknowns.inputs)))
         for case in self.cases:
             inputs = case.point.inputs(case.normals(vectors))
@@ -49,10 +49,10 @@ def arrange(
     executor: Executor | None,
     progress: Any,
 ) -> Arrangement:
-    """Arrange records.
+    """Return the unknowns, operating points and records of each machine.
 
-    Raise StudyError if an input of a group of dependent ones is known or individual alone. Raise it also if an input is
-    unknown, or records do not fit the study.
+    Raise StudyError if an input that depends on others is known, or is individual without them.
+    Raise it also if an input does not exist, or records do not fit the study.
     """
     inputs = study.mechanism.inputs
     _check_groups(study, records, individual)
@@ -84,8 +84,8 @@ def arrange(
         for column in case.free.tolist():
             if (values := points[known].space.germs[column].values) is not None:
                 raise uqmbd.StudyError(
-                    f"calibrate: input {inputs.names[column]!r} takes {values} values only; its posterior has no "
-                    "density. Make it a number, or state it in each record: known={...}."
+                    f"calibrate: input {inputs.names[column]!r} is discrete ({values} values), so its posterior has "
+                    "no density. Replace it by a constant, or state its value in each record with known={...}."
                 )
         cases.append(case)
     _check_levels(levels, cases, len(unknown))
@@ -93,7 +93,7 @@ def arrange(
 
 
 def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequence[str]) -> tuple[UnknownInput, ...]:
-    """Return the inputs that are not known in all records, of each machine those that are its own."""
+    """Return the inputs that some records do not state; individual inputs once for each machine."""
     found = []
     for column, name in enumerate(names):
         own = [machine for known, machine in groups if name not in dict(known)]
@@ -101,29 +101,32 @@ def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequen
             found += [UnknownInput(name, column)] if own else []
         elif not own:
             raise uqmbd.StudyError(
-                f"calibrate: individual names {name!r}, which all records know; leave it out of individual, or out of "
-                "what is known."
+                f"calibrate: individual contains {name!r}, whose value is known in all records. Remove it from "
+                "individual, or from the known inputs."
             )
         else:
             found += [UnknownInput(f"{name}[{machine}]", column, machine) for machine in dict.fromkeys(own)]
     if not found:
-        raise uqmbd.StudyError("calibrate: all inputs are known in all records; there is nothing to be found.")
+        raise uqmbd.StudyError(
+            "calibrate: all inputs are known in all records, so there is nothing to calibrate. Remove "
+            "some of the known inputs."
+        )
     return tuple(found)
 
 
 def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Sequence[str]) -> None:
-    """Refuse records that split a group of dependent inputs, inputs of few values, and machines without a name."""
+    """Check that groups of dependent inputs are not split, individual inputs exist, and machines have names."""
     inputs = study.mechanism.inputs
     unknown = [name for name in individual if name not in inputs.names]
     if unknown:
         raise uqmbd.StudyError(
-            f"calibrate: individual names {unknown[0]!r}, which is no input of the study; it has "
+            f"calibrate: individual contains {unknown[0]!r}; expected names of inputs of the study, "
             f"{', '.join(inputs.names)}."
         )
     if individual and (nameless := [record.name for record in records if not record.machine]):
         raise uqmbd.StudyError(
-            f"calibrate: individual={list(individual)!r} draws inputs for each machine anew, and record "
-            f"{nameless[0]!r} does not name its machine; give it one, as machine='rig 2'."
+            f"calibrate: individual={list(individual)!r} requires the machine of every record, but record "
+            f"{nameless[0]!r} does not state it. Set it, e.g. machine='rig 2'."
         )
     for variable in inputs.variables:
         names = set(variable.joint.names)
@@ -132,46 +135,49 @@ def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Seq
         for record in records:
             if names & set(record.known):
                 raise uqmbd.StudyError(
-                    f"calibrate: record {record.name!r} knows {', '.join(sorted(names & set(record.known)))}, which "
-                    f"depends on {', '.join(sorted(names - set(record.known))) or 'others'} by its distribution; only "
-                    "independent inputs can be known in a record."
+                    f"calibrate: record {record.name!r} states the known input "
+                    f"{', '.join(sorted(names & set(record.known)))}, which depends on "
+                    f"{', '.join(sorted(names - set(record.known))) or 'others'}. Only independent inputs can be "
+                    "known in a record."
                 )
         if 0 < len(names & set(individual)) < len(names):
             raise uqmbd.StudyError(
-                f"calibrate: {', '.join(sorted(names))} depend on each other; all of them are individual, or none is."
+                f"calibrate: individual contains only some of the dependent inputs {', '.join(sorted(names))}; "
+                "expected all of them, or none."
             )
 
 
 def _check_bias(records: Sequence[Record], bias: Mapping[str, Bias]) -> None:
-    """Refuse a bias of an output that no record contains."""
+    """Check that the records contain each output with a bias."""
     recorded = list(dict.fromkeys(name for record in records for name in record.outputs))
     for name in bias:
         if name not in recorded:
             raise uqmbd.StudyError(
-                f"calibrate: bias names {name!r}, which no record contains; records contain {', '.join(recorded)}."
+                f"calibrate: bias has the key {name!r}, which is not an output of any record; expected some of "
+                f"{', '.join(recorded)}."
             )
 
 
 def _check_levels(levels: Sequence[Level], cases: Sequence[MachineRecords], inputs: int) -> None:
-    """Refuse to find a noise level where some inputs give just the values that were measured."""
+    """Raise StudyError if the values of a record are too few to estimate the noise level together with the inputs."""
     for number, level in enumerate(levels):
         different, predicted = 0, 0
         for case in cases:
             own = [block for block in case.blocks if block.noise is None and block.level == number]
             met = {pair for block in own for pair in zip(block.columns.tolist(), block.values.tolist(), strict=True)}
-            # readings that are rounded to the same value tell no noise
+            # readings that are rounded to the same value contain no information about the noise
             different += len(met)
             predicted += len({column for column, _ in met})
         if different <= min(inputs, predicted):
             raise uqmbd.StudyError(
-                f"calibrate: the noise of {level.output!r} is not stated, and values that tell it are too few: "
-                f"{different}, where equal ones count once, beside {inputs} input{'s' if inputs > 1 else ''} to be "
-                f"found; state it, as Record.read(..., noise={{{level.output!r}: 0.01}}), or record more."
+                f"calibrate: {different} different values of {level.output!r} are too few to estimate its noise "
+                f"together with {inputs} input{'s' if inputs > 1 else ''}. State the noise, e.g. Record.read(..., "
+                f"noise={{{level.output!r}: 0.01}}), or record more values."
             )
 
 
 def _levels(records: Sequence[Record]) -> tuple[Level, ...]:
-    """Return the unknown noise levels: one for each output whose noise a record does not state."""
+    """Return the unknown noise levels: one for each output whose noise is missing in a record."""
     found: dict[str, Level] = {}
     for record in records:
         for series in record.series:
@@ -198,8 +204,9 @@ def _point(
     if still:
         if moving and times[-1] > study.times[-1] + SAME * abs(times[-1]):
             raise uqmbd.StudyError(
-                f"calibrate: records last until {times[-1]:g} s, and the study until {study.times[-1]:g} s, of whose "
-                "whole motion an output without a time is recorded, too; let the study last as long."
+                f"calibrate: the records end at {times[-1]:g} s, but the study ends at {study.times[-1]:g} s. "
+                "Because the records contain a scalar output of the whole motion, both must end at the same time; "
+                "change the output times of the study."
             )
         times = _merged(times, study.times) if moving else study.times
     if moving and len(times) == 1:
@@ -209,7 +216,7 @@ def _point(
 
 
 def _merged(*times: Array) -> Array:
-    """Return all these times, each once; of those that differ by rounding, as 0.3 and 3 * 0.1, the first."""
+    """Return all times, sorted; keep the first of times that differ only by rounding, such as 0.3 and 3 * 0.1."""
     found = np.unique(np.concatenate(times))
     return np.asarray(found[np.concatenate([[True], np.diff(found) > SAME * np.abs(found).max()])])
 
@@ -228,7 +235,7 @@ def _block(
     outputs = mechanism.scalars if series.timeless else mechanism.outputs
     columns = np.zeros(count, dtype=np.int64)
     if not series.timeless:
-        # the first of times that are the same but for rounding
+        # use the first of times that differ only by rounding
         columns = np.searchsorted(point.study.times, series.times, side="right") - 1
     level = -1
     if series.noise is None:

@@ -1,4 +1,4 @@
-"""A method that runs another one with the posterior in the place of the prior."""
+"""Method that runs another method with the posterior distribution in place of the prior distribution."""
 
 from __future__ import annotations
 
@@ -19,32 +19,33 @@ KEPT = (
     "posterior", "prior", "posterior_predictive", "prior_predictive", "observed_data", "constant_data", "fit",
     "residuals", "summary",
 )  # fmt: skip
-"""Groups of a calibration that results hold, for the report."""
+"""Groups of a calibration that are stored in results, for the report."""
 
 
 @dataclass(frozen=True)
 class Calibrated(uqmbd.extend.Propagator):
     """Run a method with the posterior of a calibration in place of the distributions of the inputs.
 
-    Inputs that were not calibrated keep their distributions.  Of those that a study does not have, the posterior of the
-    others is taken whatever they are.  A study that runs the method with and without shows in one report what was
-    learned; the two are not compared with each other, as errors of methods are.
+    Inputs without calibration keep their distributions. If a study does not have all the calibrated inputs, the method
+    uses the marginal posterior of the inputs that the study has. A study can run the method with the prior and with
+    the posterior, so that its report shows the effect of the records. The report does not count the difference as an
+    error of a method.
 
     Parameters
     ----------
     method : uqmbd.extend.Propagator
-        Any method, as ``Collocation(order=3)``.
+        Any method, such as ``Collocation(order=3)``.
     calibration : Calibration
         The posterior.
     machine : str
-        Whose, where inputs were found for each machine.
+        Machine whose inputs are used, if some inputs have a separate value for each machine.
     label : str, optional
-        Name of the results, by default ``calibrated``.
+        Name of the results. Default: ``calibrated``.
 
     Raises
     ------
     uqmbd.StudyError
-        In a run, if the study has none of the inputs, or has one in other units.
+        In a run, if the study has none of the calibrated inputs, or has one of them in other units.
 
     Examples
     --------
@@ -72,47 +73,47 @@ class Calibrated(uqmbd.extend.Propagator):
     machine: str = ""
 
     def __post_init__(self, *_: Any) -> None:
-        """Check the arguments; the method decides whether it answers requirements."""
+        """Check the arguments; take from the method whether it supports requirements."""
         super().__post_init__()
         for name, kind, example in (
-            ("method", uqmbd.extend.Propagator, "a method, as Collocation(order=3)"),
-            ("calibration", Calibration, "what calibrate() returned, or Calibration.load(path)"),
+            ("method", uqmbd.extend.Propagator, "a method, e.g. Collocation(order=3)"),
+            ("calibration", Calibration, "the result of calibrate(), or of Calibration.load(path)"),
         ):
             if not isinstance(getattr(self, name), kind):
                 given = type(getattr(self, name)).__name__
-                raise uqmbd.StudyError(f"Calibrated: {name} is of the type {given}; expected {example}.")
+                raise uqmbd.StudyError(f"Calibrated: the type of {name} is {given}; expected {example}.")
         object.__setattr__(self, "requirements", self.method.requirements)
 
     def _shared(self, names: tuple[str, ...]) -> list[str]:
-        """Return which inputs of a study are calibrated."""
+        """Return the inputs of a study that are calibrated."""
         found = {name.removesuffix(f"[{self.machine}]") for name in self.calibration.names}
         return [name for name in names if name in found]
 
     def _strange(self, names: tuple[str, ...]) -> str:
         return (
-            f"the calibration is of {', '.join(map(repr, self.calibration.names))}, none of which the study has; its "
-            f"inputs are {', '.join(map(repr, names)) or 'none'}; give the inputs of both the same names"
+            f"the calibration has the inputs {', '.join(map(repr, self.calibration.names))}, but the study has "
+            f"{', '.join(map(repr, names)) or 'none'}. Use the same input names in both"
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle of the method, or that the calibration belongs to other inputs."""
+        """Return the obstacle of the method, or an obstacle if the study has none of the calibrated inputs."""
         if not self._shared(study.mechanism.inputs.names):
             return self._strange(study.mechanism.inputs.names)
         return self.method.obstacle(study)
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Return the remarks of the method, and the inputs that keep their distributions."""
+        """Return the remarks of the method, and a remark on the inputs that keep their distributions."""
         shared = self._shared(study.mechanism.inputs.names)
         kept = [name for name in study.mechanism.inputs.names if name not in shared]
-        own = (f"{', '.join(map(repr, kept))} keep the distribution of the study",) if kept else ()
+        own = (f"the calibration does not change the distributions of {', '.join(map(repr, kept))}",) if kept else ()
         return (*self.method.remarks(study), *own)
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
-        """Return the further quantities that the method observes."""
+        """Return the additional quantities that the method observes."""
         return self.method.watches(mechanism)
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Run the method, and add the calibration to its results."""
+        """Run the method with the posterior, and add the calibration to its results."""
         problem.require_random()
         shared = self._shared(problem.inputs.names)
         if not shared:
@@ -126,7 +127,7 @@ class Calibrated(uqmbd.extend.Propagator):
             "options": json.dumps(
                 {"method": repr(self.method), "calibration": repr(self.calibration), "machine": self.machine}
             ),
-            "population": f"what {whole} say of {', '.join(shared)}",
+            "population": f"posterior of {', '.join(shared)} from {whole}",
         }
         model = problem.model
         first = "outputs" if model.outputs.names else "scalars" if model.scalars is not None else "requirements"

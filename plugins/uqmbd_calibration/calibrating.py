@@ -1,4 +1,4 @@
-"""The function that a user calls."""
+"""Public function of the calibration."""
 
 from __future__ import annotations
 
@@ -35,40 +35,41 @@ def calibrate(
 ) -> Calibration:
     """Compute the posterior of the inputs of a study from records.
 
-    The random variables of the study are what is unknown, and their distributions are what was known before.
+    The random variables of the study are the unknown inputs. Their distributions are the prior.
 
     Parameters
     ----------
     study : uqmbd.Study
-        Its times do not matter but for their start: records have times of their own.
+        Study with the mechanism. Only its first time is used, because records have their own times.
     records : Record or sequence of Record
-        What was measured.
+        Measurements.
     surrogate : uqmbd.extend.Propagator, optional
-        A method that gives a surrogate, as ``Collocation(order=4)``.  By default collocation of the highest
-        order that about half of the realisations suffice for, aligned where that is better.
-        An earlier calibration, in this process, with records at the same times: its surrogate is used again, and its
-        realisations are counted again.
+        Method that computes a surrogate, such as ``Collocation(order=4)``. Default: collocation of the highest order
+        for which about half of the realisations are enough, aligned if alignment has a smaller error. If it is an
+        earlier calibration of this process with records at the same times, its surrogate is reused. The realisations of
+        this surrogate count again.
     realisations : int, optional
-        Realisations of the mechanism, at most, for each operating point and machine; those of the surrogate count.
-        By default 200, or 45 for each random input where that is more.
+        Largest number of realisations of the mechanism for each operating point and machine, including those of the
+        surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum with more than
+        1 % of the probability may add half of this number.
     draws, chains : int
-        Draws of the posterior that are kept, all together, and independent ensembles of walkers that they come from.
+        Number of stored draws of the posterior, and of independent ensembles of walkers.
     noise : {"normal", "student"}
         Distribution of the noise; ``student`` is Student's t with 4 degrees of freedom, scaled by the stated noise, for
         records with outliers.
     bias : mapping of str to Bias, optional
-        By output, what the model may be wrong by.
+        Error of the model for each output.
     individual : sequence of str
-        Inputs that each machine has of its own; all others are shared.
+        Inputs with a separate value for each machine. All other inputs are common to all machines.
     on : {"surrogate", "mechanism"}
-        What is sampled: a surrogate that realisations confirm, or the mechanism itself, in stacks of 32 realisations,
-        which takes ten thousand of them or more; `realisations` has to allow them.
+        Evaluation of the likelihood: by a surrogate that is compared with realisations, or by the mechanism in stacks
+        of 32 realisations. The mechanism needs ten thousand realisations or more, which `realisations` must allow.
     seed : int
-        The same seed gives the same bits, whatever the number of workers.
+        Seed of the random numbers. The same seed gives the same bits for any number of workers.
     workers : int or concurrent.futures.Executor
-        Who computes realisations.
+        Number of workers, or the executor that computes the realisations.
     progress : uqmbd.extend.Progress or bool, optional
-        As of `uqmbd.Study.run`.
+        Display of the progress, as for `uqmbd.Study.run`.
 
     Returns
     -------
@@ -77,13 +78,13 @@ def calibrate(
     Raises
     ------
     uqmbd.StudyError
-        If something does not go with the study, or emcee or ArviZ are not installed.
+        If an argument does not fit the study, or emcee or ArviZ is not installed.
 
     Warns
     -----
     uqmbd.StudyWarning
-        If the mechanism does not confirm the posterior, chains have not converged, the posterior has other maxima, or
-        the model cannot explain a record.
+        If realisations of the mechanism contradict the posterior, chains have not converged, the posterior has other
+        maxima, or the model cannot explain a record.
 
     Examples
     --------
@@ -110,12 +111,14 @@ def calibrate(
     require_sampler()
     if not isinstance(on, str) or on not in ("surrogate", "mechanism"):
         raise uqmbd.StudyError(f"calibrate: on is {on!r}; expected 'surrogate' or 'mechanism'.")
+    further = 0
     if realisations is None:
         realisations = max(FEW, EACH * len(study.mechanism.inputs))
+        further = realisations // 2
     _check(study, noise, bias, {"realisations": realisations, "draws": draws, "chains": chains, "seed": seed})
     if isinstance(individual, (str, bytes)) or not isinstance(individual, Sequence):
         raise uqmbd.StudyError(
-            f"calibrate: individual is {short(individual)}; expected a list of names of inputs, as ['stiffness']."
+            f"calibrate: individual is {short(individual)}; expected a list of input names, e.g. ['stiffness']."
         )
     with uqmbd.extend.pool(workers) as executor:
         found = find(
@@ -123,6 +126,7 @@ def calibrate(
             given,
             surrogate=_method(surrogate),
             realisations=realisations,
+            further=further,
             draws=draws,
             chains=chains,
             robust=noise == "student",
@@ -147,7 +151,7 @@ def calibrate(
 
 
 def _method(surrogate: object) -> uqmbd.extend.Propagator | Found | None:
-    """Return the method of the surrogate."""
+    """Return the method or the earlier results that provide the surrogate."""
     if surrogate is None or isinstance(surrogate, uqmbd.extend.Propagator):
         return surrogate
     if isinstance(surrogate, Calibration) and isinstance(surrogate.made_by, Found):
@@ -155,20 +159,20 @@ def _method(surrogate: object) -> uqmbd.extend.Propagator | Found | None:
     read = isinstance(surrogate, Calibration)
     raise uqmbd.StudyError(
         f"calibrate: surrogate is {surrogate!r}"
-        + (", which was read from a file and has no surrogate any more" if read else "")
-        + "; expected a method, as Collocation(order=4), or what calibrate() returned in this process."
+        + (", which was loaded from a file and has no surrogate" if read else "")
+        + "; expected a method, e.g. Collocation(order=4), or a result of calibrate() from this process."
     )
 
 
 FEW, EACH = 200, 45
-"""Realisations by default: at least, and for each input, as quadratic corrections about a maximum and checks take."""
+"""Default realisations: minimum, and number for each input, for quadratic corrections about a maximum and checks."""
 
 MANY = 10**8
-"""Realisations, draws and chains, at most."""
+"""Upper limit of realisations, draws and chains."""
 
 
 def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str, Any]) -> None:
-    """Refuse options that cannot be used."""
+    """Raise StudyError if an option cannot be used."""
     if not isinstance(noise, str) or noise not in ("normal", "student"):
         raise uqmbd.StudyError(f"calibrate: noise is {noise!r}; expected 'normal' or 'student'.")
     least = {"realisations": 1, "draws": 100, "chains": 2, "seed": 0}
@@ -181,8 +185,13 @@ def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str
         return
     outputs = [*study.mechanism.outputs, *study.mechanism.scalars]
     if not isinstance(bias, Mapping) or not all(isinstance(one, Bias) for one in bias.values()):
-        raise uqmbd.StudyError(f"calibrate: bias is {bias!r}; expected a mapping as {{'force': Bias(sd=0.5)}}.")
+        raise uqmbd.StudyError(
+            f"calibrate: bias is {bias!r}; expected a mapping from outputs to Bias objects, e.g. {{'force': "
+            "Bias(sd=0.5)}."
+        )
     for name in bias:
         if not isinstance(name, str) or name not in outputs:
-            raise uqmbd.StudyError(f"calibrate: bias names {name!r}; the study has the outputs {', '.join(outputs)}.")
+            raise uqmbd.StudyError(
+                f"calibrate: bias has the key {name!r}; expected outputs of the study, {', '.join(outputs)}."
+            )
         check_size(f"calibrate: bias of {name!r}", "sd", bias[name].sd)

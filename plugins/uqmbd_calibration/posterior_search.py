@@ -1,4 +1,4 @@
-"""Posterior search: from records to draws of the posterior."""
+"""Posterior search: computation of posterior draws from records."""
 
 from __future__ import annotations
 
@@ -37,27 +37,27 @@ __all__ = ["Found", "find"]
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Results for some records."""
+    """Results of a posterior search."""
 
     arrangement: Arrangement
     inferred: Inferred
-    beforehand: tuple[Direction, ...]  # what the records cannot say, by the surrogate over the prior
-    prior: Posterior  # by the surrogate over the prior, without data of its errors
-    notes: tuple[str, ...]  # what the method that made the surrogate warned of
-    method: str  # which that was
-    nodes: tuple[list[xr.DataTree], ...]  # what it made, of each operating point
-    spent: tuple[int, ...]  # realisations that it took
+    beforehand: tuple[Direction, ...]  # directions that the records do not determine, by the surrogate over the prior
+    prior: Posterior  # by the surrogate over the prior, without its stated errors
+    notes: tuple[str, ...]  # warnings of the method that computed the surrogate
+    method: str  # name of this method
+    nodes: tuple[list[xr.DataTree], ...]  # surrogates of each operating point
+    spent: tuple[int, ...]  # realisations of the surrogate at each operating point
 
     def given(self, place: int, point: OperatingPoint) -> list[xr.DataTree]:
-        """Return the surrogates of an operating point for another one that is the same, at which they count.
+        """Return the surrogates of an operating point, and add their realisations to those of an equal point.
 
-        Raise StudyError if it is another one.
+        Raise StudyError if the points differ.
         """
         points = self.arrangement.points
         if place >= len(points) or not point.same(points[place]):
             raise uqmbd.StudyError(
-                "calibrate: surrogate is a calibration of other inputs, outputs, times or known values; give it one of "
-                "the same study and the same times of the records, or a method, as Collocation(order=3)."
+                "calibrate: surrogate is a calibration with different inputs, outputs, times or known values. Use a "
+                "calibration of the same study and record times, or a method, e.g. Collocation(order=3)."
             )
         point.spent += self.spent[place]
         return self.nodes[place]
@@ -69,6 +69,7 @@ def find(
     *,
     surrogate: uqmbd.extend.Propagator | Found | None,
     realisations: int,
+    further: int,
     draws: int,
     chains: int,
     robust: bool,
@@ -79,7 +80,7 @@ def find(
     executor: Executor | None,
     progress: Any,
 ) -> Found:
-    """Find the posterior of the unknown inputs."""
+    """Return the posterior of the unknown inputs."""
     arranged = arrange(
         study,
         records,
@@ -111,7 +112,7 @@ def find(
         notes += [str(one.message) for one in told]
 
     def build(cases: tuple[MachineRecords, ...], *, doubted: bool = True) -> Posterior:
-        """Return the posterior by the surrogates over the prior; their stated errors add to the noise."""
+        """Return the posterior by the surrogates over the prior, with their stated errors added to the noise."""
         predictors = tuple(read_prior_surrogates(nodes[id(case.point)], case.point, case.blocks) for case in cases)
         if doubted:
             cases = tuple(
@@ -143,6 +144,7 @@ def find(
         chains=chains,
         seed=int(seeds[2]),
         mechanism=mechanism,
+        further=further,
     )
     made = tuple(nodes[id(point)] for point in arranged.points)
     if isinstance(surrogate, Found):
@@ -151,14 +153,14 @@ def find(
 
 
 REACH, LOOKED_AT = 1e5, 256
-"""Deviations beyond which rounding hides the likelihood of a value, and points of the prior that are checked."""
+"""Deviation beyond which rounding hides the likelihood of a value, and number of checked points of the prior."""
 
 
 def _check_reach(prior: Posterior, seed: int) -> None:
-    """Refuse values that are so far from all that the study gives that their likelihood cannot be computed.
+    """Raise StudyError if values are so far from all predictions that their likelihood cannot be computed.
 
-    The square of a deviation is the log-likelihood, of which the rest must still be seen in 64 bits.  A noise with
-    heavy tails, or one that is found from the values, holds them.
+    The log-likelihood contains the square of a deviation, and 64 bits must still resolve its other terms. A noise with
+    heavy tails, or a noise level that is estimated from the values, has no such limit.
     """
     vectors = np.zeros((LOOKED_AT, prior.unknowns.dimension))
     inputs = len(prior.unknowns.inputs)
@@ -179,15 +181,15 @@ def _check_reach(prior: Posterior, seed: int) -> None:
                 at = f"no. {worst + 1}" if block.timeless else f"at {block.times[worst]:g} s"
                 raise uqmbd.StudyError(
                     f"calibrate: record {block.record!r}, output {block.output!r}: the value {at} is "
-                    f"{block.values[worst]:g}, and what the study gives there is from {low[worst]:g} to "
-                    f"{high[worst]:g}: {away[worst]:.2g} standard deviations of the noise away, so that its likelihood "
-                    "cannot be computed in 64 bits. Leave out a value that is wrong (nan), state a larger noise, or "
-                    "use noise='student' for records with outliers."
+                    f"{block.values[worst]:g}, but the results of the study are between {low[worst]:g} and "
+                    f"{high[worst]:g}. The distance is {away[worst]:.2g} standard deviations of the noise, for which "
+                    "the likelihood cannot be computed in 64 bits. Replace a wrong value by nan, state a larger noise, "
+                    "or use noise='student' for records with outliers."
                 )
 
 
 def _described(node: xr.DataTree) -> str:
-    """Return the method of a surrogate, with the options that matter to the reader."""
+    """Return the method of a surrogate with the options that matter to the reader."""
     said = [str(node.attrs["propagator"])]
     options = json.loads(node.attrs.get("options", "{}"))
     said += [f"{name} {options[name]}" for name in ("order", "alignment") if options.get(name) is not None]

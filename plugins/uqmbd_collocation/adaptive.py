@@ -1,8 +1,9 @@
-"""Dimension-adaptive sparse grids: tensor projections where they matter, in the order in which they matter."""
+"""Dimension-adaptive sparse grids, which add tensor projections in order of their contribution."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -16,19 +17,20 @@ from uqmbd_collocation.sparse_grids import Level, in_order, lower_levels, nodes_
 __all__ = ["DEEPEST", "refine_dimensions"]
 
 DEEPEST = 12
-"""Highest level of a germ: 25 nodes, degree 24."""
+"""Highest level of a germ, with 25 nodes and degree 24."""
 
 
 @dataclass
 class _Grid:
     """Tensor projections of a downward closed set of levels, by the combination technique.
 
-    The sum is that of :class:`~uqmbd_collocation.sparse_grids.SparseProjection`, one level after the other.
+    The result is the same as for :class:`~uqmbd_collocation.sparse_grids.SparseProjection`, but levels are added one by
+    one.
     """
 
     runs: CollocationRuns
     total: dict[Level, Array] = field(default_factory=dict)
-    """Coefficients by the degrees of their terms."""
+    """Coefficients (O, T), keyed by the degrees of their terms."""
     found: dict[Level, dict[Level, Array]] = field(default_factory=dict)
 
     def nodes(self, levels: list[Level]) -> Array:
@@ -36,13 +38,13 @@ class _Grid:
         return nodes_of_levels(self.runs.space, levels)
 
     def projection(self, level: Level) -> dict[Level, Array]:
-        """Coefficients of the tensor projection of a level, by the degrees of their terms."""
+        """Return the coefficients of the tensor projection of a level, keyed by the degrees of their terms."""
         if level not in self.found:
             self.found[level] = tensor_projection(self.runs, level).terms
         return self.found[level]
 
     def surplus(self, level: Level) -> dict[Level, Array]:
-        """Return the surplus of a level over all smaller ones: the product of differences of successive levels."""
+        """Return the surplus of a level over all smaller levels: the product of differences of successive levels."""
         total: dict[Level, Array] = {}
         for sign, lower in lower_levels(level):
             for term, value in self.projection(lower).items():
@@ -50,7 +52,7 @@ class _Grid:
         return total
 
     def add(self, level: Level) -> tuple[Array, Array]:
-        """Add a level, and return by how much it changes the mean and the variance, each (O, T)."""
+        """Add a level, and return the resulting changes of mean and variance, each (O, T)."""
         mean: Array | float = 0.0
         variance: Array | float = 0.0
         for term, value in self.surplus(level).items():
@@ -70,11 +72,11 @@ class _Grid:
         return np.array([self.total[term] for term in terms]), index
 
     def children(self, level: Level, done: set[Level]) -> tuple[list[Level], bool]:
-        """Return the next levels that have all smaller ones, and whether the depth cut any off."""
+        """Return the next levels whose smaller levels are all in `done`, and whether the depth limit removed one."""
         found, cut = [], False
         for k, germ in enumerate(self.runs.space.germs):
             if germ.values is not None and 2 * level[k] + 1 >= germ.values:
-                continue  # its values are all nodes already
+                continue  # all values of this germ are nodes already
             if level[k] == DEEPEST:
                 cut = True
                 continue
@@ -87,13 +89,13 @@ class _Grid:
 
 @dataclass(frozen=True)
 class _Scale:
-    """Scale of changes: the standard deviation (O, T), and its largest over time (O,)."""
+    """Scale of changes: the standard deviation (O, T), and its maximum over time (O,)."""
 
     std: Array
     largest: Array
 
     def measure(self, mean: Array, variance: Array) -> tuple[float, float]:
-        """Size of changes of mean and variance (O, T): in the mean and in the standard deviation."""
+        """Return the size of changes of mean and variance (O, T) as changes of mean and standard deviation."""
         less = np.sqrt(np.maximum(self.std**2 - np.abs(variance), 0.0))
         in_mean = (np.abs(mean).max(axis=-1) / self.largest).max()
         return float(in_mean), float(((self.std - less).max(axis=-1) / self.largest).max())
@@ -102,24 +104,26 @@ class _Scale:
 def refine_dimensions(
     runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, limits: Limits, label: str
 ) -> Refinement:
-    """Refine a sparse grid where mean and standard deviation change most, until the changes meet the tolerance.
+    """Refine a sparse grid by the largest changes of mean and standard deviation, until the changes meet `limits`.
 
-    The changes of all levels without successors are added up (Gerstner and Griebel, Computing 71 (2003) 65-87). The
-    tolerance is not met while the error at the verification points exceeds it. Raise StudyError if the allowed
-    realisations do not suffice for the first levels.
+    The criterion compares the tolerance with the sum of the changes of all levels without successors (Gerstner and
+    Griebel, Computing 71 (2003) 65-87). The refinement also continues while the error at the verification points
+    exceeds the tolerance. Raise StudyError if the first levels need more than the allowed realisations.
     """
     grid, dimension = _Grid(runs), runs.space.dimension
     root = (0,) * dimension
     new, _ = grid.children(root, {root})
-    # one node tells nothing about a spread, so that each input is tried at once
+    # a single node gives no standard deviation, so the first step includes the next level of each input
     first = np.concatenate([grid.nodes([root, *new]), points.germs])
-    if len(runs.missing(first)) > limits.most:
+    more = len(runs.missing(first)) + limits.reserved
+    if more > limits.most:
         raise uqmbd.StudyError(
-            f"{label}: the first step takes {len(runs.missing(first))} realisations, and max_realisations is "
-            f"{limits.most}; allow more."
+            f"{label}: the first step needs {more} realisations, but max_realisations is {limits.most}. Increase "
+            "max_realisations."
         )
     runs.at(first)
     done, reason = {root}, ""
+    helpful: Literal["realisations", "samples", "neither"] = "realisations"
     steps: list[RefinementStep] = []
     waiting: dict[Level, tuple[Array, Array]] = {}
     ended: list[tuple[Array, Array]] = []
@@ -135,28 +139,31 @@ def refine_dimensions(
         scale = _scale(runs, coefficients)
         changes = scale.measure(*(_sum(k, [*waiting.values(), *ended], scale.std) for k in (0, 1)))
         settled = max(changes) < limits.tolerance
-        missed = missed_share(runs, coefficients, multi_index, points) if settled else np.nan
+        missed = missed_share(runs, coefficients, multi_index, points)
         steps.append(RefinementStep(len(runs), len(multi_index), *changes, missed))
         steps[-1].log(label, limits)
         if settled and missed < limits.tolerance:
             break
         if not waiting:
-            reason = f"no level is higher than {DEEPEST}" if ended else "there are no further terms"
+            reason = (
+                f"the level {DEEPEST} is the highest possible one" if ended else "the basis contains all terms already"
+            )
+            helpful = "samples" if ended else "neither"
             break
-        # what is far below the tolerance is as good as nothing: then small levels come first
+        # changes far below the tolerance count as equal, so that small levels come first
         size = {w: max(1e-3 * limits.tolerance, *scale.measure(*change)) for w, change in waiting.items()}
         worst = max(waiting, key=lambda level: (size[level], -sum(level), level))
         done.add(worst)
         new, cut = grid.children(worst, done)
-        more = len(runs.missing(grid.nodes(new))) if new else 0
+        more = (len(runs.missing(grid.nodes(new))) if new else 0) + limits.reserved
         if len(runs) + more > limits.most:
-            reason = f"the next step needs {more} more, and max_realisations is {limits.most}"
+            reason = f"the next step needs {more} more realisations, but max_realisations is {limits.most}"
             break
         if cut:
             ended.append(waiting[worst])
         del waiting[worst]
     if reason:
-        warn_unmet(label, limits, steps, reason)
+        warn_unmet(label, limits, steps, reason, helpful)
     how = f"adaptive sparse grid of {len(grid.found)} tensor projections"
     fit = Fit(coefficients, multi_index, how, runs.at(grid.nodes(list(grid.found))))
     return Refinement(fit, tuple(steps), met=not reason)
@@ -168,18 +175,18 @@ def _scale(runs: CollocationRuns, coefficients: Array) -> _Scale:
 
 
 def _sum(which: int, changes: list[tuple[Array, Array]], like: Array) -> Array:
-    """Sum of the sizes of changes (O, T): of the mean (0) or the variance (1)."""
+    """Return the sum (O, T) of absolute changes of the mean (`which` = 0) or of the variance (`which` = 1)."""
     return sum((np.abs(change[which]) for change in changes), np.zeros_like(like))
 
 
 def _after_failure(
     runs: CollocationRuns, tried: list[Level], grid: _Grid, steps: list[RefinementStep], limits: Limits, label: str
 ) -> Refinement:
-    """Fit the terms that were found by regression on all nodes that did not fail."""
+    """Return a regression on all successful nodes, with the terms of the refinement so far."""
     if grid.total:
         _, multi_index = grid.chaos()
     else:
         multi_index = uqmbd.extend.index_set(runs.space.dimension, 1)
     fit = refitted(runs, np.unique(runs.at(grid.nodes(tried))), multi_index, label)
-    warn_unmet(label, limits, steps, "the grid is not refined further, because realisations failed")
+    warn_unmet(label, limits, steps, "the refinement of the grid stopped because realisations failed", "neither")
     return Refinement(fit, tuple(steps))

@@ -1,8 +1,7 @@
-"""Multi-element collocation: a separate chaos, from separate realisations, in each box of the germ space."""
+"""Multi-element collocation: a separate chaos from separate realisations in each box of the germ space."""
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -18,12 +17,12 @@ from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of
 from uqmbd_collocation.runs import CollocationRuns, announced_once
 
-__all__ = ["collocate_elements", "with_further"]
+__all__ = ["collocate_elements"]
 
 
 @dataclass(frozen=True)
 class _BoxResult:
-    """Results in a box."""
+    """Results for a box."""
 
     probability: float
     runs: CollocationRuns
@@ -34,7 +33,7 @@ class _BoxResult:
 
 @dataclass
 class _ElementSplitting:
-    """All elements that were computed, replaced ones too, in that order."""
+    """All computed elements in order of computation, including replaced ones."""
 
     plans: Plans
     problem: uqmbd.extend.Problem
@@ -43,16 +42,16 @@ class _ElementSplitting:
 
     @property
     def spent(self) -> int:
-        """Realisations so far."""
+        """Number of realisations so far."""
         return sum(len(one.runs) for one in self.done)
 
     def affordable(self) -> int:
-        """Return how many elements may still be split."""
+        """Return the number of elements that may still be split."""
         costs = max(len(one.runs) for one in self.done)
         return (self.plans.max_realisations - self.spent) // (2 * costs)
 
     def compute(self, boxes: Sequence[uqmbd.extend.GermBox]) -> list[PolynomialChaos]:
-        """Compute the realisations of all boxes together, and fit each."""
+        """Compute the realisations of all boxes together, and return a fit for each box."""
         planned = []
         for box in boxes:
             with warnings.catch_warnings():
@@ -78,14 +77,11 @@ class _ElementSplitting:
             chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 
-    def verified(self, chaos: PiecewiseChaos, kept: Sequence[int]) -> PiecewiseChaos:
-        """Verify elements, by their numbers in the order of computation, at further points where errors are large."""
-        if not self.plans.verify:
-            return chaos
-        room = self.plans.max_realisations - self.spent
-        points = uqmbd.extend.VerificationPoints.of_errors(chaos, self.spent, self.plans.seed, STREAM)
-        if not 0 < sum(map(len, points)) <= room:
-            return chaos
+    def verified(self, chaos: PiecewiseChaos, kept: Sequence[int]) -> list[PolynomialChaos]:
+        """Verify the elements with indices `kept` at additional points in regions of large errors."""
+        points = self.plans.further(chaos, self.spent) if self.plans.verify else []
+        if not any(map(len, points)):
+            return list(chaos.elements)
         wanted = [self.done[k].runs.space.to_inputs(own.germs) for k, own in zip(kept, points, strict=True)]
         found = self.problem.realise(np.concatenate(wanted))
         self.counters.update(found.counters)
@@ -99,12 +95,7 @@ class _ElementSplitting:
                 self.done[k] = replace(one, runs=both, verification=known)
                 element = known.chaos(one.fit.coefficients, one.fit.multi_index, self.problem.labels)
             elements.append(element)
-        return PiecewiseChaos(tuple(elements), chaos.boxes)
-
-
-def with_further(realisations: int) -> int:
-    """Return realisations and the largest number of further ones, which `VerificationPoints.of_errors` states."""
-    return realisations + math.floor(0.15 * realisations)
+        return elements
 
 
 def collocate_elements(
@@ -116,29 +107,36 @@ def collocate_elements(
 ) -> xr.DataTree:
     """Split the germ space where the error requires it, and return the node with statistics.
 
-    Raise StudyError if an option does not suit the inputs, IntegrationError if failures leave too few realisations in
-    an element.
+    Raise StudyError if an option does not suit the inputs, and IntegrationError if an element has too few successful
+    realisations.
     """
     begin = problem.clock()
     planned = plans.plan(space, plans.order)
     planned.check(space)
-    most = limits.computed * len(planned.nodes) + limits.verified(plans.verify)
-    most = with_further(most) if plans.verify else most
+    most = limits.computed * len(planned.nodes) + limits.verified(plans.verify, space)
+    most += uqmbd.extend.VerificationPoints.further(most) if plans.verify else 0
     work = _ElementSplitting(plans, announced_once(problem, min(most, plans.max_realisations)))
     with problem.timed("fitting"):
         refined = uqmbd.extend.refine_elements(
-            space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
+            space,
+            work.compute,
+            limits,
+            label=problem.label,
+            rtol=problem.rtol,
+            affordable=work.affordable,
+            further=work.verified,
         )
-        chaos = work.verified(refined.chaos, refined.kept)
+    chaos = refined.chaos
     problem.progress.finish(problem.label)
     kept = [work.done[k] for k in refined.kept]
     for text in dict.fromkeys(text for one in kept for text in one.warned):
         warnings.warn(text, stacklevel=3)
-    missed = sum(1 for one in kept if plans.verify and not len(one.verification))
-    if missed:
+    if failed := sum(one.verification.failures for one in kept):
+        asked, empty = sum(one.verification.asked for one in kept), sum(not len(one.verification) for one in kept)
+        all_of = f", including all of them in {empty} of {len(kept)} elements" if empty else ""
         warnings.warn(
-            f"{problem.label}: the verification realisations of {missed} of {len(kept)} elements failed; the stated "
-            "error comes from the others.",
+            f"{problem.label}: {failed} of {asked} verification realisations failed{all_of}; the stated error is "
+            "based on the successful ones.",
             stacklevel=3,
         )
     return problem.node(
@@ -179,7 +177,7 @@ def _failed_share(elements: Sequence[_BoxResult]) -> float:
 
 
 def _nodes(work: _ElementSplitting, kept: tuple[int, ...]) -> xr.Dataset:
-    """Return the dataset `nodes`: places of realisations, their elements (-1: a replaced one), and their purpose."""
+    """Return the dataset `nodes`: inputs, element (-1: a replaced element) and purpose of each realisation."""
     place = {number: k for k, number in enumerate(kept)}
     purposes = []
     for one in work.done:

@@ -1,10 +1,11 @@
-"""Several ways to expand outputs from shared realisations: each output takes the one with the least verified error.
+"""Several alignments from shared realisations; each output uses the alignment with the smallest verified error.
 
-No way need be the best at all times.  An output changes from one to another if each has a larger error at some times.
+The best alignment can differ between times. An output then uses different alignments at different times.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import warnings
 from collections import Counter
@@ -41,27 +42,27 @@ __all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
 
 Family = Literal["plain", "events", "phase", "two-frequency"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
-"""Families that may be named."""
+"""Families of alignments that an option can name."""
 
 Way = Literal[Family, "events+phase"]
 COMBINED: Final = "events+phase"
-"""Landmarks of both kinds; it is tried where both families are."""
+"""Name of the family with both kinds of markers; it is tried if both families are possible."""
 
 SIMPLEST: tuple[Way, ...] = ("plain", "events", "phase", COMBINED, "two-frequency")
-"""Order of preference of equally good families."""
+"""Order of preference of families with equal errors."""
 
 FIRST: tuple[Way, ...] = ("phase", "events", COMBINED, "plain", "two-frequency")
-"""In which order they are computed: the realisations of the first ones serve the others."""
+"""Order of computation: later families reuse the realisations of earlier ones."""
 
 ENOUGH = 0.01
-"""The same limit: if all outputs reach it, two frequencies are tried only if they are named."""
+"""If errors are below this share of the largest deviation, two frequencies are tried only if the option names them."""
 
 Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
 
 @dataclass
 class _FamilyContext:
-    """Data that the families share."""
+    """Data shared by the families."""
 
     problem: uqmbd.extend.Problem
     space: uqmbd.extend.GermSpace
@@ -76,26 +77,29 @@ class _FamilyContext:
     told: dict[Way, list[Warning]] = field(default_factory=dict)
     left_out: dict[Way, str] = field(default_factory=dict)
     beside: int = 0
-    """Realisations that are not followed."""
+    """Number of realisations that are not integrated to markers."""
     counters: Counter[str] = field(default_factory=Counter)
-    """Counters of these."""
+    """Counters of realisations that are not integrated to markers."""
 
     def expand(self, family: Way) -> Expanded:
-        """Expand all outputs in the way of a family: here a further one joins."""
+        """Return the expansion of all outputs by a family; a new family needs an entry here."""
         if family == "phase":
             return self._aligned(self.phase)
         if family == "events":
-            self.events = EventTrajectories(self.problem)
+            self.events = self.events or EventTrajectories(self.problem)
             return self._aligned(self.events)
         if family == COMBINED:
             self.both = CombinedTrajectories.of(self.problem, self.events, self.phase.clock)
             return self._aligned(self.both)
         if family == "two-frequency":
-            found = expand_series(self.problem, self.space, self.plans, self.limits, self.tolerance, self.given)
+            found = expand_series(
+                self.problem, self.space, self.plans, self.limits, self.tolerance, self.given, self.phase.known_motion
+            )
             self.beside += found.realisations
             self.counters.update(found.counters)
             return found
-        followed = self.phase.spent > 0
+        self.phase.events = self.events
+        followed = self.phase.spent > 0 or self.events is not None
         source = _AtTimes(self.problem, self.phase) if followed else self.problem
         found, _ = expand(source, self.space, self.plans, self.tolerance, self.given, quiet=True)
         if not followed:
@@ -109,8 +113,15 @@ class _FamilyContext:
         self.counters.update(found.counters - paths.counters)
         return found
 
+    def follow_events(self) -> None:
+        """Integrate the first nodes from event to event, if possible; the search for a clock uses them."""
+        events = EventTrajectories(self.problem)
+        with contextlib.suppress(uqmbd.UqmbdError):
+            events.histories(self.space.to_inputs(self.plans.first_nodes(self.space)))
+            self.events = self.phase.events = events
+
     def attempt(self, family: Way, wanted: bool) -> None:
-        """Expand in the way of a family; one that is not wanted by name may fail."""
+        """Expand by a family; store the reason of a failure unless the option names the family."""
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             try:
@@ -125,13 +136,13 @@ class _FamilyContext:
             germs, response = found.chaos.verification_germs, found.chaos.verification_response
             weights = found.chaos.verification_weights
             assert response is not None and weights is not None
-            # their mean is 1, as of points that are drawn
+            # normalise to the mean 1, like the weights of drawn points
             points = uqmbd.extend.VerificationPoints(germs, len(weights) * weights)
             self.given = uqmbd.extend.Verification(self.space, points, response, len(germs))
         self.found[family] = found
 
     def worst(self) -> float:
-        """Return the error of the output that is followed worst so far, over its largest standard deviation."""
+        """Return the largest error of the outputs so far, divided by the largest standard deviation over time."""
         if self.given is None or not self.found:
             return np.inf
         size = np.abs(self.given.response).mean(axis=0)
@@ -140,14 +151,14 @@ class _FamilyContext:
         return float(np.min([np.sqrt(np.mean(e**2, axis=-1)) / spread for e in errors], axis=0).max())
 
     def reason(self, error: Exception) -> str:
-        """Return the reason of an error, without the name of the method and without advice for one family."""
+        """Return the reason of an error, without the method's name and without advice on one family."""
         if isinstance(error, Impossible):
             return error.reason
         return str(error).removeprefix(f"{self.problem.label}: ")
 
     @property
     def realisations(self) -> int:
-        """All that were computed, those of families that failed included."""
+        """Number of all computed realisations, including realisations for failed families."""
         return self.beside + sum(paths.spent for paths in (self.phase, self.events, self.both) if paths)
 
     @property
@@ -158,18 +169,18 @@ class _FamilyContext:
 
 @dataclass(frozen=True)
 class _AtTimes(DerivedSource):
-    """A problem whose realisations are read from those that were followed for a clock."""
+    """Problem whose realisations are read from trajectories that were integrated for a clock."""
 
     problem: uqmbd.extend.Problem
     paths: PhaseTrajectories
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
-        """Compute realisations, or read them."""
+        """Return realisations from stored trajectories, and compute the missing ones."""
         return self.paths.at_times(values)
 
 
 def impossible(problem: uqmbd.extend.Problem, family: Family) -> str:
-    """Return why a family is impossible, as far as that is known before anything is computed; else nothing."""
+    """Return the reason why a family is impossible; empty if the reason requires a computation, or there is none."""
     try:
         if family == "events":
             EventTrajectories(problem)
@@ -192,13 +203,18 @@ def expand_families(
     *,
     wanted: bool,
 ) -> Expanded:
-    """Expand by several families; take for each output the one with the least error at the verification realisations.
+    """Expand by several families; select for each output the smallest error at the verification realisations.
 
-    With both events and phases their combination is one more family, if it is possible. Raise StudyError or
-    IntegrationError if all families are impossible or, with `wanted`, if one is; without `wanted` it is left out.
+    With both events and phases, their combination is another family if it is possible. Raise StudyError or
+    IntegrationError if all families are impossible. Raise one of them also if a single family is impossible and
+    `wanted` is true. If `wanted` is false, an impossible family is omitted.
     """
-    work = _FamilyContext(problem, space, plans, limits, tolerance, PhaseTrajectories(problem, clock))
+    work = _FamilyContext(
+        problem, space, plans, limits, tolerance, PhaseTrajectories(problem, clock, tentative=not wanted)
+    )
     ways: tuple[Way, ...] = (*names, COMBINED) if {"events", "phase"} <= set(names) else tuple(names)
+    if not wanted and {"events", "phase"} <= set(names) and not impossible(problem, "events"):
+        work.follow_events()
     for family in sorted(ways, key=FIRST.index):
         if family == COMBINED:
             if {"events", "phase"} <= set(work.found):
@@ -206,14 +222,14 @@ def expand_families(
         elif not wanted and (why := impossible(problem, family)):
             work.left_out[family] = why
         elif wanted or family != "two-frequency" or work.worst() > ENOUGH:
-            # two frequencies take realisations of their own: unless named, they are for what nothing else follows
+            # the family of two frequencies needs separate realisations, so it comes last unless the option names it
             work.attempt(family, wanted)
     if not work.found:
         raise uqmbd.StudyError(f"{problem.label}: no family of alignment is possible. {_reasons(work.left_out)}")
     if work.given is None:
         raise uqmbd.IntegrationError(
-            f"{problem.label}: all verification realisations failed, and families of alignment are chosen by them; "
-            "name one family, as alignment='phase', or leave alignment out."
+            f"{problem.label}: all verification realisations failed, so no family of alignment can be selected by "
+            "its error. Use a single family, such as alignment='phase', or alignment=None."
         )
     chaoses: dict[str, Part] = {
         name: _verified(work.found[name].chaos, work.given) for name in SIMPLEST if name in work.found
@@ -228,7 +244,7 @@ def expand_families(
     at_the_end = {runs[-1][0] for runs in taken}
     for name in work.found:
         for message in work.told[name]:
-            # whether a tolerance is met counts for the outputs that take the family, not for all that it refined
+            # a warning on the tolerance applies only to the outputs that use the family
             ends = at_the_end if isinstance(message, EndsEarlyWarning) else everywhere
             if name in ends and not isinstance(message, UnmetWarning):
                 warnings.warn(message, stacklevel=3)
@@ -239,7 +255,7 @@ def expand_families(
 def _composed(
     work: _FamilyContext, chaoses: Mapping[str, Part], taken: Sequence[Runs], errors: Mapping[str, Array]
 ) -> Expanded:
-    """Combine the outputs, each from its families; errors (O,) of all families, and of "taken"."""
+    """Return the outputs as a combination of families; errors (O,) are given for all families and for "taken"."""
     outputs = [o.name for o in work.problem.labels.outputs]
     times = np.asarray(work.problem.labels.times)
     words = [runs_in_words(runs, times) for runs in taken]
@@ -256,7 +272,7 @@ def _composed(
     attrs: dict[str, Any] = {}
     for one in own:
         attrs |= one.attrs
-    # that of one family is none of all
+    # the share of failures of one family does not apply to the combination
     attrs.pop("failed_share", None)
     attrs |= {
         "failures": sum(one.attrs["failures"] for one in work.found.values()),
@@ -272,8 +288,8 @@ def _composed(
         attrs["tolerance_met"] = str(largest <= work.tolerance.tolerance)
         if largest > work.tolerance.tolerance:
             warnings.warn(
-                f"{work.problem.label}: the tolerance {work.tolerance.tolerance:g} was not met by all outputs; the "
-                f"largest error at the verification realisations is {largest:.2g}. Allow more realisations.",
+                f"{work.problem.label}: not all outputs met the tolerance {work.tolerance.tolerance:g}; the largest "
+                f"error at the verification realisations is {largest:.2g}. Increase max_realisations.",
                 UnmetWarning,
                 stacklevel=4,
             )
@@ -307,14 +323,14 @@ def _composed(
 
 
 def _fits(work: _FamilyContext, rows: Mapping[Way, Sequence[int]]) -> str:
-    """Return a description of the fits, from the numbers of outputs of each family."""
+    """Return a text on the fits, from the rows of the outputs of each family."""
     outputs = [o.name for o in work.problem.labels.outputs]
     said = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
     return "; ".join(said)
 
 
 def _nodes(work: _FamilyContext) -> xr.Dataset:
-    """Return where realisations were, and which family needed them."""
+    """Return the dataset of realisation points with the families that needed them."""
     about = {"long_name": "family that needed the realisation"}
     return xr.concat(
         [
@@ -328,19 +344,19 @@ def _nodes(work: _FamilyContext) -> xr.Dataset:
 
 
 def _verified(chaos: Any, given: uqmbd.extend.Verification) -> Part:
-    """Return a chaos with the verification realisations that are common to all."""
+    """Return a chaos with the common verification realisations."""
     found: Part = replace(chaos, **given.known)
     return found
 
 
 def _errors(chaos: Part) -> Array:
-    """Return root mean squares (O, T) over the verification realisations; infinite where the chaos is not known."""
+    """Return root-mean-square errors (O, T) at the verification realisations; infinite if the chaos is not finite."""
     found = chaos.verification_rms()
     return np.where(np.isfinite(found), found, np.inf)
 
 
 def _largest(std: Array, size: Array, rtol: float) -> Array:
-    """Return the largest standard deviations over time (O,), from (O, T); sizes where they are rounding of these."""
+    """Return the largest standard deviations over time (O,) of `std` (O, T), or of `size` if `std` is negligible."""
     found, other = np.fmax.reduce(std, axis=-1), np.fmax.reduce(size, axis=-1)
     return np.asarray(np.where(found > rtol * other, found, np.where(other > 0, other, 1.0)))
 

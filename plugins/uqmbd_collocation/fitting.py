@@ -1,4 +1,4 @@
-"""From realisations at nodes to a polynomial chaos: projection if the rule allows it, else regression."""
+"""Fit of a polynomial chaos to realisations at nodes: projection if the rule allows it, otherwise regression."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["Fit", "QuadratureProjection", "Regression", "refitted"]
 
 
 ALIASED = 0.2
-"""Error of a rule for products of the basis beyond which projection is meaningless."""
+"""Projection is not meaningful if the error of the rule for products of the basis exceeds this value."""
 COARSE = 1e-6
-"""Error of a rule for products of the basis beyond which it is worth a warning."""
+"""A warning is issued if the error of the rule for products of the basis exceeds this value."""
 MOST_FAILURES = 0.5
-"""Share of failed realisations beyond which there is nothing to fit: their region is no exception."""
+"""Share of failed realisations above which no fit is computed, because failures are then not rare."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Fit:
 
     coefficients: Array  # (P, O, T), in the units of the outputs
     multi_index: Index  # (P, d)
-    how: str  # in words
-    where: Index  # (K,) indices of the realisations that were used
-    leave_one_out: Array | None = None  # (O, T), of a regression on samples
-    weights: Array | None = None  # (K,), of a quadrature
-    failed: int = 0  # failed realisations, which the fit leaves out
+    how: str  # description of the fit
+    where: Index  # (K,) indices of the fitted realisations
+    leave_one_out: Array | None = None  # (O, T), for a regression on samples
+    weights: Array | None = None  # (K,), weights of a quadrature
+    failed: int = 0  # number of failed realisations, which the fit omits
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class QuadratureProjection:
 
     rule: uqmbd.extend.Quadrature
     multi_index: Index  # (P, d)
-    exact: bool  # whether the rule is known to integrate products of the basis exactly
+    exact: bool  # whether the rule integrates products of the basis exactly
     label: str  # of the propagator, in messages
 
     @property
@@ -56,19 +56,20 @@ class QuadratureProjection:
         wrong = 0.0 if self.exact else uqmbd.extend.gram_error(space, self.rule, self.multi_index)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
-                f"{self.label}: the rule ({self.rule.name}) does not resolve the {len(self.multi_index)} terms of the "
-                f"basis: it integrates their products with an error of {wrong:.2g}; use more nodes, a lower "
-                "order, Gauss nodes, or method='regression'."
+                f"{self.label}: the rule ({self.rule.name}) does not resolve the {len(self.multi_index)} terms of "
+                f"the basis: it integrates products of two terms with an error of {wrong:.2g}. Use more nodes, a "
+                "lower order, Gauss nodes, or method='regression'."
             )
         if wrong > COARSE:
             warnings.warn(
-                f"{self.label}: the rule ({self.rule.name}) integrates products of the {len(self.multi_index)} terms "
-                f"with an error of {wrong:.1g} only; coefficients are that uncertain. Use more nodes, or a Gauss rule.",
+                f"{self.label}: the rule ({self.rule.name}) integrates products of the "
+                f"{len(self.multi_index)} terms with an error of {wrong:.1g}, so coefficients have "
+                "errors of about this size. Use more nodes, or a Gauss rule.",
                 stacklevel=2,
             )
 
     def fit(self, runs: CollocationRuns) -> Fit:
-        """Project; if a node failed, fit the others by regression."""
+        """Return the projection; if a node failed, return a regression on the other nodes."""
         where = runs.at(self.rule.nodes)
         if not runs.good(where).all():
             return refitted(runs, where, self.multi_index, self.label, self.rule.weights)
@@ -82,29 +83,30 @@ class QuadratureProjection:
 class Regression:
     """Least squares on samples, or sparse regression (``omp``, ``lars``)."""
 
-    nodes: Array  # (K, d) samples, germs
+    nodes: Array  # (K, d) samples in germs
     multi_index: Index  # (P, d)
     method: str  # ``regression``, ``omp`` or ``lars``
     label: str  # of the propagator, in messages
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Raise StudyError if samples are too few.
+        """Raise StudyError if there are too few samples.
 
-        Least squares needs at least as many samples as terms, sparse regression three.
+        Least squares needs at least as many samples as terms, and sparse regression needs three.
         """
         terms = len(self.multi_index)
         if self.method == "regression" and terms > len(self.nodes):
             raise uqmbd.StudyError(
-                f"{self.label}: the basis has {terms} terms, more than the {len(self.nodes)} samples; take at least "
-                f"{2 * terms} samples, a lower order, or method='omp', which chooses few of the terms."
+                f"{self.label}: the basis has {terms} terms, more than the {len(self.nodes)} samples. Use at least "
+                f"{2 * terms} samples, a lower order, or method='omp', which selects a few terms."
             )
         if self.method != "regression" and len(self.nodes) < 3:
             raise uqmbd.StudyError(
-                f"{self.label}: {len(self.nodes)} samples are too few for method={self.method!r}; take some dozens."
+                f"{self.label}: {len(self.nodes)} samples are too few for method={self.method!r}; use "
+                "at least a few dozen."
             )
 
     def fit(self, runs: CollocationRuns) -> Fit:
-        """Fit without failed samples, and warn of these; raise IntegrationError if failures leave too few."""
+        """Fit the successful samples, and warn of failed ones; raise IntegrationError if too few are left."""
         terms, every = len(self.multi_index), runs.at(self.nodes)
         where = every[runs.good(every)]
         failed = len(every) - len(where)
@@ -113,12 +115,12 @@ class Regression:
             least = terms if self.method == "regression" else 3
             if len(where) < least or failed > MOST_FAILURES * len(every):
                 raise uqmbd.IntegrationError(
-                    f"{self.label}: {failed} of {len(every)} samples failed; the others are too few for {terms} terms. "
-                    f"Reason of the failure: {reason}"
+                    f"{self.label}: {failed} of {len(every)} samples failed; the successful ones are too few for "
+                    f"{terms} terms. Reason of the failure: {reason}"
                 )
             warnings.warn(
-                f"{self.label}: {failed} of {len(every)} samples failed and are omitted from the fit; where the "
-                f"mechanism fails the chaos is an extrapolation. Reason of the failure: {reason}",
+                f"{self.label}: {failed} of {len(every)} samples failed and are omitted from the fit. In the region "
+                f"of failure the chaos is an extrapolation. Reason of the failure: {reason}",
                 stacklevel=2,
             )
         psi, response = runs.space.evaluate(runs.germs[where], self.multi_index), runs.response[where]
@@ -133,7 +135,7 @@ class Regression:
 
 
 def refitted(runs: CollocationRuns, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
-    """Project on quadrature nodes (indices `every`, (K,)), or fit the successful ones and warn.
+    """Return the projection on quadrature nodes with indices `every` (K,); if nodes fail, fit the others and warn.
 
     See `uqmbd.extend.fit_nodes`.
     """
@@ -142,5 +144,6 @@ def refitted(runs: CollocationRuns, every: Index, multi_index: Index, label: str
     found = uqmbd.extend.fit_nodes(label, runs.response[every], good, runs.reason(every), psi, multi_index, weights)
     if found.warning:
         warnings.warn(found.warning, stacklevel=2)
-    # no leave-one-out error: on a grid a node that is left out has neighbours in every coordinate, and hides errors
+    # omit the leave-one-out error: on a grid, an omitted node has neighbours in every coordinate, so its error is too
+    # small
     return Fit(found.coefficients, found.multi_index, found.how, every[good], failed=found.failed)

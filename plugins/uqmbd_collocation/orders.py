@@ -1,4 +1,4 @@
-"""Adaptive order: increasing orders, until mean and standard deviation converge."""
+"""Adaptive order: refinement by increasing orders until mean and standard deviation converge."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd_collocation.fitting import Fit, QuadratureProjection, Regression
+from uqmbd_collocation.plans import TooManyNodes
 from uqmbd_collocation.refinement import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import SparseProjection
@@ -18,7 +19,7 @@ __all__ = ["HIGHEST", "raise_order"]
 
 
 HIGHEST = 32
-"""Order at which a refinement ends: no convergence is expected beyond."""
+"""Order at which a refinement stops, because no convergence is expected beyond it."""
 
 
 def raise_order(
@@ -31,8 +32,8 @@ def raise_order(
 ) -> Refinement:
     """Raise the order from `first` until mean and standard deviation change by less than the tolerance.
 
-    `plan` gives nodes and fit of an order. The tolerance is not met while the error at the verification points exceeds
-    it. Raise StudyError if the first order is impossible.
+    `plan`: function that returns nodes and fit for an order. The order also rises while the error at the verification
+    points exceeds the tolerance. Raise StudyError if the first order is impossible.
     """
     steps: list[RefinementStep] = []
     fit: Fit | None = None
@@ -41,19 +42,20 @@ def raise_order(
         try:
             planned = plan(order)
             if len(planned.multi_index) == terms:
-                continue  # weights leave some orders without terms of their own
+                continue  # with weights, some orders have no new terms
             terms = len(planned.multi_index)
             planned.check(runs.space)
             wanted = np.concatenate([planned.nodes, points.germs])
-            more = len(runs.missing(wanted))
+            more = len(runs.missing(wanted)) + limits.reserved
             if len(runs) + more > limits.most:
-                raise uqmbd.StudyError(f"it needs {more} more realisations, and max_realisations is {limits.most}")
+                raise TooManyNodes(f"it needs {more} more realisations, but max_realisations is {limits.most}")
             runs.at(wanted)
             following = planned.fit(runs)
         except (uqmbd.StudyError, uqmbd.IntegrationError) as error:
             if fit is None:
                 raise
-            warn_unmet(label, limits, steps, f"order {order} cannot be done: {error}")
+            reason, more = f"order {order} is not possible: {error}", isinstance(error, TooManyNodes)
+            warn_unmet(label, limits, steps, reason, "realisations" if more else "neither")
             return Refinement(fit, tuple(steps))
         changes = _changes(runs, fit, following)
         fit = following
@@ -64,25 +66,27 @@ def raise_order(
         if missed < limits.tolerance and (complete or steps[-1].change < limits.tolerance):
             return Refinement(fit, tuple(steps), met=not fit.failed)
         if fit.failed:
-            warn_unmet(label, limits, steps, "the order is not raised further, because realisations failed")
+            warn_unmet(
+                label, limits, steps, "the refinement of the order stopped because realisations failed", "neither"
+            )
             return Refinement(fit, tuple(steps))
         if complete:
-            warn_unmet(label, limits, steps, f"there are no further terms than these {terms}")
+            warn_unmet(label, limits, steps, f"the basis contains all {terms} possible terms already", "neither")
             return Refinement(fit, tuple(steps))
     if fit is None:
-        raise uqmbd.StudyError(f"{label}: no order was tried.")
-    warn_unmet(label, limits, steps, f"order {max(first, HIGHEST)} is the highest that is tried")
+        raise uqmbd.StudyError(f"{label}: the refinement tried no order.")
+    warn_unmet(label, limits, steps, f"order {max(first, HIGHEST)} is the highest order of the refinement", "samples")
     return Refinement(fit, tuple(steps))
 
 
 def _most_terms(space: uqmbd.extend.GermSpace) -> int | None:
-    """Return the number of terms of the highest order if all germs take few values; None: there is no highest."""
+    """Return the number of terms of the highest order; None (no highest order) unless all germs have few values."""
     values = [germ.values for germ in space.germs if germ.values is not None]
     return math.prod(values) if len(values) == space.dimension else None
 
 
 def _changes(runs: CollocationRuns, before: Fit | None, now: Fit) -> tuple[float, float]:
-    """Largest change of mean and standard deviation, over the scale of each output."""
+    """Return the largest changes of mean and standard deviation, divided by the scale of each output."""
     if before is None:
         return np.inf, np.inf
     variance = [np.sum(f.coefficients[1:] ** 2, axis=0) for f in (before, now)]

@@ -1,8 +1,9 @@
-"""Plain collocation: outputs at equal times, expanded on the whole germ space."""
+"""Plain collocation: expansion of outputs at equal times on the whole germ space."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ import uqmbd
 from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
+from uqmbd_collocation.gaps import with_gaps
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import nodes_dataset, warn_of_failures
 from uqmbd_collocation.refinement import Limits, history
@@ -26,12 +28,13 @@ def expand(
     given: uqmbd.extend.Verification | None = None,
     quiet: bool = False,
 ) -> tuple[Expanded, float]:
-    """Compute realisations, fit and verify; return the surrogate, and the computing time of the realisations, s.
+    """Compute realisations, fit and verify a chaos; return the surrogate, and the time of the realisations, s.
 
-    `given` are verification realisations that are known; `quiet` suppresses the warning of outputs that look
-    discontinuous. Raise IntegrationError if failures leave too few realisations.
+    `given`: available verification realisations; `quiet`: suppress the warning of outputs that look discontinuous.
+    Raise IntegrationError if too few realisations succeed.
     """
-    label, runs, points = source.label, CollocationRuns(source, space), plans.verification_points(space)
+    label, runs, extremes = source.label, CollocationRuns(source, space), plans.extremes if given is None else 0
+    points = plans.verification_points(space, extremes)
     if given is not None:
         points = given.points
         count = len(points)
@@ -39,10 +42,18 @@ def expand(
             space.to_inputs(points.germs), given.response, np.zeros(count, dtype=np.int64), ("",) * count, {}, 0.0
         )
         runs = CollocationRuns.filled(source, space, points.germs, known)
-    fit, refinement = computed(runs, plans, points, limits)
+    fit, refinement = computed(runs, plans, points, replace(limits, reserved=extremes))
     verification = runs.verification(points)
-    warn_of_failures(verification, label)
     chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
+    if extremes:
+        error = chaos.verification_error().reshape(runs.response.shape[1:]) if len(verification) else None
+        points = plans.with_extremes(points, runs, error)
+        verification = runs.verification(points)
+        chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
+        if len(verification) and len(further := with_gaps(points, chaos, runs, plans)) > len(points):
+            points, verification = further, runs.verification(further)
+            chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
+    warn_of_failures(verification, label)
     if not quiet:
         warn_of_discontinuities(chaos, plans, label)
     failures, others = int((runs.status != Status.OK).sum()), max(len(runs) - verification.asked, 0)
@@ -56,7 +67,7 @@ def expand(
         "nodes": len(np.unique(fit.where)) + fit.failed,
         "verification": len(verification),
     }
-    # known nodes come first; their progress has been reported already
+    # add available nodes first, because their progress has already been reported
     nodes, before = nodes_dataset(runs, runs.at(points.germs), fit), 0 if given is None else len(points)
     found = Expanded(
         chaos,
@@ -72,7 +83,7 @@ def expand(
 
 def warn_of_discontinuities(chaos: PolynomialChaos, plans: Plans, label: str) -> None:
     """Warn of outputs that look discontinuous in the inputs."""
-    # a refinement has words of its own, and samples that are too few look the same
+    # a refinement has separate warnings, and a fit to too few samples looks like a discontinuity
     plain = plans.adaptive == "no" and bool(plans.grid)
     suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
     if suspicions:

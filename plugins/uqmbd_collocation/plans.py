@@ -11,8 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 import uqmbd
+from uqmbd.results import AlignedChaos, PiecewiseChaos, Status
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import QuadratureProjection, Regression
+from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse import SOLVERS, linear_models
 from uqmbd_collocation.sparse_grids import SparseProjection, fewest_nodes, level_of, levels_for, levels_of
 from uqmbd_collocation.user_expansion import UserExpansion, UserProjection
@@ -28,21 +30,24 @@ GRIDS = ("gauss", "smolyak", "clenshaw-curtis")
 DEFAULT_ORDER = 3
 
 STREAM = 0x7E51F1
-"""Random stream of the verification points, which must differ from points of a design."""
+"""Random stream of the verification points, which must differ from the points of a design."""
+
+EXTREMES, FEWEST = 2, 8
+"""Number of verification points at extremes; smallest number of verification points with which extremes are used."""
 FEW = 100
-"""Samples below which a sparse regression gets as many as an ordinary one by default."""
+"""Up to this number of samples, sparse regression has the same default as ordinary regression."""
 
 
 class TooManyNodes(uqmbd.StudyError):
-    """More realisations than are allowed."""
+    """Error if an option needs more than the allowed number of realisations."""
 
 
 @dataclass(frozen=True)
 class Plans:
-    """Options of `Collocation` that choose the nodes, and the `label` before messages.
+    """Options of `Collocation` that determine the nodes, and the `label` for messages.
 
-    An order of None means all terms that the `level` of a sparse grid resolves. Raise StudyError if options contradict
-    each other.
+    If the order is None, the chaos contains all terms that the `level` of a sparse grid resolves. Raise StudyError if
+    options contradict each other.
     """
 
     label: str
@@ -70,55 +75,55 @@ class Plans:
         design = None if self.grid else uqmbd.extend.sampling_design(self.design, "Collocation: rule", GRIDS)
         if self.method != "projection" and self.rule in GRIDS:
             raise uqmbd.StudyError(
-                f"Collocation: method={self.method!r} fits samples, but rule={self.rule!r} is a grid; use "
+                f"Collocation: method={self.method!r} fits samples, but rule={self.rule!r} is a grid. Use "
                 "rule='sobol', 'latin-hypercube', 'halton' or 'random', or method='projection'."
             )
         if self.adaptive == "dimension":
             if self.method != "projection" or self.rule not in (None, "smolyak"):
                 raise uqmbd.StudyError(
-                    "Collocation: adaptive='dimension' refines a sparse grid; leave method and rule as they are by "
-                    "default."
+                    "Collocation: adaptive='dimension' refines a sparse grid; omit the options method and rule."
                 )
             self.refuse(
-                ("nodes", "level", "samples", "weights"), "adaptive='dimension', which finds out what each input needs"
+                ("nodes", "level", "samples", "weights"), "adaptive='dimension', which chooses the nodes of each input"
             )
             if self.index_set != "total":
                 raise uqmbd.StudyError(
                     f"Collocation: index_set={self.index_set!r} contradicts adaptive='dimension', which chooses the "
-                    "terms."
+                    "terms; omit index_set."
                 )
         if self.adaptive == "order":
-            self.refuse(("nodes", "level", "samples"), "adaptive='order', which chooses it for each order")
+            self.refuse(("nodes", "level", "samples"), "adaptive='order', which chooses this option for each order")
             if design is not None and not design.extendable:
                 raise uqmbd.StudyError(
-                    f"Collocation: rule={self.rule!r} cannot be extended, so that adaptive='order' would use no "
-                    "realisation again; use rule='sobol'."
+                    f"Collocation: rule={self.rule!r} is not extendable, so adaptive='order' cannot reuse "
+                    "realisations; use rule='sobol'."
                 )
         for name, rules in {"nodes": ("gauss",), "level": ("smolyak", "clenshaw-curtis")}.items():
             if self.design not in rules:
                 expected = " or ".join(f"rule={rule!r}" for rule in rules)
-                self.refuse((name,), f"rule={self.design!r}; it is for {expected}")
+                self.refuse((name,), f"rule={self.design!r}; it requires {expected}")
         if self.grid:
-            self.refuse(("samples",), f"rule={self.grid!r}, a grid; give nodes or level, or a rule such as 'sobol'")
+            self.refuse(("samples",), f"rule={self.grid!r}, a grid; use nodes or level, or a rule such as 'sobol'")
 
     def _only_given(self) -> None:
-        """Refuse options that a given expansion and rule already determine."""
-        self.refuse(("rule", "level", "samples", "elements"), "expansion=, which comes with a rule of its own")
+        """Raise StudyError if an option is given that a user expansion and its rule already determine."""
+        self.refuse(("rule", "level", "samples", "elements"), "expansion=, which has its own quadrature rule")
         for name, usual in (("method", "projection"), ("index_set", "total"), ("adaptive", "no")):
             if (value := getattr(self, name)) != usual:
                 raise uqmbd.StudyError(
-                    f"Collocation: {name}={value!r} means nothing with expansion=, whose terms and rule are given."
+                    f"Collocation: {name}={value!r} cannot be combined with expansion=, whose terms and rule are "
+                    "given; omit it."
                 )
 
     def refuse(self, names: tuple[str, ...], by: str) -> None:
-        """Raise where one of some options is given."""
+        """Raise StudyError if one of the named options is given."""
         for name in names:
             if getattr(self, name) is not None:
-                raise uqmbd.StudyError(f"Collocation: {name}={getattr(self, name)!r} means nothing with {by}.")
+                raise uqmbd.StudyError(f"Collocation: {name}={getattr(self, name)!r} cannot be combined with {by}.")
 
     @property
     def design(self) -> str:
-        """The rule, chosen to suit the method if none is given."""
+        """Rule of the nodes, with a default for the method."""
         if self.rule is not None:
             return self.rule
         if self.adaptive == "dimension":
@@ -127,15 +132,15 @@ class Plans:
 
     @property
     def grid(self) -> str:
-        """The rule if it is a grid, else empty."""
+        """Name of the rule if it is a grid; otherwise empty."""
         return self.design if self.design in GRIDS else ""
 
     def plan(
         self, space: uqmbd.extend.GermSpace, order: int | None
     ) -> QuadratureProjection | SparseProjection | Regression | UserProjection:
-        """Choose nodes and fit without computing realisations.
+        """Return nodes and fit without computing realisations.
 
-        Raise StudyError if an option does not suit the inputs or more than ``max_realisations`` would be needed.
+        Raise StudyError if an option does not suit the inputs, or if more than ``max_realisations`` would be needed.
         """
         try:
             return self._planned(space, order)
@@ -146,7 +151,7 @@ class Plans:
     def _planned(
         self, space: uqmbd.extend.GermSpace, order: int | None
     ) -> QuadratureProjection | SparseProjection | Regression | UserProjection:
-        """Choose nodes; too many are refused without a remedy."""
+        """Return nodes and fit; if there are too many nodes, raise an error without advice."""
         if self.expansion is not None:
             given = self.expansion.plan(space, self.label)
             self._check_number(space, order, len(given.nodes))
@@ -170,25 +175,55 @@ class Plans:
         return Regression(rule.nodes, terms, self.method, self.label)
 
     def first_nodes(self, space: uqmbd.extend.GermSpace) -> Array:
-        """Return germ points, shape (K, d), where there are realisations in any case."""
+        """Return germ points, shape (K, d), that need realisations in any case."""
         if self.adaptive == "dimension":
             return uqmbd.extend.gauss_tensor(space, [min(3, germ.values or 3) for germ in space.germs]).nodes
         return self.plan(space, self.order).nodes
 
-    def verification_points(self, space: uqmbd.extend.GermSpace) -> uqmbd.extend.VerificationPoints:
-        """Return points that no design uses."""
-        return uqmbd.extend.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
+    @property
+    def extremes(self) -> int:
+        """Number of verification points at extremes; zero if there are few verification points."""
+        return EXTREMES if self.verify >= FEWEST else 0
+
+    def verification_points(self, space: uqmbd.extend.GermSpace, others: int = 0) -> uqmbd.extend.VerificationPoints:
+        """Return `verify` minus `others` verification points, which differ from the points of every design."""
+        return uqmbd.extend.VerificationPoints.drawn(space, self.verify - others, self.seed, STREAM)
+
+    def with_extremes(
+        self, points: uqmbd.extend.VerificationPoints, runs: CollocationRuns, error: Array | None
+    ) -> uqmbd.extend.VerificationPoints:
+        """Return the points and two more at extremes of the outputs, from the realisations and errors (O, T) so far."""
+        good = runs.status == Status.OK
+        known = (runs.germs[good], runs.response[good])
+        stream = STREAM + 1
+        ends = uqmbd.extend.VerificationPoints.at_extremes(runs.space, self.verify, *known, self.seed, stream, error)
+        germs, weights = (np.concatenate(pair) for pair in ((points.germs, ends.germs), (points.weights, ends.weights)))
+        return uqmbd.extend.VerificationPoints(germs, weights)
 
     def points_of_elements(
         self, boxes: Sequence[uqmbd.extend.GermBox], done: int
     ) -> list[uqmbd.extend.VerificationPoints]:
-        """Return points of the verification in each box, behind so many elements; of no split, those as always."""
+        """Return the verification points of each new box after `done` elements; a single box has the usual points."""
         if len(boxes) == 1 and boxes[0].probability == 1.0:
             return [self.verification_points(boxes[0].space)]
         return uqmbd.extend.VerificationPoints.of_elements(boxes, done, self.verify, self.seed, STREAM)
 
+    def further(self, chaos: PiecewiseChaos | AlignedChaos, spent: int) -> list[uqmbd.extend.VerificationPoints]:
+        """Return further verification points in elements with large errors; `spent` realisations limit the number."""
+        room = max(self.max_realisations - spent, 0)
+        points = uqmbd.extend.VerificationPoints.of_errors(chaos, spent, self.seed, STREAM)
+        if (wanted := sum(map(len, points))) > room:
+            points = uqmbd.extend.VerificationPoints.of_errors(chaos, spent, self.seed, STREAM, most=room)
+            warnings.warn(
+                f"{self.label}: the stated error is based on {sum(map(len, points))} of {wanted} additional "
+                f"verification realisations, because max_realisations is {self.max_realisations}. Increase "
+                "max_realisations.",
+                stacklevel=3,
+            )
+        return points
+
     def _sparse(self, space: uqmbd.extend.GermSpace, order: int | None) -> SparseProjection:
-        """Combine the tensor grids of a level, or few that resolve the terms of an order."""
+        """Return the combination of all tensor grids of a level, or of those that resolve the terms of an order."""
         terms = None if order is None else space.basis(order, self.index_set, self.weights)
         if self.level is None:
             if terms is None:
@@ -203,8 +238,8 @@ class Plans:
                 lost = int(np.count_nonzero(level_of(terms).sum(axis=1) > self.level))
                 raise uqmbd.StudyError(
                     f"Collocation: level={self.level} of rule='smolyak' does not resolve {lost} of the {len(terms)} "
-                    f"terms of order={order}; use order=None (all terms that the level resolves), level={least}, or "
-                    "no level (few nodes that resolve the order)."
+                    f"terms of order={order}. Use order=None (all terms that the level resolves), level={least}, or "
+                    "omit level (the fewest nodes that resolve the order)."
                 )
         found = SparseProjection.of(space, levels, terms, self.label, name)
         self._check_number(space, order, len(found.nodes))
@@ -215,12 +250,12 @@ class Plans:
             return
         what = f"level {self.level}" if order is None else f"order {order}"
         raise TooManyNodes(
-            f"Collocation: {what} with {space.dimension} inputs takes {bound}{nodes} nodes and {self.verify} "
+            f"Collocation: {what} with {space.dimension} inputs needs {bound}{nodes} nodes and {self.verify} "
             f"verification realisations, more than max_realisations = {self.max_realisations}."
         )
 
     def _remedy(self, space: uqmbd.extend.GermSpace, order: int) -> str:
-        """Options that this study works with: tried, not guessed."""
+        """Return options for which the number of nodes is allowed, found by trial."""
         plain: dict[str, Any] = {"rule": None, "nodes": None, "level": None, "samples": None, "adaptive": "no"}
         plain["order"] = order
         ways: list[dict[str, Any]] = [
@@ -238,23 +273,23 @@ class Plans:
                     found = tried._planned(space, tried.order)
                     found.check(space)
                     total = len(found.nodes) + self.verify
-            except (uqmbd.StudyError, Warning):  # a rule of a huge order may overflow
+            except (uqmbd.StudyError, Warning):  # a rule of a high order may overflow
                 continue
             given = ", ".join(f"{name}={value!r}" for name, value in way.items())
             left = [f"{name}=" for name in ("nodes", "level", "samples", "elements") if getattr(self, name) is not None]
             left += ["adaptive="] if self.adaptive != "no" else []
             left += ["rule="] if self.rule is not None and "rule" not in way else []
             without = f" without {', '.join(left)}" if left else ""
-            return f"Use {given}{without} ({total} realisations), adaptive='dimension', or allow more."
-        return "Use adaptive='dimension', or allow more."
+            return f"Use {given}{without} ({total} realisations), adaptive='dimension', or increase max_realisations."
+        return "Use adaptive='dimension', or increase max_realisations."
 
     def _gauss_counts(self, space: uqmbd.extend.GermSpace, terms: Index) -> list[int]:
         if self.nodes is None:
             return [int(n) + 1 for n in terms.max(axis=0)]
         if len(self.nodes) not in (1, space.dimension):
             raise uqmbd.StudyError(
-                f"Collocation: nodes has {len(self.nodes)} entries; expected one number, or one for each of the "
-                f"{space.dimension} inputs ({', '.join(space.names)})."
+                f"Collocation: nodes has {len(self.nodes)} entries; expected one number for all inputs, or one "
+                f"number for each of the {space.dimension} inputs ({', '.join(space.names)})."
             )
         return list(self.nodes) * (space.dimension if len(self.nodes) == 1 else 1)
 
@@ -263,13 +298,13 @@ class Plans:
             return uqmbd.extend.gauss_tensor(space, self._gauss_counts(space, terms))
         if self.level is not None:
             return uqmbd.extend.clenshaw_curtis(space, self.level)
-        # 2^level + 1 nodes: exact for products of two polynomials of uniform germs
+        # 2^level + 1 nodes are exact for products of two polynomials of uniform germs
         levels = [max(1, int(np.ceil(np.log2(2 * n)))) if n else 0 for n in terms.max(axis=0)]
         self._check_number(space, order, math.prod(2**level + 1 if level else 1 for level in levels))
         return uqmbd.extend.clenshaw_curtis(space, levels)
 
     def _exact(self, rule: uqmbd.extend.Quadrature, terms: Index, space: uqmbd.extend.GermSpace) -> bool:
-        """Return whether products of the basis are known to be integrated exactly."""
+        """Return whether the rule integrates products of the basis exactly."""
         if self.grid == "gauss":
             degrees = terms.max(axis=0)
             return all(n > k for n, k in zip(self._gauss_counts(space, terms), degrees, strict=True))

@@ -1,4 +1,7 @@
-"""The collocation propagator."""
+"""Collocation propagator.
+
+Length: a paragraph documents each option.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,8 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment import EventTrajectories, PhaseTrajectories, align
-from uqmbd_collocation.elements import collocate_elements, with_further
+from uqmbd_collocation.alignment import EventTrajectories, PhaseTrajectories, align, followed
+from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
 from uqmbd_collocation.plain import expand
@@ -26,125 +29,141 @@ from uqmbd_collocation.user_expansion import UserExpansion
 __all__ = ["Collocation"]
 
 FEW = 40
-"""Numbers of each output at each time in the results, besides coefficients: statistics and errors."""
+"""Number of stored values for each output and time in addition to coefficients: statistics and errors."""
 
 BOUND = 10.0
-"""Accuracy over the tolerance of its refinement. The bound from few verification realisations is larger than the change
-that ends the refinement."""
+"""Ratio of the stated error to the tolerance of a refinement. The ratio exceeds 1, because the error bound from few
+verification realisations is larger than the change that ends the refinement."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collocation(uqmbd.extend.Propagator):
-    """Polynomial chaos through realisations at chosen points.
+    """Compute a polynomial chaos from realisations at chosen points.
 
     Parameters
     ----------
     order : int, optional
-        Highest degree of the polynomials; default 3.  With a `level` of ``smolyak``, and neither `index_set` nor
-        `weights`, the default is None: all terms that the level resolves.
+        Highest degree of the polynomials; default 3. If ``rule="smolyak"`` has a `level`, but no `index_set` or
+        `weights`, the default is None: the chaos contains all terms that the level resolves.
     index_set : {"total", "tensor", "hyperbolic"}
-        Which products of one-dimensional polynomials: a total degree of at most `order`, each degree, or few
+        Set of multi-indices: the total degree is at most `order`, each degree is at most `order`, or there are few
         interactions.
     weights : tuple of float, optional
-        Anisotropy: an input (in the order of their names) of weight 2 gets half the order.  With `expansion`: array,
-        shape (K,), weights of the nodes, of sum 1.
+        Weight of each input, in the order of the input names. An input of weight 2 gets half the order. With
+        `expansion`, `weights` contains the weights of the nodes: an array of shape (K,) with the sum 1.
     method : {"projection", "regression", "omp", "lars"}
-        Pseudo-spectral projection by a quadrature rule (``smolyak``: by many small tensor rules, each on the terms that
-        it resolves); least squares on samples; or sparse regression, in which orthogonal matching pursuit or
-        least-angle regression chooses few of the terms.
+        Computation of the coefficients. ``projection`` is pseudo-spectral projection by a quadrature rule. For
+        ``smolyak``, it combines small tensor rules, and each of them projects on the terms that it resolves.
+        ``regression`` is least squares on samples. ``omp`` and ``lars`` are sparse regression, which selects few terms
+        by orthogonal matching pursuit or least-angle regression.
     rule : str, optional
-        Where the realisations are.  For a projection ``gauss`` (tensor product, the default), ``smolyak``,
-        ``clenshaw-curtis``, or samples; for a regression ``sobol`` (the default), ``latin-hypercube``, ``halton``,
-        ``random``, or a sampling design of a plugin.
+        Rule that chooses the nodes. For a projection: ``gauss`` (tensor product, the default), ``smolyak``,
+        ``clenshaw-curtis``, or a sampling design. For a regression: ``sobol`` (the default), ``latin-hypercube``,
+        ``halton``, ``random``, or a design of a plugin.
     nodes : tuple of int, optional
-        Gauss: nodes of each input (in the order of their names), or one number for all; default one more than the
-        highest degree in it.  With `expansion`: array, shape (input, K), values of the inputs.
+        Number of Gauss nodes of each input, in the order of the input names, or one number for all inputs. Default: one
+        more than the highest degree in the input. With `expansion`, `nodes` contains the values of the inputs: an array
+        of shape (input, K).
     level : int, optional
-        Smolyak: sum of the levels of all inputs; at level l an input has ``2 l + 1`` Gauss nodes and degrees up to
-        ``2 l``.  Default: the levels that the terms of the order need, and one more of each input alone.
-        Clenshaw-Curtis: default: the lowest that suits the order.
+        Level of a sparse grid. For ``smolyak``, the grid combines all levels of the inputs whose sum is at most
+        `level`. At level l, an input has ``2 l + 1`` Gauss nodes and degrees up to ``2 l``. By default, the grid
+        contains the levels that the terms of the order need, and one more level of each single input. For
+        ``clenshaw-curtis``, the default is the lowest level that resolves the order.
     samples : int, optional
-        Of a design of samples; default twice the number of terms; for sparse regression not more than 100, or than
-        terms.
+        Number of points of a sampling design. Default: twice the number of terms. For sparse regression, the default is
+        limited to 100, or to the number of terms if there are more than 100 terms.
     adaptive : {"no", "order", "dimension"}
-        Raise the order from `order` on, or refine a sparse grid input by input. The refinement ends when mean and
-        standard deviation change by less than `tolerance`, and the verification realisations agree. No realisation is
-        computed twice. Higher orders reuse all realisations of lower ones for ``sobol``, ``halton``, ``random`` and
-        (with levels that double) ``clenshaw-curtis``, and most for ``smolyak``. Gauss tensors share middle nodes only.
+        Refinement: ``order`` raises the order, starting at `order`; ``dimension`` refines a sparse grid input by input.
+        The refinement ends when mean and standard deviation change by less than `tolerance`, and the verification
+        realisations agree. No realisation is computed twice. For ``sobol``, ``halton`` and ``random``, higher orders
+        reuse all realisations of lower orders. Higher orders also reuse all realisations for ``clenshaw-curtis``, whose
+        levels double the number of intervals. For ``smolyak``, they reuse most realisations. Gauss tensor rules of
+        different orders share only middle nodes.
     tolerance : float
-        Of a refinement: relative to the largest standard deviation of each output over time.
+        Tolerance of a refinement, relative to the largest standard deviation of each output over time.
     max_realisations : int
-        Most different realisations of each alignment, verification included. A realisation that is integrated again,
-        for longer or at more times, counts once here, but again in ``realisations`` of the results.
+        Largest number of different realisations for each alignment, including verification. A realisation may be
+        integrated again, for longer or at more times. This limit counts it once, but ``realisations`` of the results
+        counts each integration.
     elements : int or "adaptive", optional
-        Split the germ space into so many boxes, or until `threshold` is met, each with a separate chaos. This suits
-        responses that jump or have a kink (contact, friction, locking). A split element is computed anew.
+        Number of boxes into which the germ space is divided, each with a separate chaos. ``adaptive`` splits boxes
+        until `threshold` is met. Use elements for kinks or jumps (contact, friction, locking). The parts of a split
+        element need new realisations.
     max_elements : int
-        Most elements of an adaptive refinement.
+        Largest number of elements of an adaptive refinement.
     threshold : float
-        Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
+        Error of the surrogate at which an adaptive refinement ends, relative to the largest standard deviation of each
+        output over time.
     alignment : {"events", "phase", "two-frequency", "auto"} or tuple of str, optional
-        Compare realisations at landmarks instead of at equal times, and expand the times of landmarks and the motion
-        between them, in normalised time, separately.  Where the sequence of landmarks is not the same everywhere the
-        germ space is split first, into `max_elements` boxes at most; with `elements` it is split by the error, which is
-        large there.  Results tell the share of realisations that still have another sequence (``mixed``).
+        Compare realisations at markers instead of at equal times. The times of the markers, and the motion between
+        markers in normalised time, are expanded separately. If the sequence of markers differs between realisations,
+        the germ space is first divided into at most `max_elements` boxes. With `elements`, the germ space is divided
+        according to the error, which is large where the sequence changes. The attribute ``mixed`` of the results states
+        the share of realisations whose sequence differs from the sequence of their element.
 
-        ``events``, for mechanisms with impacts: outputs at a fixed time jump with the inputs where an event is early or
-        late; these do not.
+        ``events``, for mechanisms with impacts: at a given time, outputs are discontinuous in the inputs if event times
+        vary. Outputs between the same events are continuous.
 
-        ``phase``, for motions that turn or swing for long: phases drift apart, and no order follows outputs at a fixed
-        time for long; at a quarter of a turn each they stay alike.  It needs a clock, and realisations that run longer,
-        until the last has reached the phase of the first; one that fails there, behind the last output time, before it
-        has reached the phase has failed.  What turns may turn backwards in some realisations, or swing: these get
-        elements of their own.  So do those where the clock stands, which are compared at equal times; a warning tells
-        their share (``standing``).  Where there is no clock the method refuses.
+        ``phase``, for long rotations and oscillations: phases drift apart, so no order represents outputs at a given
+        time for long. Outputs at equal phases, a quarter of a turn apart, stay similar. Alignment by phases needs a
+        clock. Integration continues until the slowest realisation has reached the phase of the fastest one. A
+        realisation counts as failed if its integration fails after the last output time but before this phase.
+        Realisations in which a rotating body turns backwards or swings get separate elements. Realisations in which the
+        clock stops also get separate elements; they are compared at equal times, and a warning states their share
+        (``standing``).
 
-        ``two-frequency``, for motions that swing with one or two frequencies and do not die down, as a double pendulum
-        at moderate angles: there is no clock that all share.  Each realisation is a sum of harmonics of its own
-        frequencies, which are found by its spectrum, and fitted; frequencies and amplitudes are expanded.  It needs no
-        landmarks, and splits the germ space by `elements` only.  Motions that are no such sums (chaotic, damped, with
-        impacts) are refused, with what is left of them; the attributes ``frequency_1``, ``frequency_2``
-        (``frequency_units``), ``harmonics`` and ``residual`` (largest over nodes and outputs, over the root mean square
-        of the motion) tell the fit.
+        ``two-frequency``, for undamped oscillations with one or two frequencies, such as a double pendulum at moderate
+        angles, whose realisations share no clock. Each realisation is fitted by a sum of harmonics of the frequencies
+        in its spectrum. Frequencies and amplitudes are expanded. The alignment ``two-frequency`` needs no markers, and
+        divides the germ space only by `elements`. Other motions (chaotic, damped, with impacts) are rejected with a
+        message that states the residual. The attributes ``frequency_1``, ``frequency_2`` (``frequency_units``),
+        ``harmonics`` and ``residual`` describe the fit. ``residual`` is the largest residual over nodes and outputs,
+        relative to the root mean square of the motion.
 
         A tuple of ``plain`` (at equal times), ``events``, ``phase`` and ``two-frequency``: at each time, each output
-        takes one whose error at the verification realisations is near the smallest: at most 1.25 times as large, plus
-        9e-4 of the largest standard deviation over time.  An output has one alignment at all times if one satisfies
-        this; otherwise it changes as seldom as possible, at times at which both alignments differ least.
+        uses an alignment whose error at the verification realisations is near the smallest error of all alignments. An
+        error is near if it is at most 1.25 times the smallest error, plus 5e-4 of the largest standard deviation over
+        time. If one alignment satisfies this condition at all times, the output uses it at all times. Otherwise the
+        output changes its alignment as seldom as possible, at times at which both alignments differ least.
 
-        Where both ``events`` and ``phase`` are named, and the clock is an angle that grows in all nodes,
-        ``events+phase`` is one more: events are landmarks, and between them equal phases that all nodes pass between
-        the same events; others are dropped (attributes ``phases_between_events`` and ``phases_dropped``).  It suits
-        outputs that depend on both; near an event it is no better than events.
+        If both ``events`` and ``phase`` are named, and the clock is an angle that grows in all nodes, ``events+phase``
+        is also tried. Its markers are the events, and equal phases that all nodes pass between the same events. Other
+        phases are dropped (attributes ``phases_between_events`` and ``phases_dropped``). ``events+phase`` suits outputs
+        that depend on both events and phases. Near an event it is not better than ``events``.
 
-        ``auto``: of all that are possible for the mechanism; of ``two-frequency`` only if the others leave an error
-        above 1 % of the largest standard deviation.  The attributes ``alignment``, ``alignment_error`` and
-        ``alignment_left_out`` (JSON) state the choice and its error, and why others are impossible.
+        ``auto``: all alignments that are possible for the mechanism; ``two-frequency`` is used only if the others leave
+        an error above 1 % of the largest standard deviation. The attributes ``alignment``, ``alignment_error`` and
+        ``alignment_left_out`` (JSON) state the selected alignments, their error, and the reasons why other alignments
+        are impossible.
     clock : str, optional
-        For ``phase``, alone or among others: name of an output, or of a body or joint that has an angle.  An angle that
-        grows is the phase; else that of the oscillation, from extreme to extreme, whose size and middle may change
-        slowly.  Default: what turns in some realisations, else what swings in most, the steadier first; the results say
-        which.
+        Clock of the alignment ``phase``: name of an output, or of a body or joint with an angle. If the angle grows,
+        the phase is the angle. Otherwise the phase is the phase of an oscillation between extremes; its amplitude and
+        mean may change slowly. Default: an angle that grows in some realisations, otherwise a quantity that oscillates
+        in most realisations; the steadiest one is preferred.
     expansion : numpoly.ndpoly, optional
-        Polynomials of chaospy, of the inputs in the order of their names, with `nodes` and `weights` of a rule of
-        chaospy: ``chaospy.generate_expansion(order, joint)`` and ``chaospy.generate_quadrature(order, joint)``.  The
-        chaos is the projection on what they span, in orthonormal polynomials of the germs.  `order` has no meaning
-        then.  A warning reports polynomials that are not orthogonal for the distributions of the inputs, and a rule
-        that is too coarse for them; polynomials of other distributions are refused.
+        Polynomials of chaospy in the inputs, in the order of the input names, with `nodes` and `weights` of a
+        quadrature of chaospy: ``chaospy.generate_expansion(order, joint)`` and ``chaospy.generate_quadrature(order,
+        joint)``. The chaos is the projection on the span of these polynomials, in orthonormal polynomials of the germs.
+        With `expansion`, `order` has no effect. Polynomials that are not orthogonal for the distributions of the
+        inputs, and rules that are too coarse for the polynomials, give a warning. The method rejects polynomials of
+        other distributions.
     transform : {"rosenblatt", "nataf"}
-        How dependent inputs become functions of independent germs.
+        Transform of dependent inputs to functions of independent germs.
     verify : int
-        Realisations at points that no node uses, from which the error of the surrogate is stated; 0: none.  Half of
-        them are spread like the inputs, half like squares of polynomials of these, which are large in the tails; the
-        mean square error is weighted for the inputs' own distribution (:class:`uqmbd.extend.VerificationPoints`).
-        The points are the same for every order, and never enter coefficients.  They end a refinement, so that after
-        one the stated error is a little more likely to be small than without. Sixteen state the error to within a
-        factor of two for nearly all seeds. 32 do so even if the error grows fast in the tails of several inputs. The
-        statistic ``verification_factor`` states the factor; verdicts name outputs for which it is more than two.
+        Number of verification realisations, which determine the stated error of the surrogate; 0: no verification. They
+        differ from the nodes. Half of them have the distribution of the inputs; the others have densities like squares
+        of polynomials of the inputs, which are large in the tails. The mean square error is weighted for the
+        distribution of the inputs (:class:`uqmbd.extend.VerificationPoints`). With eight or more realisations, two are
+        at extremes of the outputs, unless elements or an alignment are used. If the stated error is then above 10 %,
+        two further ones are in gaps between points with large errors. The other points are the same for every order. No
+        point affects the coefficients. Verification ends a refinement, after which the stated error is slightly more
+        likely to be too small. Sixteen points state the error within a factor of two for nearly all
+        seeds. 32 points do so even if the error grows fast in the tails of several inputs. The statistic
+        ``verification_factor`` states the factor.
     seed : int
-        Of designs and of the verification points.
+        Seed of sampling designs and of the verification points.
     label : str, optional
-        Name of the results, by default ``collocation``.
+        Name of the results. Default: ``collocation``.
 
     Raises
     ------
@@ -200,15 +219,18 @@ class Collocation(uqmbd.extend.Propagator):
         if self._limits.elements is not None:
             if self.adaptive != "no":
                 raise uqmbd.StudyError(
-                    f"Collocation: elements={self.elements!r} contradicts adaptive={self.adaptive!r}; elements are "
-                    "refined by splitting, at a fixed order."
+                    f"Collocation: elements={self.elements!r} contradicts adaptive={self.adaptive!r}, because "
+                    "elements have a fixed order and are refined by splitting. Omit one of the two options."
                 )
             if self.order == 0 or (self.order is None and self.level == 0):
                 raise uqmbd.StudyError(
-                    "Collocation: elements are split by their top order; order is 0, expected 1 or more."
+                    "Collocation: order is 0; expected 1 or more with elements, which are split by their terms of "
+                    "highest order."
                 )
         if self.clock is not None and "phase" not in self.families:
-            raise uqmbd.StudyError(f"Collocation: clock={self.clock!r} means nothing without alignment='phase'.")
+            raise uqmbd.StudyError(
+                f"Collocation: clock={self.clock!r} requires alignment='phase'; omit clock or set alignment."
+            )
         self._check_families()
         split, aligned = self.elements is not None, self.alignment not in (None, "two-frequency")
         for name, used, what in (
@@ -217,22 +239,22 @@ class Collocation(uqmbd.extend.Propagator):
             ("threshold", split, "elements=None"),
         ):
             if not used and (given := getattr(self, name)) != getattr(Collocation, name):
-                text = f"Collocation: {name}={given!r} has no effect with {what}; leave it out, or change the latter."
+                text = f"Collocation: {name}={given!r} has no effect with {what}. Omit it, or change the other option."
                 warnings.warn(text, uqmbd.StudyWarning, stacklevel=3)
 
     def _take_expansion(self) -> None:
-        """Store a given expansion with its rule, as plain numbers; `nodes` and `weights` then belong to it."""
+        """Store a given expansion and its rule as plain numbers; `nodes` and `weights` then belong to the expansion."""
         if self.expansion is None:
             for name, what in (("nodes", "a whole number of 1 or more"), ("weights", "a number above 0")):
                 if isinstance(given := getattr(self, name), np.ndarray):
                     raise uqmbd.StudyError(
-                        f"Collocation: {name} is an array of the shape {given.shape}; expected {what} for each input, "
-                        "or its expansion: expansion=."
+                        f"Collocation: {name} is an array of the shape {given.shape}; expected {what} for each "
+                        "input. An array of nodes or weights also requires expansion=."
                     )
             return
         for name, usual in (("order", (None, DEFAULT_ORDER)), ("transform", (Collocation.transform,))):
             if (given := getattr(self, name)) not in usual:
-                raise uqmbd.StudyError(f"Collocation: {name}={given!r} means nothing with expansion=; leave it out.")
+                raise uqmbd.StudyError(f"Collocation: {name}={given!r} cannot be combined with expansion=; omit it.")
         if isinstance(self.expansion, UserExpansion) and self.nodes is None and self.weights is None:
             return
         object.__setattr__(self, "expansion", UserExpansion.of(self.expansion, self.nodes, self.weights))
@@ -241,17 +263,17 @@ class Collocation(uqmbd.extend.Propagator):
 
     @property
     def design(self) -> str:
-        """The rule, chosen to suit the method if none is given."""
+        """Rule of the nodes, with a default for the method."""
         return self._plans(self.node_name).design
 
     @property
     def grid(self) -> str:
-        """The rule if it is a grid, else empty."""
+        """Name of the rule if it is a grid; otherwise empty."""
         return self._plans(self.node_name).grid
 
     @property
     def families(self) -> tuple[Family, ...]:
-        """The ways to expand that `alignment` names; none: at equal times, as ever."""
+        """Families that `alignment` names; empty for outputs at equal times."""
         if self.alignment is None:
             return ()
         if self.alignment == "auto":
@@ -259,24 +281,26 @@ class Collocation(uqmbd.extend.Propagator):
         return (self.alignment,) if isinstance(self.alignment, str) else tuple(self.alignment)
 
     def _check_families(self) -> None:
-        """Refuse options that contradict a choice between families."""
+        """Raise StudyError for options that contradict a choice between families."""
         if self.alignment is None or self.alignment in ("events", "phase", "two-frequency"):
             return
         given = f"Collocation: alignment={self.alignment!r}"
         if len(self.families) < 2 or len(set(self.families)) < len(self.families):
             raise uqmbd.StudyError(
-                f"{given}; a tuple names two or more different families, of {', '.join(map(repr, FAMILIES))}. One is "
-                "given as a word, as alignment='phase', and plain is alignment=None."
+                f"{given}; expected a tuple of two or more different families out of "
+                f"{', '.join(map(repr, FAMILIES))}. Give a single family as a string, such as alignment='phase'; "
+                "alignment=None disables the alignment."
             )
         if not self.verify:
             raise uqmbd.StudyError(
-                f"{given} chooses by the error at verification realisations, and verify is 0; expected 1 or more."
+                f"{given} selects families by their errors at verification realisations, but verify is "
+                "0; expected 1 or more."
             )
         if self.elements is not None:
             raise uqmbd.StudyError(
-                f"{given} contradicts elements={self.elements!r}: elements are refined for one family; name it, as "
-                "alignment='phase'. Where sequences of landmarks differ families split by themselves, into "
-                "max_elements boxes at most."
+                f"{given} contradicts elements={self.elements!r}: elements are refined for one family only. Give a "
+                "single family, such as alignment='phase'. If sequences of events or phases differ, families split "
+                "automatically into at most max_elements elements."
             )
 
     @property
@@ -287,18 +311,18 @@ class Collocation(uqmbd.extend.Propagator):
         return Plans(label, **{f.name: getattr(self, f.name) for f in fields(Plans) if f.name != "label"})
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
-        """Watch the angles of bodies and joints, where a clock is looked for."""
+        """Return the angles of bodies and joints to observe, if a clock is needed."""
         return uqmbd.extend.watched_angles(mechanism) if "phase" in self.families else {}
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Return the clock at the means of the inputs, as text."""
+        """Return a text on the clock at the means of the inputs."""
         problem = study.problem(self)
         if "phase" not in self.families or problem.timeless or not len(study.mechanism.inputs):
             return ()
         return (uqmbd.extend.clock_at_means(problem, self.clock),)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count realisations, and the memory of their outputs and of the chaos."""
+        """Return the numbers of realisations, and the memory of their outputs and of the chaos."""
         space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         ways, left_out = self._possible(study)
@@ -313,21 +337,23 @@ class Collocation(uqmbd.extend.Propagator):
         disk = 8 * values * (FEW + boxes * terms)
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
         if ways != ("plain",):
-            # nodes are followed longer, most of them twice; nobody knows yet where sequences differ
-            detail += ", which are followed longer; more where landmarks differ"
-            aligned = [name for name in ways if name != "plain"]
-            # a plain chaos reads those that are followed for a clock
+            # realisations at nodes are integrated longer, most of them twice; the number of elements is still unknown
+            detail += ", with longer integrations; more elements if sequences of events or phases differ"
+            # a plain chaos reads the trajectories that are integrated for a clock
             alone = nodes if "plain" in ways and "phase" not in ways else 0
-            count = 2 * boxes * nodes * len(aligned) + alone + self.verify
-            detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
-            return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
-        count = boxes * nodes + self._limits.verified(self.verify)
-        further = bool(self.verify) and boxes > 1  # where elements are wrong, which is not known before
-        most, uncertain = with_further(count) if further else count, self._limits.uncertain or further
-        return uqmbd.extend.Estimate(most, 8 * boxes * one, detail, at_most=uncertain, disk=disk)
+            count = 2 * boxes * nodes * sum(name != "plain" for name in ways) + alone + self.verify
+            count += boxes * followed(nodes, self.verify) if "events" in ways else 0
+            detail += f"; families {', '.join(ways)}{left_out}" if len(ways) > 1 else left_out
+            return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail, disk=disk)
+        count = boxes * nodes + self._limits.verified(self.verify, space)
+        further = bool(self.verify) and boxes > 1  # elements whose errors are still unknown
+        count += uqmbd.extend.VerificationPoints.further(count) if further else 0
+        return uqmbd.extend.Estimate(
+            count, 8 * boxes * one, detail, at_most=self._limits.uncertain or further, disk=disk
+        )
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
-        """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""
+        """Return options for an accuracy by raising the order; a refinement ends at the accuracy or its limit."""
         if self.adaptive != "no":
             tolerance = self.tolerance if accuracy is None else accuracy / BOUND
             space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
@@ -359,7 +385,7 @@ class Collocation(uqmbd.extend.Propagator):
         return tuple(name for name in ways if not reasons[name]), f"; {said}" if said else ""
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: nothing random, a distribution without moments, too many nodes, too few samples."""
+        """Return the obstacle: no random input, a distribution without moments, too many nodes, or too few samples."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:
@@ -378,7 +404,17 @@ class Collocation(uqmbd.extend.Propagator):
         return None
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Compute realisations, fit, verify, and summarise.
+        """Compute realisations, fit, verify, and return statistics.
+
+        Parameters
+        ----------
+        problem : uqmbd.extend.Problem
+            Problem with random inputs.
+
+        Returns
+        -------
+        xarray.DataTree
+            Node of the method.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Results of a collocation besides statistics and chaos."""
+"""Additional results of a collocation: datasets of nodes."""
 
 from __future__ import annotations
 
@@ -52,16 +52,16 @@ def nodes_of_elements(
 def nodes_dataset(runs: CollocationRuns, verification: Index, fit: Fit) -> xr.Dataset:
     """Return the dataset `nodes` of a collocation on the whole germ space.
 
-    `purpose` is ``fit``, ``verification``, both (germs of few values meet), or ``refinement``: what an earlier step
-    needed and the last one did not, and the search for idle inputs.  `weight` is that of the quadrature,
-    where there is one.
+    `purpose` is ``fit``, ``verification``, ``fit, verification`` (for germs of few values), or ``refinement``. A
+    ``refinement`` realisation was computed by an earlier step, or to find unused inputs. If the fit uses a quadrature,
+    `weight` contains its weights.
     """
     names = np.array(["refinement", "fit", "verification", "fit, verification"])
     used = np.zeros(len(runs), dtype=np.int64)
     used[fit.where] = 1
     used[verification] += 2
     if fit.failed:
-        # a failed node was meant for the fit, though it is not in it
+        # a failed node counts as a node of the fit, although the fit omits it
         used[(runs.status != Status.OK) & (used == 0)] = 1
     about = (runs.problem.labels, runs.space.names, runs.values, runs.germs, runs.status, runs.messages)
     found = nodes_of(*about, names[used])
@@ -77,7 +77,7 @@ def warn_of_failures(verification: uqmbd.extend.Verification, label: str) -> Non
     if verification.failures:
         warnings.warn(
             f"{label}: {verification.failures} of {verification.asked} verification realisations failed; the stated "
-            f"error comes from the others. By their weights they represent about {max(verification.lost, 1e-6):.1g} of "
-            f"the probability. Reason of the failure: {verification.reason}",
+            "error is based on the successful ones. The failed ones represent about "
+            f"{max(verification.lost, 1e-6):.1g} of the probability. Reason of the failure: {verification.reason}",
             stacklevel=3,
         )

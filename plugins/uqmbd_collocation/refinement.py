@@ -6,6 +6,7 @@ import logging
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -29,10 +30,13 @@ __all__ = [
 
 
 WINDOW = 8
-"""Steps count from so small a part of the last number of realisations on: earlier ones tell little of what follows."""
+"""The extrapolation uses steps with at least this fraction, 1 / WINDOW, of the realisations of the last step."""
+
+NOISE = 100.0
+"""Changes below this multiple of the relative tolerance of the integration may be integration errors."""
 
 SAMPLED = 0.5
-"""Power of the number of realisations with which errors of independent samples fall."""
+"""Convergence rate of independent samples: errors are proportional to their number to the power -SAMPLED."""
 
 
 @dataclass(frozen=True)
@@ -40,27 +44,33 @@ class Limits:
     """Stopping criteria of a refinement."""
 
     tolerance: float  # of mean and standard deviation, over the largest standard deviation of each output over time
-    most: int  # realisations, verification included
+    most: int  # largest number of realisations, including verification
     rtol: float  # relative tolerance of the integration, a lower bound of any achievable tolerance
+    reserved: int = 0  # number of realisations for verification after the refinement
 
 
 @dataclass(frozen=True)
 class RefinementStep:
-    """State of a refinement after one of its steps."""
+    """State of a refinement after a step."""
 
-    realisations: int  # so far
-    terms: int  # of the chaos
+    realisations: int  # total number so far
+    terms: int  # number of terms of the chaos
     change_mean: float
-    change_std: float  # as `change_mean` largest over outputs and times, over the largest standard deviation over time
-    missed_std: float = np.nan  # of `missed_share`; NaN if it was not computed because the changes were too large
+    change_std: float  # like `change_mean`: largest over outputs and times, divided by the largest deviation over time
+    missed_std: float = np.nan  # result of `missed_share`; NaN if it was not computed
+
+    @property
+    def settled(self) -> float:
+        """Larger of both changes."""
+        return float(np.nanmax([self.change_mean, self.change_std]))
 
     @property
     def change(self) -> float:
-        """The largest of them."""
+        """Largest of all changes."""
         return float(np.nanmax([self.change_mean, self.change_std, self.missed_std]))
 
     def log(self, label: str, limits: Limits) -> None:
-        """Log it to ``uqmbd.refinement``."""
+        """Write the step to the log ``uqmbd.refinement``."""
         about = (label, self.realisations, self.terms, self.change_mean, self.change_std, self.missed_std)
         text = "%s: %d realisations, %d terms: mean changes by %.2g, deviation by %.2g, missed %.2g; tolerance %.2g"
         logging.getLogger("uqmbd.refinement").info(text, *about, limits.tolerance)
@@ -68,7 +78,7 @@ class RefinementStep:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A fit, its history, and whether the tolerance was met."""
+    """Fit, its history, and whether the tolerance was met."""
 
     fit: Fit
     steps: tuple[RefinementStep, ...] = field(default=())
@@ -78,8 +88,8 @@ class Refinement:
 def scale_of(runs: CollocationRuns, mean: Array, variance: Array) -> Array:
     """Return the scale of changes of each output, shape (O,), from mean and variance (O, T).
 
-    Sizes that the runs have of their own; else the largest standard deviation over time; where that is below what the
-    integration can tell, the relative tolerance times the largest mean.
+    The scale is the scale of the runs if they have one, otherwise the largest standard deviation over time. It is at
+    least the integration error: the relative tolerance times the largest mean.
     """
     if runs.scale is not None:
         return runs.scale
@@ -90,12 +100,12 @@ def scale_of(runs: CollocationRuns, mean: Array, variance: Array) -> Array:
 def missed_share(
     runs: CollocationRuns, coefficients: Array, multi_index: Index, points: uqmbd.extend.VerificationPoints
 ) -> float:
-    """Return by how much the standard deviation is too small because of the error of the chaos at verification points.
+    """Return the missing part of the standard deviation, from the error of the chaos at verification points.
 
     A surrogate with the root-mean-square error e misses a variance of about e^2. So the standard deviation s is too
-    small by e^2 / (2 s). Two steps of a refinement can agree though both miss the same terms (an even function, an
-    interaction without main effects); realisations elsewhere reveal it. The value is the largest over the outputs, over
-    the largest standard deviation over time; 0 without points.
+    small by e^2 / (2 s). Two steps of a refinement can agree although both miss the same terms (an even function, an
+    interaction without main effects). Realisations at other points detect such terms. The result is the largest value
+    over the outputs, divided by the largest standard deviation over time. Without verification points, the result is 0.
     """
     known = runs.verification(points)
     if not len(known):
@@ -108,31 +118,48 @@ def missed_share(
 
 
 class UnmetWarning(UserWarning):
-    """A refinement ended before its tolerance was met."""
+    """Warning if a refinement ended before it met its tolerance."""
 
 
-def warn_unmet(label: str, limits: Limits, steps: list[RefinementStep], reason: str) -> None:
-    """Warn that a refinement ended before its tolerance was met."""
-    known = bool(steps) and np.isfinite(steps[-1].change)
-    last = f"; mean and standard deviation are settled to {steps[-1].change:.2g} only" if known else ""
+def warn_unmet(
+    label: str,
+    limits: Limits,
+    steps: list[RefinementStep],
+    reason: str,
+    helpful: Literal["realisations", "samples", "neither"],
+) -> None:
+    """Warn that a refinement ended before its tolerance was met; `helpful`: more realisations, or another method."""
+    last, missed = "", steps[-1].missed_std if steps else np.nan
+    if steps and np.isfinite(steps[-1].settled):
+        last = f"; mean and standard deviation still changed by {steps[-1].settled:.2g} in the last step"
+        if missed > steps[-1].settled:
+            last += f", and the error at the verification realisations is {np.sqrt(2 * missed):.2g} of the largest "
+            last += "standard deviation"
     spent = steps[-1].realisations if steps else 0
-    if limits.tolerance < 100 * limits.rtol:
-        reason += f". So small changes may be errors of the integration (rtol={limits.rtol:g}): try a smaller rtol"
+    noise = NOISE * limits.rtol
+    if limits.tolerance < noise:
+        reason += f". Changes of this size may be integration errors (rtol={limits.rtol:g}); try a smaller rtol"
+    # more realisations and other methods cannot reduce integration errors
+    limited = helpful != "neither" and bool(steps) and steps[-1].change >= noise
+    more = prospect(steps, limits.tolerance, more=helpful == "realisations") if limited else ""
     warnings.warn(
         f"{label}: the tolerance {limits.tolerance:g} was not met with {spent} realisations{last}. Reason: {reason}"
-        f"{prospect(steps)}",
+        f"{more}",
         UnmetWarning,
         stacklevel=3,
     )
 
 
-def prospect(steps: Sequence[RefinementStep]) -> str:
-    """Say whether more realisations would help, from how the last changes fell; nothing of few steps.
+def prospect(steps: Sequence[RefinementStep], tolerance: float, *, more: bool = True) -> str:
+    """Return a text on whether more realisations would help, from the decay of the last changes.
 
-    >>> prospect([RefinementStep(n, n, 10 / n, 10 / n) for n in (10, 20, 40, 80)])
-    '. The changes fell with the power 1.0 of the number of realisations: more realisations help'
-    >>> prospect([RefinementStep(n, n, 0.5, 0.5) for n in (10, 20, 40, 80)])[-80:]
-    '. The changes do not fall faster than those of samples: use Monte Carlo instead'
+    `more`: whether the refinement can use more realisations; if not, the text refers to samples. After few steps, the
+    text is empty.
+
+    >>> prospect([RefinementStep(n, n, 10 / n, 10 / n) for n in (10, 20, 40, 80)], 1e-2)[-49:]
+    'realisations: about 1000 would meet the tolerance'
+    >>> prospect([RefinementStep(n, n, 0.5, 0.5) for n in (10, 20, 40, 80)], 1e-2)[-31:]
+    ' this tolerance; use it instead'
     """
     known = [one for one in steps if np.isfinite(one.change) and one.change > 0]
     part = [one for one in known if one.realisations >= known[-1].realisations / WINDOW]
@@ -140,9 +167,12 @@ def prospect(steps: Sequence[RefinementStep]) -> str:
         return ""
     counts, changes = (np.log([getattr(one, name) for one in part]) for name in ("realisations", "change"))
     power = -float(np.polyfit(counts, changes, 1)[0])
-    if power > SAMPLED:
-        return f". The changes fell with the power {power:.1f} of the number of realisations: more realisations help"
-    return ". The changes do not fall faster than those of samples: use Monte Carlo instead"
+    lead = f". The changes fell with the power {max(power, 0.0):.1f} of the number of realisations"
+    # logarithm of the required number; errors of samples fall with the inverse root of their number
+    needed = np.inf if power <= 0 else counts[-1] + (changes[-1] - np.log(tolerance)) / power
+    if power > SAMPLED and needed < -2 * np.log(tolerance):
+        return f"{lead}: about {float(f'{np.exp(needed):.1g}'):.0f} would meet the tolerance" if more else ""
+    return f"{lead}. Monte Carlo needs no more realisations for this tolerance; use it instead"
 
 
 def history(steps: tuple[RefinementStep, ...]) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Sparse regression: few terms out of many, chosen by scikit-learn, their number by the leave-one-out error."""
+"""Sparse regression: scikit-learn selects few terms; the leave-one-out error determines their number."""
 
 from __future__ import annotations
 
@@ -18,52 +18,54 @@ __all__ = ["SOLVERS", "linear_models", "sparse_regression"]
 SOLVERS = ("omp", "lars")
 
 NOISE = 1e-8
-"""Spread below this share of the largest until then is left out: rounding."""
+"""A spread below this multiple of the largest earlier spread counts as rounding error."""
 
 TURNED = 0.5
-"""Sine of the angle between the responses at two times, over the error of the fit, below which one order serves both.
+"""Two times share an order of terms if sin(angle between their responses) / (error of the fit) is at most this ratio.
 
-Smaller values cost more orders of terms and gain little: what the order misses is a part of the error."""
+Smaller values need more orders of terms with little gain, because the error includes the effect of the order."""
 
 ENOUGH = 1e-7
-"""Error of a fit over the standard deviation below which no better order is sought."""
+"""No better order of terms is sought if the error of a fit is below this multiple of the standard deviation."""
 
 FULL = 0.8
-"""Most terms of a fit over the number of samples: beyond, the leave-one-out error means nothing."""
+"""Largest ratio of terms to samples of a fit; above it, the leave-one-out error is not meaningful."""
 
 
 def linear_models(solver: str) -> ModuleType:
-    """Import the module of scikit-learn that has the solver."""
+    """Return the module of scikit-learn that contains the solver."""
     return uqmbd.extend.require_package("sklearn.linear_model", f"Collocation(method={solver!r})", "uqmbd[learning]")
 
 
 def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple[Array, Array]:
     """Fit few of the terms `psi` (K, P) to responses (K, O, T).
 
-    Return coefficients (P, O, T) and leave-one-out errors (O, T). Each time is fitted separately. scikit-learn gives
-    the order in which terms enter (`solver`: orthogonal matching pursuit or least-angle regression); a least-squares
-    fit follows on the first n of them, for each n. The one with the smallest corrected leave-one-out error is taken
-    (Blatman and Sudret, Journal of Computational Physics 230 (2011) 2345-2367). Later times reuse the order of an
-    earlier time while the responses hardly change direction. So an output at 400 times needs some dozen orders. No fit
-    depends on later times: a failure there does not affect earlier results. Errors are relative to the variance of the
-    samples, 0 where they agree; as the same samples chose the terms, they can be several times too small where the
-    expansion is not sparse.
+    Return coefficients (P, O, T) and leave-one-out errors (O, T), with a separate fit for each time. scikit-learn
+    determines the order in which terms enter (`solver`: orthogonal matching pursuit or least-angle regression). A
+    least-squares fit on the first n terms follows for each n. The result is the fit with the smallest corrected
+    leave-one-out error (Blatman and Sudret, Journal of Computational Physics 230 (2011) 2345-2367). Later times reuse
+    the order of an earlier time as long as the direction of the responses hardly changes. So an output at 400 times
+    needs some dozen orders. No fit depends on later times, so a failure at a later time does not affect earlier
+    results. Errors are relative to the variance of the samples; if all samples are equal, the errors are 0. The same
+    samples select the terms and determine the errors. If the expansion is not sparse, the errors can therefore be
+    several times too small.
     """
     samples, outputs, times = response.shape
     coefficients = np.zeros((psi.shape[1], outputs, times))
     leave_one_out = np.zeros((outputs, times))
     for k in range(outputs):
-        # times in rows, whose sums do not depend on how many there are
+        # each row is a time, so that sums do not depend on the number of times
         rows = np.ascontiguousarray(response[:, k].T)
         mean = rows.mean(axis=1)
         centred = rows - mean[:, None]
         size = np.linalg.norm(centred, axis=1)
-        # what is far below the rounding of the values themselves does not vary
+        # a deviation far below the rounding errors of the values counts as zero
         rounding = 1e-13 * np.abs(rows).max(axis=1, initial=0.0) * np.sqrt(samples)
         floor = np.maximum.accumulate(np.maximum(NOISE * size, rounding))
         known: list[_TermOrder] = []
+        directions = np.empty((times, samples))
         for t in np.flatnonzero(size > floor):
-            coefficients[:, k, t], error = _at_time(centred[t] / size[t], psi, solver, known)
+            coefficients[:, k, t], error = _at_time(centred[t] / size[t], psi, solver, known, directions)
             coefficients[:, k, t] *= size[t]
             leave_one_out[k, t] = error * (samples - 1)
         coefficients[0, k] += mean
@@ -72,13 +74,12 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
 
 @dataclass(frozen=True, eq=False)
 class _TermOrder:
-    """Order in which terms enter, found from responses in a direction, and the factorisation that its fits share."""
+    """Order in which terms enter, from responses in one direction, and the QR factorisation of fits in this order."""
 
-    direction: Array  # (K,) responses about their mean, of length 1
-    terms: NDArray[np.int64]  # (N,) the constant first
+    terms: NDArray[np.int64]  # (N,) indices of terms, the constant first
     basis: Array
-    triangle: Array  # with `basis` (K, N) the QR factorisation of the terms at the samples, (N, N)
-    left: Array  # (K, N) 1 - leverage of each sample in the fit on the first n + 1 terms
+    triangle: Array  # (N, N); `basis` (K, N) and `triangle` are the QR factors of the terms at the samples
+    left: Array  # (K, N) one minus leverage of each sample in the fit on the first n + 1 terms
     correction: Array  # (N,) factor of the mean squared leave-one-out error: K / (K - P) (1 + trace((Psi^T Psi)^-1))
 
     @classmethod
@@ -88,14 +89,14 @@ class _TermOrder:
         terms = np.concatenate([[0], _entering(direction, psi, solver)])
         basis, triangle = np.linalg.qr(psi[:, terms])
         counts = np.arange(1, len(terms) + 1)
-        # the trace grows by the columns of R^-1
+        # each column of R^-1 adds to the trace
         inverse = solve_triangular(triangle, np.eye(len(terms)))
         correction = len(psi) / (len(psi) - counts) * (1.0 + np.cumsum(np.sum(inverse**2, axis=0)))
         left = np.maximum(1.0 - np.cumsum(basis**2, axis=1), 1e-10)
-        return cls(direction, terms, basis, triangle, left, correction)
+        return cls(terms, basis, triangle, left, correction)
 
     def fit(self, values: Array, terms: int) -> tuple[Array, float]:
-        """Fit values (K,): coefficients (P,) of all `terms`, and the corrected mean squared leave-one-out error."""
+        """Return coefficients (P,) of all `terms` and the corrected mean square leave-one-out error for values (K,)."""
         from scipy.linalg import solve_triangular
 
         amounts = self.basis.T @ values
@@ -107,24 +108,28 @@ class _TermOrder:
         return coefficients, float(score[best - 1])
 
 
-def _at_time(values: Array, psi: Array, solver: str, known: list[_TermOrder]) -> tuple[Array, float]:
-    """Fit responses of length 1 (K,) on the nearest known order, or on their own, which is known from then on."""
+def _at_time(values: Array, psi: Array, solver: str, known: list[_TermOrder], directions: Array) -> tuple[Array, float]:
+    """Fit responses of length 1 (K,) with the nearest known order, or with a new order, which is added to `known`.
+
+    The first rows of `directions` (T, K) belong to the known orders.
+    """
     found: tuple[Array, float] | None = None
     if known:
-        cosine = np.abs([order.direction @ values for order in known])
+        cosine = np.abs(directions[: len(known)] @ values)
         near = int(np.argmax(cosine))
         found = known[near].fit(values, psi.shape[1])
         turned = np.sqrt(max(1.0 - float(cosine[near]) ** 2, 0.0))
         missed = np.sqrt(found[1] * len(values))
         if missed <= ENOUGH or turned <= TURNED * missed:
             return found
+    directions[len(known)] = values
     known.append(_TermOrder.of(values, psi, solver))
     own = known[-1].fit(values, psi.shape[1])
     return own if found is None or own[1] <= found[1] else found
 
 
 def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
-    """Return the terms but the constant, in the order in which they enter; only independent ones."""
+    """Return the independent terms in the order in which they enter, without the constant."""
     linear = linear_models(solver)
     centred = psi[:, 1:] - psi[:, 1:].mean(axis=0)
     norm = np.linalg.norm(centred, axis=0)
@@ -132,7 +137,7 @@ def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
     most = min(centred.shape[1], max(1, int(FULL * len(values)) - 1))
     target = values - values.mean()
     with warnings.catch_warnings():
-        # both stop early, with a warning, where nothing is left to explain
+        # both solvers stop early with a warning if the residual vanishes
         warnings.simplefilter("ignore")
         if solver == "lars":
             _, active, _ = linear.lars_path(centred, target, method="lar", max_iter=most)
@@ -140,7 +145,7 @@ def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
         else:
             path = linear.orthogonal_mp(centred, target, n_nonzero_coefs=most, return_path=True)
             chosen = path.reshape(centred.shape[1], -1) != 0
-            step = chosen.shape[1] - chosen.sum(axis=1)  # a term that has entered stays
+            step = chosen.shape[1] - chosen.sum(axis=1)  # an entered term stays
             entering = np.argsort(step, kind="stable")[: int(chosen.any(axis=1).sum())].tolist()
     kept: list[int] = []
     basis = np.zeros((len(values), 0))

@@ -1,4 +1,4 @@
-"""An expansion and a quadrature rule of others, as of chaospy: checked, and brought into the terms of the germs."""
+"""Expansion and quadrature rule of the user, for example from chaospy, with checks and conversion to the germs."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from uqmbd_collocation.runs import CollocationRuns
 __all__ = ["UserExpansion", "UserProjection", "Polynomials"]
 
 ALIKE = 1e-6
-"""Misfit of the terms of the germs to a polynomial, over its largest value, below which they are the same."""
+"""Germ terms count as equal to a polynomial if their misfit is at most this multiple of its largest value."""
 
 
 @dataclass(frozen=True)
 class Polynomials:
     """Polynomials of the inputs, as plain numbers."""
 
-    powers: tuple[tuple[int, ...], ...]  # of the inputs, for each monomial
-    coefficients: tuple[tuple[float, ...], ...]  # for each monomial one for each polynomial
+    powers: tuple[tuple[int, ...], ...]  # powers of the inputs, for each monomial
+    coefficients: tuple[tuple[float, ...], ...]  # for each monomial, the coefficient in each polynomial
 
     @classmethod
     def of(cls, expansion: Any) -> Polynomials:
-        """Read polynomials of numpoly, the type of chaospy's expansions; raise StudyError for anything else."""
+        """Return polynomials from numpoly, the type of chaospy's expansions; raise StudyError for other types."""
         wanted = "expected polynomials of chaospy, e.g. chaospy.generate_expansion(3, joint)"
         if not all(hasattr(expansion, name) for name in ("exponents", "coefficients", "names")):
             raise uqmbd.StudyError(f"Collocation: expansion is {str(expansion)[:60]!r}; {wanted}.")
         columns = [int(name[1:]) if re.fullmatch(r"q\d+", name) else -1 for name in map(str, expansion.names)]
         if min(columns, default=0) < 0:
             raise uqmbd.StudyError(
-                f"Collocation: the expansion has the variables {', '.join(map(str, expansion.names))}; {wanted}, whose "
-                "variables are q0, q1, ..., the inputs in the order of their names."
+                f"Collocation: the expansion has the variables {', '.join(map(str, expansion.names))}; {wanted}. "
+                "Their variables must be q0, q1, ..., for the inputs in the order of their names."
             )
         values = np.array([np.asarray(c, dtype=float) for c in expansion.coefficients])
         if values.ndim != 2 or not values.shape[1] or not np.isfinite(values).all():
             raise uqmbd.StudyError(
-                f"Collocation: the expansion has the shape {values.shape[1:]}; {wanted}: a row of polynomials with "
-                "finite coefficients."
+                f"Collocation: the expansion has the shape {values.shape[1:]}; {wanted}, as a one-dimensional array "
+                "with finite coefficients."
             )
         powers = np.zeros((len(values), max(columns, default=0) + 1), dtype=int)
         powers[:, columns] = expansion.exponents
         return cls(tuple(map(tuple, powers.tolist())), tuple(map(tuple, values.tolist())))
 
     def __call__(self, inputs: Array) -> Array:
-        """Evaluate at inputs (K, d): (K, polynomial)."""
+        """Return values (K, polynomial) at inputs (K, d)."""
         powers = np.array(self.powers)
         monomials = np.ones((len(inputs), len(powers)))
         for k in range(powers.shape[1]):
@@ -64,17 +64,17 @@ class UserExpansion:
     """Polynomials, nodes and weights, as plain numbers."""
 
     polynomials: Polynomials
-    nodes: tuple[tuple[float, ...], ...]  # a row for each input, in the order of their names
+    nodes: tuple[tuple[float, ...], ...]  # a row for each input, in the order of the input names
     weights: tuple[float, ...]
 
     @classmethod
     def of(cls, expansion: Any, nodes: Any, weights: Any) -> UserExpansion:
-        """Check shapes and finiteness, and convert; raise StudyError with what was given and what was expected."""
+        """Return the expansion after checks of shapes and finiteness; raise StudyError for invalid values."""
         polynomials = Polynomials.of(expansion)
         if nodes is None or weights is None:
             raise uqmbd.StudyError(
-                f"Collocation: expansion= is given without {'nodes=' if nodes is None else 'weights='}; expected the "
-                "rule as well, e.g. nodes, weights = chaospy.generate_quadrature(3, joint, rule='gaussian')."
+                f"Collocation: expansion= also requires {'nodes=' if nodes is None else 'weights='}, e.g. from "
+                "nodes, weights = chaospy.generate_quadrature(3, joint, rule='gaussian')."
             )
         try:
             at, by = np.atleast_2d(np.asarray(nodes, dtype=float)), np.asarray(weights, dtype=float)
@@ -85,37 +85,39 @@ class UserExpansion:
         inputs = len(polynomials.powers[0])
         if at.ndim != 2 or by.ndim != 1 or at.shape[1] != len(by) or not len(by) or len(at) < inputs:
             raise uqmbd.StudyError(
-                f"Collocation: nodes have the shape {at.shape}, weights {by.shape}, and the expansion {inputs} "
-                "variables; expected (inputs, K) and (K,), as chaospy.generate_quadrature gives them."
+                f"Collocation: nodes have the shape {at.shape}, weights have the shape {by.shape}, and the expansion "
+                f"has {inputs} variables. Expected the shapes (inputs, K) and (K,), as returned by "
+                "chaospy.generate_quadrature."
             )
         if not (np.isfinite(at).all() and np.isfinite(by).all()) or abs(by.sum() - 1) > 1e-6:
             raise uqmbd.StudyError(
-                f"Collocation: weights sum to {by.sum():.6g}; expected finite nodes and weights of sum 1, of a rule "
-                "for the distributions of the inputs."
+                f"Collocation: the sum of the weights is {by.sum():.6g}; expected finite nodes and weights of sum 1, "
+                "from a quadrature rule for the distributions of the inputs."
             )
         return cls(polynomials, tuple(map(tuple, at.tolist())), tuple(by.tolist()))
 
     def __repr__(self) -> str:
-        """Options are recorded as text, which distinguishes rules with equal numbers of nodes."""
+        """Return a text for the recorded options, which distinguishes rules with equal numbers of nodes."""
         numbers = (self.polynomials.powers, self.polynomials.coefficients, self.nodes, self.weights)
         digest = hashlib.sha256(repr(numbers).encode()).hexdigest()[:12]
         return f"{len(self.polynomials.coefficients[0])} polynomials, {len(self.weights)} nodes ({digest})"
 
     def plan(self, space: uqmbd.extend.GermSpace, label: str) -> UserProjection:
-        """Convert to a projection in the germs; raise StudyError if polynomials and rule do not fit the inputs.
+        """Return a projection in the germs; raise StudyError if polynomials and rule do not fit the inputs.
 
-        They do not fit another number of inputs, dependent inputs, or nodes outside a distribution. Polynomials must
-        belong to the distributions, and each input must be an affine function of its germ.
+        Polynomials and rule must have the number of inputs of `space`. Inputs must be independent, and nodes must be
+        inside the distributions. The polynomials must belong to the distributions, and each input must be an affine
+        function of its germ.
         """
         if len(self.nodes) != space.dimension or len(self.polynomials.powers[0]) > space.dimension:
             raise uqmbd.StudyError(
-                f"{label}: nodes are of {len(self.nodes)} inputs, and the mechanism has {space.dimension} "
-                f"({', '.join(space.inputs)}, in this order); expected a rule and an expansion for all of them."
+                f"{label}: the nodes have {len(self.nodes)} inputs, but the mechanism has {space.dimension} "
+                f"({', '.join(space.inputs)}, in this order). Expected a rule and an expansion for all of them."
             )
         if not space.independent:
             raise uqmbd.StudyError(
-                f"{label}: inputs depend on one another, for which expansion= is not made; leave it out, or describe "
-                "them as functions of independent ones."
+                f"{label}: expansion= requires independent inputs, but some inputs are dependent. Omit expansion=, "
+                "or define dependent inputs as functions of independent ones, which you declare as random variables."
             )
         nodes = space.to_germs(np.array(self.nodes).T)
         powers = np.zeros((len(self.polynomials.powers), space.dimension), dtype=int)
@@ -135,7 +137,10 @@ class UserExpansion:
                 "chaospy.J(*(v.distribution for v in mechanism.inputs.variables))."
             )
         if skew > COARSE:
-            text = f"{where}. The chaos is the projection on what they span; coefficients of theirs are that uncertain."
+            text = (
+                f"{where}. The chaos is the projection on the span of the polynomials; coefficients have errors of "
+                "about this size."
+            )
             warnings.warn(text, stacklevel=2)
         rank = np.linalg.matrix_rank(table / norms[:, None], tol=1e-8)
         projector = None if rank == len(terms) else np.linalg.pinv(table, rcond=1e-10) @ table
@@ -151,9 +156,9 @@ class UserExpansion:
         misfit = float((np.abs(psi @ found - values).max(axis=0) / largest).max())
         if not misfit < ALIKE:
             raise uqmbd.StudyError(
-                f"{label}: the expansion is no polynomial of the germs (relative misfit {misfit:.2g}): an input is "
-                "lognormal, or has tails as heavy, so that it is no multiple of its germ. Leave expansion= out, or "
-                "make the mechanism's random variable normal and write its exponential into the mechanism."
+                f"{label}: the expansion is not a polynomial of the germs (relative misfit {misfit:.2g}), because an "
+                "input is not an affine function of its germ, e.g. a lognormal one. Omit expansion=, or use a "
+                "normal random variable and write its exponential into the mechanism."
             )
         return np.asarray(found.T)
 
@@ -163,7 +168,7 @@ class UserProjection:
     """Projection on the span of given polynomials, by a given rule."""
 
     complete: QuadratureProjection  # on all terms that occur in the polynomials
-    projector: Array | None  # (P, P), onto the span, where it is smaller than the complete basis
+    projector: Array | None  # (P, P), onto the span of the polynomials if the span is smaller than the complete basis
 
     @property
     def nodes(self) -> Array:
@@ -172,33 +177,33 @@ class UserProjection:
 
     @property
     def multi_index(self) -> Index:
-        """The terms, shape (P, d)."""
+        """Multi-indices of the terms, shape (P, d)."""
         return self.complete.multi_index
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Raise if the rule does not resolve the terms; warn if it resolves them with a considerable error."""
+        """Raise an error if the rule does not resolve the terms; warn if it resolves them with a considerable error."""
         self.complete.check(space)
 
     def fit(self, runs: CollocationRuns) -> Fit:
-        """Project; if a node failed, fit the others by regression.
+        """Return the projection; if a node failed, return a regression on the other nodes.
 
-        Raise IntegrationError if a node failed and the polynomials are not all products up to their degrees.
+        Raise IntegrationError if a node failed and the polynomials do not span all products up to their degrees.
         """
         found = self.complete.fit(runs)
         if self.projector is None:
             return found
         if found.failed:
             raise uqmbd.IntegrationError(
-                f"{self.complete.label}: {found.failed} of {len(self.nodes)} nodes failed, and the expansion leaves "
-                "out products of low degree, so that the others cannot be fitted. Take distributions that stay clear "
-                f"of the failure. Reason of the failure: {runs.reason(runs.at(self.nodes))}"
+                f"{self.complete.label}: {found.failed} of {len(self.nodes)} nodes failed, and a fit to the other "
+                "nodes is not possible, because the expansion lacks products of low degree. Truncate the "
+                f"distributions to exclude the failure. Reason of the failure: {runs.reason(runs.at(self.nodes))}"
             )
         coefficients = np.einsum("pq,q...->p...", self.projector, found.coefficients)
         return Fit(coefficients, found.multi_index, found.how, found.where, weights=found.weights)
 
 
 def _below(powers: Index) -> Index:
-    """Return all products that some powers contain, by their degree; the first is the constant."""
+    """Return all monomials that divide at least one of `powers`, in order of degree, starting with the constant."""
     found = {tuple(row) for row in powers.tolist()}
     waiting = list(found)
     while waiting:

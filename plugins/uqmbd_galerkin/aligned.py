@@ -1,4 +1,4 @@
-"""Galerkin aligned at equal phase: the phase of a clock is the independent variable, and the time is expanded, too."""
+"""Galerkin projection aligned at equal phases: the phase of a clock is the independent variable; time is expanded."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ __all__ = ["galerkin_in_phase"]
 
 
 EXTENSIONS = 6
-"""Most extensions by further phases until all samples of the statistics reach the last time."""
+"""Largest number of extensions by further phases until all samples of the statistics reach the last time."""
 
 LATE = 1e-12
-"""Part of the times by which the last landmark may miss the last of them."""
+"""Largest distance of the last marker from the last output time, relative to the range of times."""
 
 LONGEST = 8.0
-"""Longest time that nodes are followed, over that of the output times."""
+"""Largest ratio of integration time to output time."""
 
 IN_TIME = 4
-"""Segments of a start that is integrated in time."""
+"""Number of segments of a start that is integrated over time."""
 
 
 @dataclass(eq=False)
@@ -38,14 +38,14 @@ class _AlignedTrajectory:
 
     motion: uqmbd.extend.PhaseMotion
     parts: list[Array]
-    phase: float = 0.0  # rad, reached so far
+    phase: float = 0.0  # last phase so far, rad
 
     def follow(self, turns: float) -> None:
-        """Integrate on."""
+        """Integrate for a number of turns."""
         count = max(1, int(np.ceil(turns * PER_TURN)))
         edges = np.asarray(self.phase + np.arange(count + 1) * (TURN / PER_TURN), dtype=np.float64)
         points = points_of(edges)
-        # the first point of a segment is the last one of that before
+        # the first point of a segment equals the last point of the previous one
         phases, inverse = np.unique(points.ravel(), return_inverse=True)
         found = self.motion.at(phases)[:, inverse]
         self.parts.append(found.reshape(len(found), *points.shape, -1))
@@ -74,10 +74,11 @@ def galerkin_in_phase(
     wanted: str | None,
     begin: float,
 ) -> xr.DataTree:
-    """Find a clock from realisations at `pilots` (K, input), integrate in its phase, and return the node.
+    """Find a clock from realisations at `pilots` (K, input), integrate over its phase, and return the node.
 
-    The outputs of `projected` include those that the clock needs; `terms` is (P, d). The stated error comes from the
-    `verification` realisations. `wanted` names a clock; `begin` is the start of the computation, s.
+    The outputs of `projected` include the quantities that the clock needs; `terms` has shape (P, d). The stated error
+    is computed from the `verification` realisations. `wanted`: name of a clock; `begin`: start time of the computation,
+    s.
     """
     times, label = problem.times, problem.label
     rates, piloted = find_clock(problem, projected.ensemble, pilots, wanted)
@@ -97,14 +98,16 @@ def galerkin_in_phase(
                 path.follow(1.05 * float(late.max()) / pace)
     except uqmbd.IntegrationError as stopped:
         raise uqmbd.StudyError(
-            f"{label}: alignment='phase' with the clock {rates.clock.name!r}: {str(stopped).rstrip('.')}. Nodes are "
-            "followed until all have reached the phase of the fastest. Use Collocation(alignment='phase', elements=...)"
-            ", name another clock, truncate the inputs, or study a shorter time."
+            f"{label}: alignment='phase' with the clock {rates.clock.name!r}: {str(stopped).rstrip('.')}. The "
+            "integration continues until all nodes reach the phase of the fastest node. Use "
+            "Collocation(alignment='phase', elements=...), choose another clock, truncate the distributions, or "
+            "study a shorter time."
         ) from None
     if (late > LATE * length).any():
         warnings.warn(
-            f"{label}: {np.mean(late > LATE * length):.2g} of the samples do not reach the last output time within the "
-            "phases that were integrated; statistics are NaN from then on. Raise the order, or truncate the inputs.",
+            f"{label}: {np.mean(late > LATE * length):.2g} of the samples do not reach the last output time within "
+            "the integrated range of phases, so statistics are NaN at late times. Raise the order, or truncate the "
+            "distributions.",
             stacklevel=3,
         )
     outputs = len(problem.labels.outputs)
@@ -156,7 +159,7 @@ def galerkin_in_phase(
 def _started(
     problem: uqmbd.extend.Problem, projected: uqmbd.extend.ProjectedEnsemble, rates: ClockRates
 ) -> _AlignedTrajectory:
-    """Begin in phase; where the clock starts at rest, in time until it runs."""
+    """Return the start of the integration over phase; integrate over time until the clock runs if it starts at rest."""
     times, rtol = problem.times, problem.rtol
     if rates.until <= times[0]:
         return _AlignedTrajectory(_in_phase(problem, projected, rates, times, projected.start.state), [])
@@ -180,7 +183,7 @@ def _in_phase(
     times: Array,
     state: Array,
 ) -> uqmbd.extend.PhaseMotion:
-    """Bring all nodes to the same phase of the clock at first."""
+    """Return the motion with all nodes at the same initial phase of the clock."""
     nodal = projected.nodal(state)
     ahead = rates.ahead(np.full(len(nodal), times[0]), nodal, TURN / PER_TURN)
     return projected.in_phase(rates, times, problem.rtol, state, *ahead)
@@ -195,7 +198,7 @@ def _follow_nodes(path: _AlignedTrajectory, projected: uqmbd.extend.ProjectedEns
             return
         before = projected.nodal(path.parts[-1][:, 0, 0, -1])
         pace = ((times - before) / (path.parts[-1].shape[1] / PER_TURN)).min()
-        # where it slows down, there is more to come
+        # the loop continues if the clock slows down
         path.follow(min(float((end - times.min()) / pace), path.phase / TURN))
 
 
@@ -206,7 +209,7 @@ def _late(
     problem: uqmbd.extend.Problem,
     verification: uqmbd.extend.Verification,
 ) -> Array:
-    """By how much (S,) the last landmarks of all samples, and of the verification, lie before the last time, s."""
+    """Return the times (S,), s, from the last marker to the last time, of all samples and verification realisations."""
     edges = np.stack([path.parts[0][:, 0, 0, -1], path.last], axis=1)
     outputs = problem.labels.shape[0]
     element = AlignedElement(box, ("",), edges, np.zeros((len(terms), 1, outputs, 1)), "phase")
@@ -214,7 +217,7 @@ def _late(
 
 
 def _diagnostics(projected: uqmbd.extend.ProjectedEnsemble, coefficients: Array, rates: ClockRates) -> xr.Dataset:
-    """Follow invariants of the projected motion over the landmarks."""
+    """Return the invariants of the projected motion over the markers."""
     nodal = projected.nodal(coefficients[:, :, 0])
     times, states = nodal[..., -1], nodal[..., :-1]
     energy = projected.weights @ projected.ensemble.energies(times, states).sum(axis=1)

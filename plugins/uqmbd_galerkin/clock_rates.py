@@ -1,4 +1,4 @@
-"""The clock of a projected motion: its phase is the independent variable, so that its rate at states is needed."""
+"""Clock of a projected motion: its phase is the independent variable, so the phase rate at each state is required."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ __all__ = ["PILOTS", "TURN", "ClockRates", "find_clock", "watched_rates"]
 TURN = 2 * np.pi
 
 FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
-"""Prefixes of the name of a possible clock: its first and second derivative in time."""
+"""Prefixes of the names of first and second time derivatives of a possible clock."""
 
 TOGETHER, APART = 1e-9, np.pi
-"""Phases, rad, by which nodes differ, between which they are brought to the same one."""
+"""Nodes are shifted to the same phase if the difference of their phases, rad, is between these values."""
 
 PILOTS = 8
-"""Realisations, at least, from which the clock is found."""
+"""Least number of realisations for the search for a clock."""
 
 AT_REST = 0.3
-"""Rate of an angle at the start, over that a radian later, below which the motion is started in time."""
+"""The start is integrated over time if the ratio of rates of an angle, at the start and a radian later, is smaller."""
 
 STARTED = 1.0
-"""Angle, rad, that is passed in time where the motion starts at rest: the time per angle is infinite there."""
+"""Angle, rad, over which a motion that starts at rest is integrated over time: at rest, time per angle is infinite."""
 
 
 def watched_rates(mechanism: Any) -> Mapping[str, Any]:
-    """Return possible clocks in addition to the outputs, and the rates of all, as expressions by name."""
+    """Return possible clocks in addition to the outputs, and rates of all possible clocks, as expressions by name."""
     found = dict(uqmbd.extend.watched_angles(mechanism))
     known = {name: output.expression for name, output in mechanism.outputs.items()} | found
     for name, expression in known.items():
@@ -42,7 +42,7 @@ def watched_rates(mechanism: Any) -> Mapping[str, Any]:
             try:
                 rate = uqmbd.time_derivative(rate)
             except uqmbd.StudyError:
-                # what has accelerations or reactions in it, or in its rate, is no clock
+                # a quantity cannot be a clock if it, or its rate, contains accelerations or reactions
                 break
             if not rate.free_symbols:
                 break
@@ -54,29 +54,30 @@ def watched_rates(mechanism: Any) -> Mapping[str, Any]:
 class ClockRates:
     """Phase rates (K,), rad/s, at the nodes, as a function of times (K,) and states (K, width)."""
 
-    clock: uqmbd.extend.Clock  # that of the realisations
-    ensemble: uqmbd.extend.Ensemble  # the nodes; watched outputs follow those of the study
-    rows: tuple[int, int, int]  # of value, rate and second rate among the outputs
+    clock: uqmbd.extend.Clock  # clock of the realisations
+    ensemble: uqmbd.extend.Ensemble  # nodes; observed quantities come after the outputs of the study
+    rows: tuple[int, int, int]  # rows of value, rate and second rate among the outputs
     centre: float
-    """Centre of the value; `reach` and `speed` scale value and rate of an oscillation, alike in all realisations."""
+    """Centre of the value; `reach` and `speed` scale value and rate of an oscillation, equally in all realisations."""
     reach: float
     speed: float
-    until: float  # time up to which the motion is integrated in time, s: the start, or later for a start at rest
+    until: float  # end of the integration over time, s: the start time, or later if the clock starts at rest
 
     def __call__(self, times: Array, states: Array) -> Array:
-        """Return rates (K,), rad/s."""
+        """Return phase rates (K,), rad/s, at times (K,), s, and states (K, width)."""
         value, rate, second = self._seen(times, states)
         if self.clock.turn:
             return np.asarray(rate * (TURN / self.clock.turn))
         x, y = (value - self.centre) / self.reach, -rate / self.speed
-        # of the angle of the point (x, y)
+        # rate of the angle of the point (x, y)
         return np.asarray((-x * second / self.speed - y * rate / self.reach) / (x**2 + y**2))
 
     def ahead(self, times: Array, states: Array, step: float) -> tuple[Array | None, float]:
-        """Return the phases that nodes pass until all are at the same one, rad, shape (K,), and that phase.
+        """Return the phases (K,), rad, that nodes must pass to reach a common phase, and their rounded mean, rad.
 
-        It is a multiple of `step` in the mean, and no less for anyone.  Nothing where all are at the same phase, or so
-        far apart that it is not known in which turn they are.
+        The common phase is a multiple of `step` after the phases of all nodes. The mean is rounded to a multiple of
+        `step`, at least one. The phases are None if all nodes have the same phase, or if their phases differ too much
+        to determine their turns.
         """
         value, rate, _ = self._seen(times, states)
         if self.clock.turn:
@@ -91,7 +92,7 @@ class ClockRates:
         return ahead, max(1, round(float(ahead.mean()) / step)) * step
 
     def _seen(self, times: Array, states: Array) -> Array:
-        """Value, rate and second rate (3, K)."""
+        """Return value, first and second rate (3, K) of the clock quantity."""
         return self.ensemble.outputs(times[:, None], states[:, None])[:, self.rows, 0].T
 
 
@@ -100,7 +101,7 @@ def find_clock(
 ) -> tuple[ClockRates, int]:
     """Choose a clock from realisations at `pilots` (K, input) up to the last output time; return it and their number.
 
-    `wanted` names a clock. Raise StudyError if there is none, or if it stands in some realisations.
+    `wanted`: name of a clock. Raise StudyError if there is no clock, or if it stands still in some realisations.
     """
     end = float(problem.times[-1])
     names = [o.name for o in problem.watching().labels.outputs]
@@ -116,21 +117,21 @@ def find_clock(
 
     if not told.good.all():
         raise uqmbd.StudyError(
-            f"{label}, and {int((~told.good).sum())} of {len(pilots)} realisations from which it is found fail: "
+            f"{label}, but {int((~told.good).sum())} of the {len(pilots)} realisations for its selection failed: "
             f"{told.most_frequent_reason()} Truncate the distributions."
         )
     clock, why = uqmbd.extend.choose_clock(problem, found, end, wanted)
     if clock is None:
         raise uqmbd.StudyError(
-            f"{label}, and there is none: {why}. Observe an angle that grows, name it by clock=, use collocation with "
-            "elements, or leave alignment out."
+            f"{label}, but there is none: {why}. Observe a growing angle, select it with clock=, use collocation "
+            "with elements, or use alignment=None."
         )
     rows = rows_of(clock)
     if rows is None:
         what = "its acceleration" if FIRST + names[clock.row] in names else "its rate"
         raise uqmbd.StudyError(
-            f"{label} whose rate at a state is known, and {clock.words} depends on what has none: {what} contains "
-            "accelerations, reactions or commands. Name a position or an angle by clock=."
+            f"{label} whose rate is a function of the state, but for {clock.words}, {what} contains accelerations, "
+            "reactions or commands. Select a position or an angle with clock=."
         )
     phases = clock.phases(found)
     runs = phases.running(end)
@@ -138,9 +139,9 @@ def find_clock(
         worst = pilots[int(np.argmin(runs))]
         values = ", ".join(f"{n} = {x:.6g}" for n, x in zip(problem.inputs.names, worst, strict=True))
         raise uqmbd.StudyError(
-            f"{label} that runs in all realisations, and {clock.words} stands or turns back in {int((~runs).sum())} of "
-            f"{len(runs)}, the first at {values}. Use Collocation(alignment='phase', elements=...), truncate the "
-            f"inputs, or name another clock."
+            f"{label} with a growing phase in all realisations, but {clock.words} stops or turns back in "
+            f"{int((~runs).sum())} of {len(runs)}, first at {values}. Use Collocation(alignment='phase', "
+            "elements=...), truncate the distributions, or choose another clock."
         )
     value = found.values[:, clock.row]
     low, high = value.min(axis=1), value.max(axis=1)
@@ -152,7 +153,7 @@ def find_clock(
 
 
 def _start(clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, row: int) -> float:
-    """Time up to which the motion is followed in time: an angle that starts at rest takes infinite time per phase."""
+    """Return the end of the integration over time, s; an angle that starts at rest has infinite time per phase."""
     begin = float(found.times[0])
     if not clock.turn:
         return begin

@@ -1,4 +1,4 @@
-"""Multi-element Galerkin: the equations of motion projected within each box of the germ space, solved one by one."""
+"""Multi-element Galerkin: projected equations of motion in each box of the germ space, solved separately."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def solve_element(
 ) -> dict[str, NDArray[Any]]:
     """Solve the projected equations of one element in a worker.
 
-    `psi` (K, P) is the local basis at the inputs (K, input). The result holds ``coefficients`` (P, O, T) of the
-    outputs, with fewer times where the motion ended early; texts ``message``, ``integrator``, ``counters`` (JSON); the
-    number of ``unknowns``.
+    `psi` (K, P): local basis at the inputs (K, input). The result contains ``coefficients`` (P, O, T) of the outputs,
+    at fewer times if the motion ended early. Further entries are the texts ``message``, ``integrator`` and ``counters``
+    (JSON), and the number of ``unknowns``.
     """
     ensemble = uqmbd.extend.Ensemble(model, values)
     projected = uqmbd.extend.ProjectedEnsemble(ensemble, psi, weights)
@@ -54,7 +54,7 @@ def solve_element(
 
 @dataclass
 class _GalerkinElements:
-    """All elements that were computed, replaced ones too, in that order."""
+    """All computed elements in order of computation, including replaced ones."""
 
     problem: uqmbd.extend.Problem
     discretisation: Discretisation
@@ -71,7 +71,7 @@ class _GalerkinElements:
     terms: int = 0
 
     def compute(self, boxes: Sequence[uqmbd.extend.GermBox]) -> list[PolynomialChaos]:
-        """Solve each box, and compute the verification realisations of all together."""
+        """Solve each box, compute the verification realisations of all boxes together, and return the fits."""
         problem = self.problem
         how = (problem.times, problem.rtol, self.integrator, self.linear_solver)
         points = uqmbd.extend.VerificationPoints.of_elements(
@@ -87,7 +87,7 @@ class _GalerkinElements:
         known = problem.realise(boxes[0].space.to_inputs(np.concatenate([own.germs for own in points])))
         chaoses, start = [], 0
         results = self._values(bases, tasks) if problem.timeless else problem.run(solve_element, tasks)
-        if not problem.timeless:  # values at nodes are realisations, which report themselves
+        if not problem.timeless:  # realisations at nodes report their progress separately
             problem.progress.start(problem.label, sum(len(task[2]) for task in tasks))
         for box, own, terms, task in zip(boxes, points, bases, tasks, strict=True):
             try:
@@ -110,7 +110,7 @@ class _GalerkinElements:
         return chaoses
 
     def _values(self, bases: list[Index], tasks: list[tuple[Any, ...]]) -> Iterator[dict[str, NDArray[Any]]]:
-        """Expand outputs without a time, which no equations of motion give, from realisations at the nodes."""
+        """Expand scalar outputs, which have no equations of motion, from realisations at the nodes."""
         found = self.problem.realise(np.concatenate([task[0] for task in tasks]))
         counters, start = found.counters, 0
         for terms, (values, psi, weights, *_) in zip(bases, tasks, strict=True):
@@ -139,7 +139,7 @@ def galerkin_elements(
     how: tuple[Discretisation, str, str, int],
     begin: float,
 ) -> xr.DataTree:
-    """Split the germ space where it is needed, and summarise.
+    """Split the germ space where the error requires it, and return the node.
 
     `how`: basis and quadrature, integrator, linear solver, and number of verification realisations.
     """
@@ -155,17 +155,17 @@ def galerkin_elements(
     if without:
         reason = next(work.messages[k] for k in kept if work.failed[k])
         warnings.warn(
-            f"{problem.label}: {without} of {sum(work.nodes[k] for k in kept)} nodes failed. The quadrature of their "
-            "elements cannot be used; these elements are fitted to their other nodes by regression. "
-            f"Reason of the failure: {reason}",
+            f"{problem.label}: {without} of {sum(work.nodes[k] for k in kept)} nodes failed. Elements with failed "
+            "nodes cannot use quadrature; they are fitted to their successful nodes by regression. Reason of the "
+            f"failure: {reason}",
             stacklevel=3,
         )
-    remedy = "allow more elements, raise the order, use collocation with elements, or study a shorter time"
+    remedy = "increase max_elements, raise the order, use collocation with elements, or study a shorter time"
     if count < len(problem.times):
         reason = next((work.messages[k] for k in kept if work.messages[k]), "")
         warnings.warn(
-            f"{problem.label}: the projected motion of an element ended, results are given up to "
-            f"t = {chaos.labels.times[-1]:.6g} s of {problem.times[-1]:g} s: {reason} To go further, {remedy}.",
+            f"{problem.label}: the integration of an element ended early; results end at t = "
+            f"{chaos.labels.times[-1]:.6g} s of {problem.times[-1]:g} s. Reason: {reason} For later times, {remedy}.",
             stacklevel=3,
         )
     return problem.node(

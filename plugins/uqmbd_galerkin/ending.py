@@ -1,4 +1,4 @@
-"""End of a projected motion, and the messages about unreliable results."""
+"""End of a projected motion, and messages about unreliable results."""
 
 from __future__ import annotations
 
@@ -31,14 +31,15 @@ def warn(
     remedy = "raise the order, use collocation with elements or Monte Carlo, or study a shorter time"
     if stopped:
         warnings.warn(
-            f"{label}: results end at t = {last:.6g} s of {times[-1]:g} s, since the stated error of "
-            f"{_listed(stopped)} passes stop_at = {stop_at:g}. To go further, {remedy}.",
+            f"{label}: results end at t = {last:.6g} s of {times[-1]:g} s, because the stated error exceeds stop_at "
+            f"= {stop_at:g} for {_listed(stopped)}. For later times, {remedy}.",
             stacklevel=3,
         )
     elif message:
         warnings.warn(
-            f"{label}: the projected motion ended, results are given up to t = {last:.6g} s of {times[-1]:g} s: "
-            f"{message} The expansion of order {order} may have stopped being valid: {remedy}.",
+            f"{label}: the integration of the projected equations ended early; results end at t = "
+            f"{last:.6g} s of {times[-1]:g} s. Reason: {message} The expansion of order {order} may be "
+            f"invalid from then on: {remedy}.",
             stacklevel=3,
         )
     suspicions = [one.words() for one in chaos.discontinuities() if one and one.clear]
@@ -49,8 +50,8 @@ def warn(
 def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
     """Return for each output the first time, s, at which its stated error exceeds `limit` standard deviations.
 
-    Outputs that never exceed it are left out, and so are those that vary by less than the tolerance `rtol` of the
-    integration. Without verification data the result is empty.
+    The result omits outputs whose error never exceeds the limit, and outputs that vary by less than the tolerance
+    `rtol` of the integration. Without verification data, the result is empty.
     """
     if chaos.verification_response is None:
         return {}
@@ -65,10 +66,10 @@ def _listed(horizon: dict[str, float]) -> str:
 
 
 def no_motion(label: str, error: uqmbd.AssemblyError) -> uqmbd.AssemblyError:
-    """Return an assembly error of a node with its meaning for an expansion."""
+    """Return the assembly error of a node, with an explanation of its consequence for the expansion."""
     return uqmbd.AssemblyError(
-        f"{label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate the distributions, or "
-        "use Monte Carlo, which counts such samples."
+        f"{label}: {str(error).rstrip('.')}. An expansion needs a solution at every node. Truncate the "
+        "distributions, or use Monte Carlo, which omits and counts failed samples."
     )
 
 
@@ -79,7 +80,7 @@ def finished(coefficients: Array) -> int:
 
 
 def padded(statistics: xr.Dataset, times: Array) -> xr.Dataset:
-    """Statistics at all times, NaN where the motion had ended."""
+    """Return statistics at all times, with NaN after the end of the motion."""
     if len(statistics["time"]) == len(times):
         return statistics
     attrs = statistics["time"].attrs

@@ -1,4 +1,4 @@
-"""The Galerkin propagator."""
+"""Galerkin propagator."""
 
 from __future__ import annotations
 
@@ -29,63 +29,69 @@ LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
 
 @dataclass(frozen=True, kw_only=True)
 class Galerkin(uqmbd.extend.Propagator):
-    """Polynomial chaos of the motion itself: the equations of motion of the coefficients, by Variational Work.
+    """Compute the polynomial chaos of the motion by Galerkin projection, with Variational Work.
 
-    Coordinates, velocities and multipliers are expanded in polynomials that are orthonormal for the inputs; the
-    equations of their coefficients are the Euler-Lagrange equations of the averaged Lagrangian with averaged virtual
-    work, evaluated by quadrature.
+    Coordinates, velocities and multipliers are expanded in polynomials that are orthonormal for the distribution of the
+    inputs. The equations of the coefficients are the Euler-Lagrange equations of the averaged Lagrangian with averaged
+    virtual work. The averages are evaluated by quadrature.
 
     Parameters
     ----------
     order : int
         Highest degree of the polynomials.
     index_set : {"total", "tensor", "hyperbolic"}, optional
-        Which products of one-dimensional polynomials.  Default: those of a total degree of at most `order`; with
-        `elements` all products (``tensor``).  There a force may set in at each node at another time, which an expansion
-        only follows that has as many terms as nodes: with fewer it drags the others along.
+        Set of multi-indices: the total degree is at most `order`, each degree is at most `order`, or there are few
+        interactions. Default: ``total`` without `elements`, ``tensor`` with `elements`. In an element, a force may
+        start at a different time at each node. Only an expansion with as many terms as nodes can represent such a
+        force.
     weights : tuple of float, optional
-        Anisotropy: an input (in the order of their names) of weight 2 gets half the order.
+        Weight of each input, in the order of the input names. An input of weight 2 gets half the order.
     nodes : tuple of int, optional
-        Gauss nodes of each input, or one number for all; default ``order + 1``, which was measured to be more accurate
-        on rotating mechanisms than more.
+        Number of Gauss nodes of each input, or one number for all inputs. Default: ``order + 1``. Tests with more nodes
+        were less accurate for rotating mechanisms.
     rule : str
-        Of the quadrature, ``gauss``, ``smolyak``, or the name of a sampling design; its weights must be positive.
+        Quadrature rule: ``gauss``, ``smolyak``, or the name of a sampling design. Its weights must be positive.
     samples : int, optional
-        Nodes of a rule of samples.
+        Number of nodes, if the rule is a sampling design.
     level : int, optional
-        Of ``smolyak``.
+        Level of the rule ``smolyak``.
     elements : int or "adaptive", optional
-        Split the germ space into so many boxes, or until `threshold` is met, each with an expansion of its own: where
-        the response has a kink or jumps (contact, friction, locking).  A split element starts again at the beginning.
+        Number of boxes into which the germ space is divided, each with a separate expansion. ``adaptive`` splits boxes
+        until `threshold` is met. Use elements for responses with kinks or jumps (contact, friction, locking). The parts
+        of a split element are integrated from the start time.
     max_elements : int
-        Most elements of an adaptive refinement.
+        Largest number of elements of an adaptive refinement.
     threshold : float
-        Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
+        Error of the surrogate at which an adaptive refinement ends, relative to the largest standard deviation of each
+        output over time.
     alignment : {"phase"}, optional
-        Take the phase of a clock as the independent variable, in place of the time, which is expanded like the states:
-        where realisations turn or swing at rates of their own, an expansion at equal times must fail, one at equal
-        phases does not.  Realisations that start at different phases are brought to the same one first.  It needs a
-        clock that runs in all realisations, and functions of time that are smooth; impacts and controllers, which
-        belong to moments in time, are refused.  Results are of the kind of `Collocation(alignment="phase")`.
+        ``phase``: the phase of a clock is the independent variable, and the time is expanded like the states. Use it if
+        realisations rotate or oscillate at different rates: an expansion at equal phases is then accurate, but an
+        expansion at equal times fails. Realisations with different initial phases are first integrated to the same
+        phase. The clock must run in all realisations, and functions of time must be smooth. Impacts and controllers,
+        which act at given times, are not supported. The results have the same form as the results of
+        `Collocation(alignment="phase")`.
     clock : str, optional
-        Output, body or joint whose angle, or oscillation, tells the phase.  Default: one is found.
+        Output, body or joint whose angle or oscillation defines the phase. Default: automatic choice.
     transform : {"rosenblatt", "nataf"}
-        How dependent inputs become functions of independent germs.
+        Transform of dependent inputs to functions of independent germs.
     linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
-        Of the implicit integrator, where it is used.
+        Linear solver of the implicit integrator.
     integrator : {"auto", "dop853", "ida"}, optional
-        As for a study; default: that of the study, which must be able to integrate projected equations.
+        Integrator, as for a study. The integrator must support projected equations. Default: the integrator of the
+        study.
     verify : int
-        Realisations at points that no node uses, from which the error is stated; 0: none.  Half of them are spread
-        like the inputs, half lie in the tails and count for less there, see :class:`uqmbd.extend.VerificationPoints`;
-        ``verification_factor`` among the statistics says by which factor the stated error may be off.
+        Number of verification realisations, which determine the stated error; 0: no verification. Their inputs differ
+        from the nodes. Half of the verification realisations have the distribution of the inputs; the others are in the
+        tails and have smaller weights (:class:`uqmbd.extend.VerificationPoints`). The statistic ``verification_factor``
+        bounds the uncertainty of the stated error.
     stop_at : float, optional
-        Stated error, over the standard deviation, at which the run ends instead of going on; results up to that horizon
-        are kept, and the attribute ``ends_at`` says where they end.
+        Stated error, relative to the standard deviation, at which the run ends. Results up to the end time are stored;
+        the attribute ``ends_at`` contains the end time.
     seed : int
-        Of the verification points, and of a rule of samples.
+        Seed of the verification points, and of a sampling design.
     label : str, optional
-        Name of the results, by default ``galerkin``.
+        Name of the results. Default: ``galerkin``.
 
     Raises
     ------
@@ -122,7 +128,7 @@ class Galerkin(uqmbd.extend.Propagator):
         super().__post_init__()
         if self.rule == "smolyak" and self.samples is not None and self.level is None:
             warnings.warn(
-                "Galerkin: samples= as the level of rule='smolyak' is deprecated; give level=.",
+                "Galerkin: with rule='smolyak', samples= is deprecated; use level= instead.",
                 DeprecationWarning,
                 stacklevel=3,
             )
@@ -133,21 +139,23 @@ class Galerkin(uqmbd.extend.Propagator):
         self._discretisation(self.node_name)
         if self._limits.elements is not None and (self.stop_at is not None or not self.order):
             raise uqmbd.StudyError(
-                f"Galerkin: elements={self.elements!r} needs an order of 1 or more, and cannot be combined with "
-                f"stop_at; order is {self.order}, stop_at {self.stop_at!r}."
+                f"Galerkin: elements={self.elements!r} requires an order of 1 or more and no stop_at; order is "
+                f"{self.order}, and stop_at is {self.stop_at!r}."
             )
         self._require_alignable()
         if self.stop_at is not None and not self.verify:
             raise uqmbd.StudyError(
-                f"Galerkin: stop_at is {self.stop_at!r} with verify=0; expected verification realisations that can "
-                "tell the error."
+                f"Galerkin: stop_at is {self.stop_at!r}, but verify is 0; expected 1 or more verification "
+                "realisations, which determine the error."
             )
 
     def _require_alignable(self) -> None:
-        """Raise if options contradict the alignment."""
+        """Raise StudyError if options contradict the alignment."""
         if self.alignment is None:
             if self.clock is not None:
-                raise uqmbd.StudyError(f"Galerkin: clock={self.clock!r} means nothing without alignment='phase'.")
+                raise uqmbd.StudyError(
+                    f"Galerkin: clock={self.clock!r} requires alignment='phase'; omit clock or set alignment."
+                )
             return
         wrong = {
             "elements": self.elements is not None,
@@ -158,13 +166,13 @@ class Galerkin(uqmbd.extend.Propagator):
         if any(wrong.values()):
             name = next(x for x, given in wrong.items() if given)
             raise uqmbd.StudyError(
-                f"Galerkin: {name}={getattr(self, name)!r} contradicts alignment='phase', which integrates one "
-                f"expansion explicitly, by DOP853; leave {name} out, or use collocation with alignment='phase'."
+                f"Galerkin: {name}={getattr(self, name)!r} contradicts alignment='phase', which integrates a single "
+                f"expansion with DOP853. Omit {name}, or use collocation with alignment='phase'."
             )
 
     @property
     def products(self) -> Terms:
-        """The index set, chosen to suit if none is given."""
+        """Index set, with a default for the other options."""
         return self._discretisation(self.node_name).products
 
     @property
@@ -176,35 +184,38 @@ class Galerkin(uqmbd.extend.Propagator):
         return Discretisation(label, **given)
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Return the clock at the means of the inputs, as text."""
+        """Return a text on the clock at the means of the inputs."""
         problem = study.problem(self)
         if self.alignment is None or problem.timeless or not len(study.mechanism.inputs):
             return ()
         return (uqmbd.extend.clock_at_means(problem, self.clock),)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count nodes and terms, and the memory of the states at all nodes and times."""
+        """Return the numbers of nodes and terms, and the memory of the states at all nodes and times."""
         space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
         how, boxes = self._discretisation(self.node_name), self._limits.computed
         nodes, terms = how.node_count(space), len(how.basis(space))
         layout, times, outputs = study.problem(self).model.layout, len(study.times), len(study.mechanism.outputs)
         per_node = times * (layout.width + 2 * outputs) + layout.unknowns**2 + 2 * terms
         memory = 8 * (nodes * per_node + terms * times * (2 * layout.width + 2 * outputs))
-        # an element is solved at a time, and leaves its coefficients
+        # elements are solved one after another, and only their coefficients stay in memory
         memory += 8 * (boxes - 1) * terms * times * outputs
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
-        count = boxes * nodes + self._limits.verified(self.verify)
+        verified = self._limits.verified(self.verify, space)
+        # the probabilities of parts of a discrete input are unknown
+        uncertain = self._limits.uncertain or verified > self._limits.verified(self.verify)
+        count = boxes * nodes + verified
         if self.alignment is not None and outputs:
-            # nobody knows yet at how many times the clock must be known
+            # the number of times for the clock is still unknown
             pilots = max(self.verify, PILOTS)
             count += pilots
-            detail += f", {pilots} realisations for the clock, again where their splines need more times"
-        # of each output at each time the coefficients, and some forty statistics and errors
+            detail += f", {pilots} realisations for the clock, repeated if their splines need more times"
+        # coefficients of each output at each time, and some forty statistics and errors
         disk = 8 * (40 + boxes * terms) * (times * outputs + len(study.mechanism.scalars))
-        return uqmbd.extend.Estimate(count, memory, detail, at_most=self._limits.uncertain, disk=disk, together=True)
+        return uqmbd.extend.Estimate(count, memory, detail, at_most=uncertain, disk=disk, together=True)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
-        """Raise the order."""
+        """Return options for an accuracy by raising the order."""
         given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "stop_at"))
         if given or self.elements == "adaptive" or not self.verify:
             return None
@@ -216,11 +227,11 @@ class Galerkin(uqmbd.extend.Propagator):
         )
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
-        """Observe the rates of possible clocks."""
+        """Return the rates of possible clocks to observe."""
         return watched_rates(mechanism) if self.alignment == "phase" else {}
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: nothing random, a distribution without moments, an unsuitable rule, no pose."""
+        """Return the obstacle: no random input, a distribution without moments, an unsuitable rule, or no pose."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:
@@ -233,7 +244,7 @@ class Galerkin(uqmbd.extend.Propagator):
                 problem = study.problem(self)
             if self.alignment is not None:
                 uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
-            # outputs without a time are evaluated at the nodes: the motion is not projected for them
+            # scalar outputs are evaluated at the nodes, without a projection of the motion
             if problem.model.outputs.names:
                 self.require_integrator(problem)
                 ensemble = problem.ensemble(space.to_inputs(rule.nodes))
@@ -246,7 +257,7 @@ class Galerkin(uqmbd.extend.Propagator):
         return None
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Verify, project, integrate, and summarise."""
+        """Verify, project, integrate, and return statistics."""
         if self.alignment is not None:
             uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
         begin, space, how = problem.clock(), problem.germ_space(self.transform), self._discretisation(problem.label)
@@ -256,8 +267,8 @@ class Galerkin(uqmbd.extend.Propagator):
             self.require_integrator(problem)
             if self.alignment is not None and problem.integrator not in ("auto", "dop853") and self.integrator is None:
                 raise uqmbd.StudyError(
-                    f"{problem.label}: alignment='phase' integrates explicitly, by DOP853, and the study's integrator "
-                    f"is {problem.integrator!r}. Use integrator='dop853', or collocation."
+                    f"{problem.label}: alignment='phase' requires the integrator DOP853, but the integrator of the "
+                    f"study is {problem.integrator!r}. Use integrator='dop853', or collocation."
                 )
             one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
             how.refuse_impacts(one, terms=len(terms), nodes=len(rule.nodes))
@@ -275,11 +286,11 @@ class Galerkin(uqmbd.extend.Propagator):
             return projected_scalars(self, problem, space, terms, rule, verification, begin)
         if verification.failures:
             warnings.warn(
-                f"{problem.label}: {verification.failures} of {self.verify} verification realisations fail, so the "
-                "response does not exist, or not for all times, in part of the support of the inputs; an expansion "
-                "over all of it means little. By their weights they represent about "
-                f"{max(verification.lost, 1e-6):.1g} of the probability. Truncate the distributions. "
-                f"Reason: {verification.reason}",
+                f"{problem.label}: {verification.failures} of {self.verify} verification realisations failed. In "
+                "part of the support of the inputs, the response does not exist at all times, and an expansion over "
+                "the whole support is unreliable. The failed realisations represent about "
+                f"{max(verification.lost, 1e-6):.1g} of the probability. Truncate the distributions. Reason: "
+                f"{verification.reason}",
                 stacklevel=2,
             )
 
@@ -310,13 +321,13 @@ class Galerkin(uqmbd.extend.Propagator):
         chaos = respond(found.coefficients, count)
         stopped = horizons(chaos, limit, problem.rtol)
         if stopped:
-            # up to the horizon, and not beyond
+            # include times up to the horizon, but no later times
             count = int(np.searchsorted(problem.times, min(stopped.values())))
             if count < 2:
                 name = min(stopped, key=lambda key: stopped[key])
                 raise uqmbd.IntegrationError(
-                    f"{problem.label}: the stated error of {name!r} passes stop_at = {limit:g} at the first times "
-                    "already; nothing usable is left. Raise the order, or stop_at."
+                    f"{problem.label}: the stated error of {name!r} exceeds stop_at = {limit:g} at the first output "
+                    "times, so no usable results remain. Raise the order, or stop_at."
                 )
             chaos = respond(found.coefficients, count)
         wall_time = problem.clock() - begin
@@ -349,10 +360,10 @@ class Galerkin(uqmbd.extend.Propagator):
         )
 
     def require_integrator(self, problem: uqmbd.extend.Problem) -> None:
-        """Raise where the integrator cannot integrate projected equations, or not across the events that there are."""
+        """Raise StudyError if the integrator does not support projected equations, or their events."""
         remedy = f"Use {type(self).__name__}(integrator=...) or a study with"
         problem.require("projected", self.integrator, remedy)
-        # other events only note when they happen
+        # other events only record their time
         if any(directions for *_, directions in problem.model.events):
             problem.require("events", self.integrator, remedy)
 

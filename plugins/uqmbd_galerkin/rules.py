@@ -14,18 +14,18 @@ __all__ = ["MOST_NODES", "STREAM", "Discretisation", "Terms"]
 Terms = Literal["total", "tensor", "hyperbolic"]
 
 MOST_NODES = 20_000
-"""Nodes beyond which the coupled problem is not set up."""
+"""Largest number of nodes of the coupled problem."""
 MOST_WORK = 2e10
-"""Products that a remedy may be sought with: about a second."""
+"""Largest number of products in the search for a remedy; the products take about a second."""
 STREAM = 0x6A1E12
 """Random stream of the verification points."""
 ALIASED = 0.5
-"""Error of a rule for products of the basis beyond which it does not resolve the terms."""
+"""A rule does not resolve the terms if its error for products of the basis exceeds this value."""
 
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Options of `Galerkin` that choose basis and quadrature, and the `label` before messages.
+    """Options of `Galerkin` that determine basis and quadrature, and the `label` for messages.
 
     Raise StudyError if options contradict each other.
     """
@@ -46,24 +46,25 @@ class Discretisation:
             uqmbd.extend.sampling_design(self.rule, "Galerkin: rule", ("gauss", "smolyak"))
         if self.level is not None and (self.rule != "smolyak" or self.samples is not None):
             raise uqmbd.StudyError(
-                f"Galerkin: level is {self.level!r}, for rule='smolyak' without samples; rule is {self.rule!r}, "
-                f"samples {self.samples!r}."
+                f"Galerkin: level={self.level!r} requires rule='smolyak' without samples; rule is {self.rule!r}, and "
+                f"samples is {self.samples!r}."
             )
         if self.samples is not None and self.rule == "gauss":
             raise uqmbd.StudyError(
-                "Galerkin: samples is given, but rule='gauss' is a grid; give nodes, or a rule of samples, as 'sobol'."
+                "Galerkin: samples cannot be combined with rule='gauss', a grid. Use nodes, or a "
+                "sampling rule such as 'sobol'."
             )
         if self.nodes is not None and self.rule != "gauss":
             other = "level" if self.rule == "smolyak" else "samples"
-            raise uqmbd.StudyError(f"Galerkin: nodes is for rule='gauss'; for rule={self.rule!r} give {other}.")
+            raise uqmbd.StudyError(f"Galerkin: nodes requires rule='gauss'; with rule={self.rule!r}, use {other}.")
         if self.rule == "smolyak" and self.level is None:
-            raise uqmbd.StudyError("Galerkin: rule='smolyak' needs level=.")
+            raise uqmbd.StudyError("Galerkin: rule='smolyak' requires level=.")
         if self.rule not in ("gauss", "smolyak") and self.samples is None:
-            raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples=how many.")
+            raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} requires samples=, the number of samples.")
 
     @property
     def products(self) -> Terms:
-        """The index set, chosen to suit if none is given."""
+        """Index set, with a default for the other options."""
         return self.index_set or ("total" if self.elements is None else "tensor")
 
     def basis(self, space: uqmbd.extend.GermSpace) -> Index:
@@ -81,19 +82,19 @@ class Discretisation:
             rule = uqmbd.extend.monte_carlo_rule(space, int(self.samples or 1), self.seed, self.rule)
         if not (rule.weights > 0).all():
             raise uqmbd.StudyError(
-                f"{self.label}: the rule ({rule.name}) has negative weights, so averaged masses can be negative; "
-                "use rule='gauss', or a rule with samples."
+                f"{self.label}: the rule ({rule.name}) has negative weights, so projected masses can be negative. "
+                "Use rule='gauss', or a sampling rule."
             )
         wrong = uqmbd.extend.gram_error(space, rule, terms)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
                 f"{self.label}: the rule ({rule.name}) does not resolve the {len(terms)} terms of the basis: it "
-                f"integrates their products with an error of {wrong:.2g}; use more nodes, or a lower order."
+                f"integrates products of two terms with an error of {wrong:.2g}. Use more nodes, or a lower order."
             )
         return rule
 
     def node_count(self, space: uqmbd.extend.GermSpace) -> int:
-        """Count the nodes of the rule without making it, where it may be large."""
+        """Return the number of nodes of the rule; do not compute the nodes, because there may be too many."""
         if self.rule == "smolyak":
             return len(uqmbd.extend.smolyak(space, int(self.level or 0)))
         if self.rule != "gauss":
@@ -101,22 +102,22 @@ class Discretisation:
         total = math.prod(self._gauss_counts(space))
         if total > MOST_NODES:
             raise uqmbd.StudyError(
-                f"{self.label}: {total} Gauss nodes for {space.dimension} inputs at order {self.order} are too "
-                f"many for a coupled problem (at most {MOST_NODES}). {self._remedy(space)}"
+                f"{self.label}: {total} Gauss nodes for {space.dimension} inputs at order {self.order} are too many "
+                f"for a coupled problem; expected at most {MOST_NODES}. {self._remedy(space)}"
             )
         return total
 
     def refuse_impacts(self, ensemble: uqmbd.extend.Ensemble, *, terms: int, nodes: int) -> None:
-        """Raise StudyError where a mechanism has impacts that an expansion cannot represent.
+        """Raise StudyError if a mechanism has impacts that an expansion cannot represent.
 
-        Impacts occur at a different time in each realisation. With as many terms as nodes the projected laws of impact
-        hold at each node; with fewer the jump of one would be a jump of all. An event that only records a time is
-        accepted.
+        Impacts occur at a different time in each realisation. With as many terms as nodes, the projected laws of impact
+        are satisfied at each node. With fewer terms, the jump at one node would be a jump at all nodes. An event that
+        only records a time is accepted.
         """
         names = dict.fromkeys(component for component, _, directions in ensemble.model.events if directions)
         if not names or terms == nodes:
             return
-        # what makes as many terms as nodes of these options
+        # suggest options that give as many terms as nodes
         remedies = []
         if self.products != "tensor":
             remedies.append("index_set='tensor'")
@@ -128,28 +129,31 @@ class Discretisation:
             remedies.append("without weights=")
         listed = ", ".join(map(repr, names))
         raise uqmbd.StudyError(
-            f"{self.label}: at the impacts of {listed} velocities jump, at another time in each realisation, which "
-            f"a Galerkin projection of {terms} terms on {nodes} nodes cannot follow; one of as many terms as nodes "
-            f"can. Use it {' and '.join(remedies)}, better with elements='adaptive' too; or collocation with "
-            "alignment='events'."
+            f"{self.label}: velocities jump at the impacts of {listed}, at different times in each realisation. A "
+            f"Galerkin projection of {terms} terms on {nodes} nodes cannot represent these jumps; it needs as many "
+            f"terms as nodes. Use Galerkin {' and '.join(remedies)}, preferably with elements='adaptive'; or "
+            "collocation with alignment='events'."
         )
 
     def _gauss_counts(self, space: uqmbd.extend.GermSpace) -> list[int]:
-        """Nodes of each input."""
+        """Return the number of nodes of each input."""
         if self.nodes is None:
             return [min(self.order + 1, germ.values or self.order + 1) for germ in space.germs]
         if len(self.nodes) not in (1, space.dimension):
             raise uqmbd.StudyError(
                 f"{self.label}: nodes has {len(self.nodes)} numbers for {space.dimension} inputs "
-                f"({', '.join(space.names)}); give one for each, or one for all."
+                f"({', '.join(space.names)}); expected one number for each input, or one for all."
             )
         return list(self.nodes) * (space.dimension if len(self.nodes) == 1 else 1)
 
     def _remedy(self, space: uqmbd.extend.GermSpace) -> str:
-        """Options that this basis, or a smaller one, works with: tried, not guessed, from order 1 upwards."""
+        """Return options that allow this basis or a smaller one; try orders from 1 upwards."""
         given: tuple[Terms | None, ...] = ("total",) if self.elements is not None else (self.index_set, "total")
         plain = replace(self, rule="sobol", samples=1, level=None, nodes=None, elements=None)
-        work, found = MOST_WORK, "Use weights=, so that inputs of little influence get fewer nodes, or collocation."
+        work, found = (
+            MOST_WORK,
+            "Use weights=, to reduce the number of nodes of inputs with little influence, or collocation.",
+        )
         for order in range(1, self.order + 1):
             for kind in dict.fromkeys(given):
                 try:
@@ -173,5 +177,5 @@ class Discretisation:
                 found = f"Use {', '.join(changed)}{without} ({len(terms)} terms), or weights=, or collocation."
                 break
             else:
-                break  # nor does any higher order
+                break  # higher orders cannot work either
         return found

@@ -13,10 +13,10 @@ __all__ = ["Gear", "RackAndPinion"]
 
 
 class Gear(uqmbd.Component):
-    """Two gears that mesh: relative to the carrier of their axes, body i makes `ratio` turns for each of body j.
+    """Two meshing gears: relative to the carrier of their axes, body i makes `ratio` turns for each turn of body j.
 
-    Each turns about its axis from the drawn pose on; what holds the axes in the carrier are other joints.  Reactions
-    are moments: that on body j is reported; where body j is the ground, that on body i with the other sign.
+    The angle of each gear about its axis is zero in the drawn pose. Other joints must fix the axes in the carrier. The
+    reaction is the moment on body j. If body j is the ground, the reaction is the negative moment on body i.
 
     Examples
     --------
@@ -48,21 +48,21 @@ class Gear(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Return the initial attitudes from the drawing."""
+        """Return the quaternions of both gears relative to the carrier in the drawn pose."""
         for x in "ij":
             if self.attached[f"body_{x}"] is self.attached["carrier"]:
                 raise uqmbd.StudyError(
-                    f"body_{x} is the ground, and so is the carrier: relative to it body_{x} does not turn, nor could "
-                    "the other gear; give carrier=, the body that holds the axes of the gears."
+                    f"body_{x} is the ground, and so is the carrier: body_{x} does not turn relative to it, so the "
+                    "other gear could not turn; give carrier=, the body that holds the axes of the gears."
                 )
         return {f"drawn_{x}": self.drawn_quaternion("carrier", f"body_{x}") for x in "ij"}
 
     def motion(self) -> dict[str, Any]:
-        """Return the angles of both gears relative to the carrier, zero as drawn."""
+        """Return the angles of both gears relative to the carrier, zero in the drawn pose."""
         return {f"angle_{x}": self.joint_angle("carrier", f"body_{x}", drawn=True, speed=f"speed_{x}") for x in "ij"}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
-        """Yield the geometry."""
+        """Yield the constraint equation and the auxiliary states."""
         first, turns_i = uqmbd.extend.counted_angle(p, "angle_i", p.carrier, p.body_i, p.drawn_i, p.axis_i)
         second, turns_j = uqmbd.extend.counted_angle(p, "angle_j", p.carrier, p.body_j, p.drawn_j, p.axis_j)
         yield turns_i
@@ -71,9 +71,9 @@ class Gear(uqmbd.Component):
 
 
 class RackAndPinion(uqmbd.Component):
-    """A pinion, body j, rolls on a rack, body i: as it turns, its centre advances from where it is drawn.
+    """A pinion (body j) rolls on a rack (body i): as the pinion turns, its centre advances from the drawn position.
 
-    What keeps the pinion at the rack are other joints.  A wheel that rolls on the ground is a pinion too.
+    Other joints must keep the pinion on the rack. A wheel that rolls on the ground is also a pinion.
 
     Examples
     --------
@@ -113,15 +113,15 @@ class RackAndPinion(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the initial turn and displacement from the drawing."""
+        """Return the relative rotation and the displacement in the drawn pose."""
         return {"drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
     def motion(self) -> dict[str, Any]:
-        """Return the angle of the pinion, zero as drawn, and the displacement of its centre from the rack's point."""
+        """Return the pinion's angle, zero in the drawn pose, and its centre's displacement from the rack's point."""
         return {"angle": self.joint_angle(drawn=True), "displacement": self.joint_displacement("sliding_speed")}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
-        """Yield the geometry."""
+        """Yield the constraint equation and the auxiliary state."""
         angle, turns = uqmbd.extend.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
         yield turns
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)

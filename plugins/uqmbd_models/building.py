@@ -1,4 +1,4 @@
-"""From links and joints to a mechanism: bodies, joints, springs, friction, rotors, loops, outputs."""
+"""Mechanism from links and joints: bodies, joints, springs, friction, rotors, loops, outputs."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from uqmbd_springs import Gravity, RotorInertia
 __all__ = ["build"]
 
 NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-"""Inertia of the bodies between the joints of one link."""
+"""Inertia of the massless bodies between the joints of one link."""
 
 NONE = 1e-15
-"""Entries of an inertia tensor, relative to the largest, that are rounding: that of a rotation of its axes."""
+"""Entries of an inertia tensor, relative to the largest, that are rounding errors of a rotation of its axes."""
 
 LOG = logging.getLogger("uqmbd.derivation")
-"""Log of the built parts of a mechanism: commands show it as progress."""
+"""Log of the built parts of a mechanism; commands display it as progress."""
 
-CORRECT = "The number is that of the file; correct it there."
+CORRECT = "This number is from the model file; correct it in that file."
 
 
 @dataclass(frozen=True)
 class Built:
-    """A mechanism on the way, with the names that are taken and the body of each link."""
+    """Mechanism under construction, with the used names and the body of each link."""
 
     mechanism: uqmbd.extend.ImportedMechanism
     names: Names
@@ -45,18 +45,19 @@ class Built:
 
 
 def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse") -> uqmbd.extend.ImportedMechanism:
-    """Build the mechanism of a model.
+    """Return the mechanism of a model.
 
-    `tree`: what the file says; `fuse_all`: whether links that are fixed to others become one with them; `outputs`:
-    whether to record positions of joints and margins to their limits; `inertia`: what to do with inertia tensors that
-    no body has.
+    `tree`: content of the file; `fuse_all`: whether links fixed to others are merged with them; `outputs`: whether to
+    record positions of joints and margins to their limits; `inertia`: treatment of physically impossible inertia
+    tensors.
     """
     count, before = len(tree.links) - 1, tree
     tree, fused = fuse(tree, every=fuse_all)
     if len(tree.links) == 1:
         raise uqmbd.StudyError(
-            f"{tree.source}: nothing in it can move: none of its links, {count} beside the ground, has a joint that "
-            "lets it move; expected at least one (a robot that stands on nothing: from_urdf(path, floating=True))."
+            f"{tree.source}: the model cannot move: none of its links ({count} without the ground) has a joint that "
+            "permits motion. Expected at least one such joint; for a robot that is not fixed to the ground, use "
+            "from_urdf(path, floating=True)."
         )
     settled = settle(tree, inertia, fused, before)
     try:
@@ -73,7 +74,7 @@ def _built(
     tree = settled.tree
     space = uqmbd.Spatial(gravity=tuple(map(float, tree.gravity)))
     mechanism = uqmbd.extend.ImportedMechanism(Names().take(tree.name or "model"), space, tree.source, tree.read_by)
-    # the names of links and joints come first: what is made up gets out of their way
+    # links and joints keep their names; generated names avoid them
     built = Built(mechanism, Names(), {0: mechanism.ground})
     labels = {k: built.names.take(link.name, "link") for k, link in enumerate(tree.links) if k}
     placed = place(tree, built.names.take_all([joint.name for joint in tree.joints], "joint"))
@@ -107,7 +108,7 @@ def _built(
 
 
 def _refused(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyError:
-    """Return the error of a link with refused numbers: the place, and the remedy."""
+    """Return the error of a link with invalid numbers, with the place in the file and a remedy."""
     line = f"line {link.line}: " if link.line else ""
     advice = CORRECT
     if link.line and excess(link.inertial.inertia) > 0:
@@ -142,7 +143,7 @@ def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJo
 
 
 def _body(mechanism: Any, name: str, inertial: Inertial, pose: Any) -> Any:
-    """Add a body at its place; its velocity is stated where it moves at the start."""
+    """Add a body at its place, with its velocity if it moves at the start."""
     tensor = (inertial.inertia + inertial.inertia.T) / 2
     tensor[abs(tensor) < NONE * abs(tensor).max()] = 0.0
     entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
@@ -188,14 +189,14 @@ def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
 
 
 def _zero(placed: PlacedJoint, component: Any) -> float | None:
-    """Position of a hinge or slide, as the file counts it, where that of the component is zero; None of others."""
+    """Return the position of a hinge or slide in the file at zero position of the component; None for other joints."""
     if placed.joint.kind == "hinge":
         return float(placed.joint.start[0] - component.joint_angle().near)
     return float(placed.joint.reference[0]) if placed.joint.kind == "slide" else None
 
 
 def _close(built: Built, loop: LoopClosure) -> None:
-    """Close a loop; on the ground alone it closes nothing."""
+    """Close a loop; do nothing for a loop of the ground alone."""
     i, j = built.bodies[loop.link_i], built.bodies[loop.link_j]
     name = built.names.take(loop.name, "loop")
     points = tuple(map(float, loop.point_i)), tuple(map(float, loop.point_j))
@@ -206,7 +207,7 @@ def _close(built: Built, loop: LoopClosure) -> None:
 
 
 def _couple(built: Built, joints: tuple[PlacedJoint, ...], coupling: Coupling) -> None:
-    """Couple the position of a joint to that of another one."""
+    """Couple the position of a joint to the position of another joint."""
     by_name = {placed.joint.name: placed for placed in joints}
     first = by_name[coupling.joint]
     value: Any = sympy.Float(coupling.coefficients[0] + first.joint.reference[0])
@@ -230,7 +231,7 @@ def _couple(built: Built, joints: tuple[PlacedJoint, ...], coupling: Coupling) -
 
 
 def _add_frames(built: Built, fused: tuple[Fused, ...]) -> None:
-    """Name the frames of links that were merged with others."""
+    """Add frames for links that were merged with others."""
     names = Names(built.mechanism.bodies)
     for part in fused:
         body = built.bodies[part.link]
@@ -242,17 +243,19 @@ def _add_frames(built: Built, fused: tuple[Fused, ...]) -> None:
 
 
 def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.extend.Omission]:
-    """Return which links are no separate bodies."""
+    """Return remarks on links that are not separate bodies."""
     grounded = tuple(part.name for part in fused if part.link == 0)
     others = tuple(part.name for part in fused if part.link)
     rows = []
     if grounded:
         rows.append(
-            uqmbd.extend.Omission("links fixed to the ground", grounded, "they do not move; in .frames by name")
+            uqmbd.extend.Omission(
+                "links fixed to the ground", grounded, "they do not move; their frames are in mechanism.frames, by name"
+            )
         )
     if others:
-        why = "merged with the bodies that they are fixed to; in .frames by name"
-        more = "" if not every else " (fuse=False keeps those with mass as bodies)"
+        why = "merged with the bodies that they are fixed to; their frames are in mechanism.frames, by name"
+        more = "" if not every else " (fuse=False retains links with mass as separate bodies)"
         rows.append(uqmbd.extend.Omission("links without a joint", others, why + more))
     return rows
 
@@ -260,17 +263,17 @@ def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.extend.Omission
 def _renamed(
     built: Built, tree: Tree, labels: dict[int, str], joints: tuple[PlacedJoint, ...]
 ) -> list[uqmbd.extend.Omission]:
-    """Return which names are not those of the file, and let joints be found by both."""
+    """Return remarks on names that differ from the file, and make joints available by both names."""
     changed = [(placed.joint.name, placed.name) for placed in joints if placed.joint.name != placed.name]
     built.mechanism.joints.renamed.update(changed)
     names = [f"link {tree.links[k].name!r}: {label!r}" for k, label in labels.items() if tree.links[k].name != label]
     names += [f"joint {old!r}: {new!r}" for old, new in changed]
-    why = "each name is there once here, without line breaks and slashes; these are the new ones"
+    why = "names must be unique, without line breaks and slashes; the new names follow the old ones"
     return [uqmbd.extend.Omission("names that changed", tuple(names), why)] if names else []
 
 
 def _record(built: Built) -> None:
-    """Record the position of each joint, and how far it is from its limits."""
+    """Record the position of each joint, and its distances from the limits."""
     mechanism = built.mechanism
     names = Names(mechanism.outputs)
     for joint in mechanism.joints.values():

@@ -1,7 +1,7 @@
-"""XML of model files: elements that know their lines; entities and other documents are refused, not read.
+"""XML of model files: elements with their lines; entities and external documents are rejected.
 
-Files that other readers of robots take are read, too, although XML rejects them: white space before the declaration,
-prefixes without a namespace, ``--`` in comments. `Document.slips` lists what was found.
+Some files that other readers of robots accept violate XML, and are read, too: white space before the declaration,
+prefixes without a namespace, ``--`` in comments. `Document.slips` lists these violations.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ import uqmbd
 __all__ = ["Document", "XmlElement", "parse", "prefix"]
 
 NESTED = 500
-"""Elements inside each other: robots have chains of joints, not of elements."""
+"""Largest depth of nested elements; robots have chains of joints, not of nested elements."""
 
 LARGEST = 200_000_000
-"""Bytes of a file."""
+"""Largest size of a file, bytes."""
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True)
 class XmlElement:
-    """An element, with the line in which it begins."""
+    """Element with its first line in the file."""
 
     tag: str
     attrib: dict[str, str]
@@ -47,15 +47,15 @@ class XmlElement:
         return self.attrib.get(key, default)
 
     def find(self, tag: str) -> XmlElement | None:
-        """Return the first child of this tag."""
+        """Return the first child with a tag."""
         return next(iter(self.findall(tag)), None)
 
     def findall(self, tag: str) -> list[XmlElement]:
-        """Return the children of this tag."""
+        """Return the children with a tag."""
         return [x for x in self.children if x.tag == tag]
 
     def everything(self) -> Iterator[XmlElement]:
-        """Yield the element and all inside of it."""
+        """Yield the element and all its descendants."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -69,15 +69,14 @@ class Document:
 
     path: str
     root: XmlElement
-    slips: tuple[str, ...]  # what XML does not allow, and was read nevertheless
+    slips: tuple[str, ...]  # tolerated violations of XML
 
 
 def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()) -> Document:
-    """Read a file as XML.
+    """Return the XML document in a file.
 
-    `where`: opening of messages; `path`: the file; `form`: name of the format, for messages; `opaque`: tags of
-    elements whose content is not looked at. Raise StudyError if there is no such file, or it is not XML, with the
-    line.
+    `where`: start of messages; `path`: path of the file; `form`: name of the format, for messages; `opaque`: tags of
+    elements whose content is ignored. Raise StudyError, with the line, if the file is missing or not XML.
     """
     file = Path(path)
     try:
@@ -102,25 +101,26 @@ def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()
     except DefusedXmlException as error:
         what = "an entity" if "Entit" in type(error).__name__ else "another document"
         raise uqmbd.StudyError(
-            f"{where}: line {builder.line}: it declares or refers to {what} ({_shown(error)}), which is not read: "
-            "entities may grow without limit and read other files. Write the text in its place."
+            f"{where}: line {builder.line} declares or refers to {what} ({_shown(error)}). For security, from_urdf "
+            "and from_mjcf do not expand entities, which can grow without limit and read other files. Replace the "
+            "reference by its text."
         ) from None
     except _TooDeep:
         raise uqmbd.StudyError(
-            f"{where}: line {builder.line}: elements are nested more than {NESTED} deep; expected a model file."
+            f"{where}: line {builder.line}: elements are nested more than {NESTED} levels deep; expected a model file."
         ) from None
     except SAXParseException as error:
         line = (error.getLineNumber() or 0) + before
-        raise uqmbd.StudyError(f"{where} is no XML: line {line}: {error.getMessage()}.") from None
+        raise uqmbd.StudyError(f"{where} is not valid XML: line {line}: {error.getMessage()}.") from None
     except (SAXException, ValueError, LookupError) as error:
-        raise uqmbd.StudyError(f"{where} is no XML: {' '.join(str(error).split())}.") from None
+        raise uqmbd.StudyError(f"{where} is not valid XML: {' '.join(str(error).split())}.") from None
     if builder.root is None:
-        raise uqmbd.StudyError(f"{where} is no XML: it has no element.")
+        raise uqmbd.StudyError(f"{where} is not valid XML: it contains no element.")
     return Document(path, builder.root, tuple(dict.fromkeys(slips)))
 
 
 def prefix(tag: str) -> str:
-    """Return the prefix of a name, or nothing.
+    """Return the prefix of a name, or an empty text.
 
     >>> prefix("drake:member"), prefix("link")
     ('drake', '')
@@ -129,7 +129,7 @@ def prefix(tag: str) -> str:
 
 
 class _TooDeep(Exception):
-    """Elements are nested without end."""
+    """Elements are nested too deeply."""
 
 
 def _begin(text: bytes, slips: list[str]) -> tuple[bytes, int]:
@@ -153,7 +153,7 @@ def _without_dashes(text: bytes, slips: list[str]) -> bytes:
         slips.append("-- in a comment")
         return b"<!--" + b"\n" * inside.count(b"\n") + b"-->"
 
-    # a search for the end of each comment that has none would take a time that grows with the square of the size
+    # searching for the end of each unterminated comment would take time quadratic in the size
     end = text.rfind(b"-->") + 3
     return re.sub(rb"<!--(.*?)-->", without, text[:end], flags=re.DOTALL) + text[end:] if end > 2 else text
 
@@ -164,7 +164,7 @@ def _shown(error: DefusedXmlException) -> str:
 
 
 class _Builder(ContentHandler):
-    """Builds elements with lines."""
+    """Builder of elements with their lines."""
 
     def __init__(self, before: int, opaque: frozenset[str], slips: list[str]) -> None:
         super().__init__()
@@ -179,7 +179,7 @@ class _Builder(ContentHandler):
 
     @property
     def line(self) -> int:
-        """Line that is read."""
+        """Current line."""
         return self.before + int((self.locator.getLineNumber() if self.locator else 0) or 0)
 
     def setDocumentLocator(self, locator: Any) -> None:
@@ -216,5 +216,5 @@ class _Builder(ContentHandler):
         self.open.pop()
 
     def skippedEntity(self, name: str) -> None:
-        """Refuse an undeclared entity."""
+        """Raise an error for an undeclared entity."""
         raise SAXException(f"entity {name!r} is not declared")

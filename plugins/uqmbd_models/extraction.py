@@ -1,4 +1,4 @@
-"""Plain numbers of a model that MuJoCo has compiled."""
+"""Numbers of a model compiled by MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from uqmbd_models.tree import Array, Coupling, Inertial, Link, LoopClosure, Tree
 __all__ = ["extract"]
 
 KINDS = {0: ("free", 7, 6), 1: ("ball", 4, 3), 2: ("slide", 1, 1), 3: ("hinge", 1, 1)}
-"""Kinds of joints by MuJoCo's number, with the numbers of their position and speed."""
+"""Kinds of joints by MuJoCo's number, with the lengths of their position and speed."""
 
 
 FIELDS = {
     "body": ("pos", "quat", "mass", "inertia", "ipos", "iquat", "gravcomp"),
     "jnt": ("pos", "axis", "range", "stiffness"),
 }
-"""Attributes of bodies and joints that are read and have to be finite."""
+"""Attributes of bodies and joints that are read and must be finite."""
 
 
 def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
-    """Compile a model and read it.
+    """Compile a model and return its content.
 
-    `loaded`: a parsed file; `keyframe`: where to start from.
+    `loaded`: parsed file; `keyframe`: initial state.
     """
     try:
         with listening(loaded.mujoco) as told:
             model = loaded.spec.compile()
-    except Exception as error:  # its compiler raises errors of several types
+    except Exception as error:  # the compiler raises errors of several types
         raise loaded.error(error) from None
     advice = tuple(dict.fromkeys([*loaded.advice, *told]))
     off = _switches(loaded, model)
@@ -42,7 +42,11 @@ def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
     joints = _joints(loaded, model, off, *_state(loaded, model, keyframe))
     loops, coupled, rows = _equalities(loaded, model, off)
     rows = [*loaded.omissions, *rows, *_remarks(loaded, model, joints, off)]
-    rows += [uqmbd.extend.Omission("warnings of MuJoCo", advice, "said as it read the file")] if advice else []
+    rows += (
+        [uqmbd.extend.Omission("warnings of MuJoCo", advice, "MuJoCo issued them when it read the file")]
+        if advice
+        else []
+    )
     gravity = np.zeros(3) if "GRAVITY" in off else np.array(model.opt.gravity)
     return Tree(
         loaded.spec.modelname,
@@ -58,31 +62,34 @@ def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
 
 
 def _require_finite(loaded: ParsedFile, model: Any) -> None:
-    """Raise where a number of a body or joint is none."""
+    """Raise StudyError if a number of a body or joint is not finite."""
     for group, count, name in (("body", model.nbody, model.body), ("jnt", model.njnt, model.joint)):
         for field in FIELDS[group]:
             values = np.reshape(getattr(model, f"{group}_{field}"), (count, -1)) if count else np.zeros((0, 1))
             for k in np.flatnonzero(~np.isfinite(values).all(axis=1)):
                 what = f"{'body' if group == 'body' else 'joint'} {name(int(k)).name!r}"
                 raise uqmbd.StudyError(
-                    f"{loaded.path}: {what}: its {field} is {values[k].tolist()}; expected finite numbers."
+                    f"{loaded.path}: the {field} of {what} is {values[k].tolist()}; expected finite numbers."
                 )
     for field in ("qpos0", "qpos_spring", "dof_damping", "dof_frictionloss", "dof_armature"):
         if not np.isfinite(getattr(model, field)).all():
-            raise uqmbd.StudyError(f"{loaded.path}: {field} of MuJoCo's model is not finite; expected numbers.")
+            raise uqmbd.StudyError(
+                f"{loaded.path}: {field} of MuJoCo's model contains values that are not finite; "
+                "expected finite numbers."
+            )
 
 
 def _switches(loaded: ParsedFile, model: Any) -> set[str]:
     """Return the names of features that the file disables."""
     flags = loaded.mujoco.mjtDisableBit.__members__
     off = {name.removeprefix("mjDSBL_") for name, bit in flags.items() if int(bit) & model.opt.disableflags}
-    if "PASSIVE" in off:  # the name of both in earlier versions
+    if "PASSIVE" in off:  # earlier versions have one name for both
         off |= {"SPRING", "DAMPER"}
     return off | ({"EQUALITY", "FRICTIONLOSS", "LIMIT"} if "CONSTRAINT" in off else set())
 
 
 def _state(loaded: ParsedFile, model: Any, keyframe: str | int | None) -> tuple[Array, Array]:
-    """Position and speed at the start."""
+    """Return position and speed at the start."""
     if keyframe is None:
         return np.array(model.qpos0), np.zeros(model.nv)
     names = [model.key(k).name for k in range(model.nkey)]
@@ -92,7 +99,7 @@ def _state(loaded: ParsedFile, model: Any, keyframe: str | int | None) -> tuple[
         number = keyframe
     else:
         there = ", ".join(repr(name or k) for k, name in enumerate(names)) or "none"
-        raise uqmbd.StudyError(f"{loaded.path}: there is no keyframe {keyframe!r}; the file has: {there}.")
+        raise uqmbd.StudyError(f"{loaded.path}: the file has no keyframe {keyframe!r}; its keyframes are: {there}.")
     return np.array(model.key_qpos[number]), np.array(model.key_qvel[number])
 
 
@@ -149,7 +156,7 @@ def _joints(loaded: ParsedFile, model: Any, off: set[str], position: Array, spee
 def _equalities(
     loaded: ParsedFile, model: Any, off: set[str]
 ) -> tuple[tuple[LoopClosure, ...], tuple[Coupling, ...], list[uqmbd.extend.Omission]]:
-    """Read equality constraints: loops and couplings; those that are switched off are listed as omissions."""
+    """Return loops and couplings from equality constraints, and list disabled ones as omissions."""
     kinds = loaded.mujoco.mjtEq
     loops: list[LoopClosure] = []
     couplings: list[Coupling] = []
@@ -167,15 +174,13 @@ def _equalities(
         else:
             loops.append(_loop(loaded, model, k, name, kind == kinds.mjEQ_WELD))
     rows = (
-        [uqmbd.extend.Omission("equality constraints", tuple(left_out), "the file switches them off")]
-        if left_out
-        else []
+        [uqmbd.extend.Omission("equality constraints", tuple(left_out), "the file disables them")] if left_out else []
     )
     return tuple(loops), tuple(couplings), rows
 
 
 def _loop(loaded: ParsedFile, model: Any, k: int, name: str, weld: bool) -> LoopClosure:
-    """Read a loop: of bodies, or of sites."""
+    """Return a loop between bodies, or between sites."""
     first, second, data = int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), np.array(model.eq_data[k])
     turned = weld and data[10] > 0
     if int(model.eq_objtype[k]) == int(loaded.mujoco.mjtObj.mjOBJ_SITE):
@@ -198,24 +203,32 @@ def _remarks(loaded: ParsedFile, model: Any, joints: Sequence[TreeJoint], off: s
             rows.append(uqmbd.extend.Omission(what, tuple(names), why))
 
     springs = [j.name for j in joints if j.stiffness and j.kind in ("ball", "free")]
-    note("springs of rotation in space", springs, "no such spring here; of a free joint that of position is taken")
+    note(
+        "springs of rotation in space",
+        springs,
+        "uqmbd has no rotational spring for these joints; of a free joint, the translational spring is imported",
+    )
     for field, what in (("jnt_stiffnesspoly", "springs"), ("jnt_springyield", "yielding springs")):
         values = getattr(model, field, np.zeros(model.njnt))
         curved = [j.name for j, row in zip(joints, values, strict=True) if np.any(row)]
-        note(f"nonlinear {what}", curved, "their linear part is taken")
+        note(f"nonlinear {what}", curved, "only their linear part is imported")
     damped = getattr(model, "dof_dampingpoly", np.zeros(model.nv))
     dofs = model.jnt_dofadr
     curved = [j.name for j, v in zip(joints, dofs, strict=True) if np.any(damped[v])]
-    note("nonlinear damping", curved, "its linear part is taken")
+    note("nonlinear damping", curved, "only its linear part is imported")
     mocap = [model.body(k).name for k in range(model.nbody) if model.body_mocapid[k] >= 0]
-    note("bodies moved by hand (mocap)", mocap, "they are fixed to the ground; add drivers to move them")
+    note(
+        "bodies with prescribed poses (mocap)",
+        mocap,
+        "they are fixed to the ground; add drivers to prescribe their motion",
+    )
     medium = [name for name in ("density", "viscosity", "wind") if np.any(getattr(model.opt, name))]
-    note("forces of the medium", medium, "there is no fluid here")
+    note("forces of the medium", medium, "uqmbd has no model of the surrounding fluid; add forces if they matter")
     compiler = loaded.spec.compiler
-    why = "the file asks for them: masses and inertia are those after them"
+    why = "the file requests them: masses and inertia are the changed ones"
     bounds = [x for x in ("boundmass", "boundinertia", "settotalmass") if getattr(compiler, x) > 0]
     bounds += ["balanceinertia"] if compiler.balanceinertia else []
     note("changes by MuJoCo's compiler", bounds, why)
     held = [model.equality(k).name or f"no. {k + 1}" for k in range(model.neq) if model.eq_active0[k]]
-    note("softness of constraints", [] if "EQUALITY" in off else held, "loops and couplings are rigid here")
+    note("softness of constraints", [] if "EQUALITY" in off else held, "loops and couplings are rigid in uqmbd")
     return rows

@@ -1,8 +1,7 @@
-"""MJCF files, parsed by MuJoCo: unneeded elements are removed before it compiles the model, and counted.
+"""MJCF files, parsed by MuJoCo, with removal and count of unneeded elements before compilation.
 
-Shapes are needed where inertia is to be computed from them, and nowhere else: without the others no mesh is looked for.
-
-What actuators do without any control: joints get their rotors and damping, and forces are listed as omissions.
+Shapes are needed only to compute inertia; without the other shapes, their mesh files are not needed. Passive parts of
+actuators add rotors and damping to joints; their forces are listed as omissions.
 """
 
 from __future__ import annotations
@@ -26,12 +25,11 @@ __all__ = ["ParsedFile", "listening", "load"]
 
 
 def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float]], list[uqmbd.extend.Omission]]:
-    """Read the passive parts of actuators in joints, and list other passive parts.
+    """Return the passive parts of actuators in joints, and list other passive parts.
 
-    Inertia and damping are those of the actuator's side of the gear: a joint has the square of the gear ratio of it.
-
-    `spec`: a parsed file; versions before the fourth have no such numbers. Return damping and inertia of each of the
-    freedoms of joints, by the names of the joints.
+    Inertia and damping of the actuator are multiplied by the square of the gear ratio. `spec`: parsed file; MuJoCo
+    before version 4 has no such numbers. Return damping and inertia of each freedom of joints, by the names of the
+    joints.
     """
     transmissions, biases = mujoco.mjtTrn, mujoco.mjtBias
     joints = {joint.name for joint in spec.joints}
@@ -60,10 +58,14 @@ def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float
         (
             "rotors and damping of actuators",
             elsewhere,
-            "they act on no joint; add inertia and dampers of these numbers",
+            "they do not act on a joint; add inertia and dampers with these values",
         ),
-        ("nonlinear damping of actuators", curved, "its linear part is taken"),
-        ("forces of actuators without control", biased, "add springs, dampers or torques of these numbers"),
+        ("nonlinear damping of actuators", curved, "only its linear part is imported"),
+        (
+            "forces of actuators without control",
+            biased,
+            "they are not imported; add springs, dampers or torques with these values",
+        ),
     ]
     return found, [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
 
@@ -73,7 +75,7 @@ def _geared(gear: float) -> str:
 
 
 def _bias(mujoco: ModuleType, actuator: Any) -> str:
-    """Return a description of the passive force of an actuator (spring and damper of a servo), or nothing."""
+    """Return a description of the passive force of an actuator (spring and damper of a servo), or an empty text."""
     constant, spring, damper = map(float, actuator.biasprm[:3])
     if actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE:
         kind = str(actuator.biastype.name).removeprefix("mjBIAS_").lower()
@@ -81,7 +83,7 @@ def _bias(mujoco: ModuleType, actuator: Any) -> str:
     servo = actuator.gaintype == mujoco.mjtGain.mjGAIN_FIXED and float(actuator.gainprm[0]) == -spring
     parts = [f"force {constant:g}"] if constant else []
     parts += [f"kp {-spring:g}"] if spring else []
-    if damper:  # the compiler makes a damping ratio, which is positive, a rate
+    if damper:  # the compiler converts a positive value, a damping ratio, to a rate
         parts.append(f"dampratio {damper:g}" if servo and damper > 0 else f"kv {-damper:g}")
     return ", ".join(parts)
 
@@ -89,21 +91,21 @@ def _bias(mujoco: ModuleType, actuator: Any) -> str:
 INSTALL = 'pip install "uqmbd[mujoco]"'
 
 SET_ASIDE = {
-    "actuators": "add drivers or torques in their place",
-    "sensors": "record outputs in their place",
-    "tendons": "add springs or distances in their place",
-    "flexes": "bodies here are rigid",
-    "pairs": "contacts are not taken; add those of uqmbd_contact",
-    "excludes": "they concern contacts, which are not taken",
-    "skins": "they concern the looks",
-    "cameras": "they concern the looks",
-    "lights": "they concern the looks",
-    "tuples": "they concern nothing that moves",
-    "numerics": "they concern nothing that moves",
-    "texts": "they concern nothing that moves",
-    "plugins": "no code of others is run",
+    "actuators": "they are not imported; add drivers or torques",
+    "sensors": "they are not imported; define outputs of the mechanism",
+    "tendons": "they are not imported; add springs or distance constraints",
+    "flexes": "they are not imported, because bodies in uqmbd are rigid",
+    "pairs": "contacts are not imported; add contact components of uqmbd_contact",
+    "excludes": "they concern contacts, which are not imported",
+    "skins": "they only affect rendering",
+    "cameras": "they only affect rendering",
+    "lights": "they only affect rendering",
+    "tuples": "they do not affect the motion",
+    "numerics": "they do not affect the motion",
+    "texts": "they do not affect the motion",
+    "plugins": "uqmbd does not run code of MuJoCo plugins",
 }
-"""Elements that are removed from a model, with reasons; the names are those of lists of `mujoco.MjSpec`."""
+"""Elements that are removed from a model, with reasons; the names are names of lists of `mujoco.MjSpec`."""
 
 TITLES = {"pairs": "contact pairs", "excludes": "contact exclusions"}
 
@@ -113,39 +115,39 @@ AUTO, NEVER = 2, 0
 
 @dataclass(frozen=True)
 class ParsedFile:
-    """A parsed file."""
+    """Parsed MJCF file."""
 
     path: str
     mujoco: ModuleType
-    spec: Any  # what is compiled
-    omissions: list[uqmbd.extend.Omission] = field(default_factory=list)  # what was set aside
-    advice: list[str] = field(default_factory=list)  # what MuJoCo warned of as it parsed the file
-    # damping and inertia that actuators add to joints, by the names of these
+    spec: Any  # specification to compile
+    omissions: list[uqmbd.extend.Omission] = field(default_factory=list)  # removed elements
+    advice: list[str] = field(default_factory=list)  # warnings of MuJoCo's parser
+    # damping and inertia of actuators, by the names of the joints
     rotors: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def error(self, reason: object) -> uqmbd.StudyError:
         """Return an error that names the file."""
         text = " ".join(str(reason).split())
-        return uqmbd.StudyError(f"{self.path}: MuJoCo {self.mujoco.__version__} cannot use it: {text}")
+        return uqmbd.StudyError(f"{self.path}: MuJoCo {self.mujoco.__version__} cannot compile the file: {text}")
 
 
 def load(path: str) -> ParsedFile:
     """Parse a file, and remove unneeded elements.
 
-    `path`: the file. Raise StudyError if MuJoCo is not installed, or the file is not MJCF, or asks for more than
-    MuJoCo can make.
+    `path`: path of the file. Raise StudyError if MuJoCo is not installed, the file is not MJCF, or MuJoCo cannot create
+    the model.
     """
     where = f"from_mjcf: {path}"
     root = parse(where, path, "mjcf").root
     if root.tag != "mujoco":
         hint = "; it is URDF: use uqmbd.from_urdf" if root.tag == "robot" else ""
-        raise uqmbd.StudyError(f"{where}: line {root.line}: its root is <{root.tag}>, expected <mujoco>{hint}.")
+        raise uqmbd.StudyError(f"{where}: line {root.line}: the root element is <{root.tag}>; expected <mujoco>{hint}.")
     require_sizes(path, root)
     mujoco = _mujoco()
     try:
         with listening(mujoco) as told:
             spec = _spec(mujoco, path)
-    except Exception as error:  # its parser raises errors of several types
+    except Exception as error:  # the parser raises errors of several types
         raise ParsedFile(path, mujoco, None).error(error) from None
     loaded = ParsedFile(path, mujoco, spec, advice=told)
     try:
@@ -195,14 +197,14 @@ def _mujoco() -> ModuleType:
 
 
 def _spec(mujoco: ModuleType, path: str) -> Any:
-    """Parse by MuJoCo; files with unknown endings are passed as texts."""
+    """Parse a file by MuJoCo; a file with an unknown ending is passed as a text."""
     if Path(path).suffix.lower() == ".xml":
         return mujoco.MjSpec.from_file(path)
     return mujoco.MjSpec.from_string(Path(path).read_text(encoding="utf-8"))
 
 
 def _name(spec: Any) -> None:
-    """Give names to bodies and joints without."""
+    """Give names to bodies and joints without a name."""
     bodies = list(spec.bodies)
     names = Names(body.name for body in bodies)
     for k, body in enumerate(bodies):
@@ -216,14 +218,19 @@ def _name(spec: Any) -> None:
 
 
 def _set_aside(loaded: ParsedFile) -> None:
-    """Remove unneeded elements of a model, and note them."""
+    """Remove unneeded elements of a model, and list them."""
     spec = loaded.spec
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     equalities = loaded.mujoco.mjtEq
     taken = {equalities.mjEQ_CONNECT, equalities.mjEQ_WELD, equalities.mjEQ_JOINT}
     others = [equality for equality in spec.equalities if equality.type not in taken]
-    _drop(loaded, "equality constraints of tendons and flexible bodies", others, "what they hold is not taken either")
+    _drop(
+        loaded,
+        "equality constraints of tendons and flexible bodies",
+        others,
+        "they are not imported, as the parts that they constrain",
+    )
     rotors, rows = passive(loaded.mujoco, spec)
     loaded.rotors.update(rotors)
     for group, why in SET_ASIDE.items():
@@ -235,7 +242,7 @@ def _set_aside(loaded: ParsedFile) -> None:
 
 
 def _drop(loaded: ParsedFile, what: str, elements: Iterable[Any], why: str) -> None:
-    """Delete elements of a model, and note them."""
+    """Delete elements of a model, and list them."""
     found = list(elements)
     if found:
         names = tuple(getattr(x, "name", "") or f"no. {k}" for k, x in enumerate(found, 1))
@@ -252,7 +259,7 @@ def _delete(spec: Any, element: Any) -> None:
 
 
 def _shapes(loaded: ParsedFile) -> None:
-    """Delete shapes that no inertia is computed from, and all that belongs to them only."""
+    """Delete shapes that are not needed for inertia, and their exclusive assets."""
     spec = loaded.spec
     always = spec.compiler.inertiafromgeom not in (AUTO, NEVER)
     inferred: list[str] = []
@@ -284,7 +291,7 @@ def _shapes(loaded: ParsedFile) -> None:
         for element in list(getattr(spec, group)):
             _delete(spec, element)
     if colliding:
-        why = "contacts are not taken; add those of uqmbd_contact"
+        why = "contacts are not imported; add contact components of uqmbd_contact"
         loaded.omissions.append(uqmbd.extend.Omission("shapes that collide", tuple(colliding), why))
     if inferred:
         why = "computed by MuJoCo from the density of their shapes, as the file does not state it"

@@ -1,4 +1,4 @@
-"""Check of loops and couplings at the start of the file."""
+"""Check of loops and couplings at the start configuration of the file."""
 
 from __future__ import annotations
 
@@ -14,25 +14,28 @@ from uqmbd_models.tree import Tree
 __all__ = ["list_gaps"]
 
 NONE = 1e-6
-"""Gaps that are rounding: rad, or relative to the size of the model."""
+"""Largest gap that is a rounding error, rad, or relative to the size of the model."""
 
 
 def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omission]:
-    """Return the loops and couplings that are open at the start of the file, and their gaps.
+    """Return the loops and couplings that are open at the start configuration, with their gaps.
 
-    `tree`: a model; `poses`: of its links at the start.
+    `tree`: model; `poses`: poses of its links at the start.
     """
     places = [link.position for link in tree.links] + [x for loop in tree.loops for x in (loop.point_i, loop.point_j)]
     size = {"rad": 1.0, "m": max(float(np.linalg.norm(x)) for x in places) or 1.0}
     found = tuple(
         f"{name} by {gap:.3g} {units}" for name, gap, units in _open_joints(tree, poses) if gap > NONE * size[units]
     )
-    why = "joints are moved until they hold: the mechanism starts elsewhere than the file says"
-    return [uqmbd.extend.Omission("constraints that do not hold at the start", found, why)] if found else []
+    why = (
+        "the assembly moves joints until these constraints are satisfied, so the start configuration "
+        "differs from the file"
+    )
+    return [uqmbd.extend.Omission("constraints violated in the start configuration", found, why)] if found else []
 
 
 def _open_joints(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
-    """Yield name, size and units of open joints."""
+    """Yield name, gap and units of loops and couplings."""
     for loop in tree.loops:
         i, j = poses[loop.link_i], poses[loop.link_j]
         yield loop.name, float(np.linalg.norm(i.point(loop.point_i) - j.point(loop.point_j))), "m"

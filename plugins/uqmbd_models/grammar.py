@@ -1,4 +1,4 @@
-"""Grammar of a URDF file: impossible contents are refused, unknown or ineffective ones are listed."""
+"""Grammar of a URDF file: invalid contents are rejected, unknown or ineffective ones are listed."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ ELEMENTS = {
     JOINT: {"origin", "parent", "child", "axis", "dynamics", "limit", "mimic", "calibration", "safety_controller"},
     "inertial": {"origin", "mass", "inertia"},
 }
-"""Elements inside of them; none inside the others."""
+"""Allowed children of these elements; other elements have none."""
 
 TURNED = 1e6
-"""Angles, rad, beyond which the digits of a number hardly determine a direction."""
+"""Largest angle, rad; beyond it, the digits of a number hardly determine a direction."""
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
@@ -58,7 +58,7 @@ def place(path: str, element: XmlElement, owner: XmlElement | None = None) -> st
 
 
 def number(where: str, element: XmlElement | None, key: str, default: float, low: float = -np.inf) -> float:
-    """Return the number of an attribute, or the default where it is left out."""
+    """Return the number in an attribute, or the default if it is missing."""
     given = None if element is None else element.attrib.get(key)
     if given is None:
         return default
@@ -66,12 +66,12 @@ def number(where: str, element: XmlElement | None, key: str, default: float, low
     if not np.isfinite(found):
         raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected a finite number, such as 0.5.")
     if found < low:
-        raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected a number that is not below {low:g}.")
+        raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected a number of at least {low:g}.")
     return found
 
 
 def vector(where: str, element: XmlElement | None, key: str, default: tuple[float, float, float] = (0, 0, 0)) -> Array:
-    """Return the three numbers of an attribute, or the default where it is left out."""
+    """Return the three numbers in an attribute, or the default if it is missing."""
     given = None if element is None else element.attrib.get(key)
     if given is None:
         return np.array(default, dtype=float)
@@ -80,7 +80,9 @@ def vector(where: str, element: XmlElement | None, key: str, default: tuple[floa
     if found.shape != (3,) or not np.isfinite(found).all():
         raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected three finite numbers, such as '0 0 0.5'.")
     if key == "rpy" and np.abs(found).max() > TURNED:
-        raise uqmbd.StudyError(f"{where}: rpy is {_shown(given)}; expected three angles in rad, up to {TURNED:g}.")
+        raise uqmbd.StudyError(
+            f"{where}: rpy is {_shown(given)}; expected three angles in rad, of magnitude up to {TURNED:g}."
+        )
     return found
 
 
@@ -89,9 +91,9 @@ def _shown(text: str) -> str:
 
 
 def refuse(document: Document) -> None:
-    """Raise where a file is no robot: templates that were not expanded, names that are missing or repeated.
+    """Raise StudyError for an invalid robot: unexpanded templates, or missing or repeated names.
 
-    Raise StudyError with what is wrong, and what to do.
+    The message states the error and a remedy.
     """
     path, root = document.path, document.root
     for element in (x for tag in (LINK, JOINT) for x in root.findall(tag)):
@@ -99,8 +101,8 @@ def refuse(document: Document) -> None:
         for part, key, value in ((x, key, value) for x in parts for key, value in x.attrib.items()):
             if "${" in value or "$(" in value:
                 raise uqmbd.StudyError(
-                    f"{place(path, part, element if part is not element else None)}: {key} is {_shown(value)}, which "
-                    "xacro fills in; expand the template first: xacro FILE.xacro > FILE.urdf"
+                    f"{place(path, part, element if part is not element else None)}: {key} is {_shown(value)}, a "
+                    "xacro expression. Expand the template first: xacro FILE.xacro > FILE.urdf"
                 )
     for tag in (LINK, JOINT):
         first: dict[str, XmlElement] = {}
@@ -110,26 +112,28 @@ def refuse(document: Document) -> None:
                 raise uqmbd.StudyError(f'{place(path, element)}: it has no name; expected name="...".')
             if name in first:
                 raise uqmbd.StudyError(
-                    f"{place(path, element)}: line {first[name].line} has a {tag} of this name; expected each name "
-                    "once. Rename one of them."
+                    f"{place(path, element)}: line {first[name].line} already defines a {tag} of this name; expected "
+                    "unique names. Rename one of them."
                 )
             first[name] = element
     if root.find(LINK) is None:
-        raise uqmbd.StudyError(f"{place(path, root)}: it has no <link>; expected at least two, and a <joint>.")
+        raise uqmbd.StudyError(
+            f"{place(path, root)}: the robot has no <link>; expected at least two links and a <joint>."
+        )
 
 
 def unknown_words(document: Document) -> list[uqmbd.extend.Omission]:
-    """List elements and attributes that are not read, such as one that is misspelt."""
+    """Return a list of ignored elements and attributes, such as misspelt ones."""
     unknown: dict[str, None] = {}
     foreign: dict[str, None] = {}
     twice: dict[str, None] = {}
     for kind, text in _unknown(document.root, "robot", ""):
         {"unknown": unknown, "foreign": foreign, "twice": twice}[kind][text] = None
     rows = [
-        ("unknown elements and attributes", unknown, "they are not read; are they misspelt?"),
+        ("unknown elements and attributes", unknown, "uqmbd does not read them; check their spelling"),
         ("elements of other programs", foreign, "they concern another program"),
-        ("repeated elements", twice, "the first one is read"),
-        ("deviations from XML", dict.fromkeys(document.slips), "the file is read nevertheless"),
+        ("repeated elements", twice, "only the first one is read"),
+        ("deviations from XML", dict.fromkeys(document.slips), "uqmbd reads the file in spite of them"),
     ]
     return [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
 

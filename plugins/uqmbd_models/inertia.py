@@ -1,11 +1,11 @@
-r"""Inertia tensors that no body has: refused, taken as stated, or replaced by the nearest one that a body can have.
+r"""Physically impossible inertia tensors: rejected, used as stated, or replaced by the nearest possible tensor.
 
 A tensor J about the centre of mass belongs to a body if its matrix of second moments of mass, ``S = tr(J) / 2 1 - J``,
-is positive semi-definite. S is the integral of ``x x^T`` over the mass. In principal axes that is the triangle
-inequality: no moment exceeds the sum of the others. The nearest body is the one whose S is nearest in the Frobenius
-norm, with the same mass and centre of mass. It is S with its negative eigenvalues set to zero: the projection onto the
-cone of positive semi-definite matrices (N. J. Higham, Linear Algebra and its Applications 103, 1988, 103-118, theorem
-2.1).
+is positive semi-definite. S is the integral of ``x x^T`` over the mass. In principal axes, this condition is the
+triangle inequality: no moment exceeds the sum of the others. The nearest possible tensor has the nearest S in the
+Frobenius norm, with the same mass and centre of mass. This S is the original one with negative eigenvalues set to zero:
+the projection onto the cone of positive semi-definite matrices (N. J. Higham, Linear Algebra and its Applications 103,
+1988, 103-118, theorem 2.1).
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from uqmbd_models.tree import Array, Inertial, Link, Tree
 __all__ = ["Settled", "excess", "nearest", "settle"]
 
 OWN = 1e-12
-"""An excess of this size, relative to the largest moment of the body, is rounding: that of the arithmetic here."""
+"""Largest excess, relative to the largest moment of the body, that is a rounding error of this module."""
 
 MODEL = 1e-14
-"""An excess of this size, relative to the largest moment of the model, is rounding, of its file."""
+"""Largest excess, relative to the largest moment of the model, that is a rounding error of the file."""
 
 
 @dataclass(frozen=True)
 class Settled:
-    """A model whose bodies are possible."""
+    """Model with physically possible bodies."""
 
     tree: Tree
-    # by the numbers of links: moment of inertia, kg m^2, about an axis of the link alone, and that axis.  A stated
-    # tensor has that more than a body can have
+    # by index of the link: moment of inertia about an axis of the link, kg m^2, and this axis; the moment is the excess
+    # of a stated tensor over that of a body
     rotors: dict[int, tuple[float, Array]]
-    rows: list[uqmbd.extend.Omission]  # what was changed
+    rows: list[uqmbd.extend.Omission]  # changes of the model
 
 
 def excess(inertia: Array) -> float:
-    """Return the excess of the largest principal moment over the sum of the others, kg m^2; above 0: no body has it.
+    """Return the excess of the largest principal moment over the sum of the others, kg m^2.
 
-    A negative moment is such an excess, too.
+    A positive excess is physically impossible. A negative moment also counts as an excess.
 
     >>> [round(excess(np.diag(x)), 3) for x in ((1, 2, 4), (1, 2, 3), (1, 1, 1), (-1, 2, 2))]
     [1.0, 0.0, -1.0, 1.0]
@@ -51,7 +51,7 @@ def excess(inertia: Array) -> float:
 
 
 def nearest(inertia: Array) -> Array:
-    """Inertia tensor of a body that is nearest in the Frobenius norm of the second moments.
+    """Return the possible inertia tensor nearest in the Frobenius norm of the second moments.
 
     >>> nearest(np.diag([1.0, 2.0, 4.0])).round(3).tolist()
     [[1.5, 0.0, 0.0], [0.0, 2.5, 0.0], [0.0, 0.0, 4.0]]
@@ -63,10 +63,10 @@ def nearest(inertia: Array) -> Array:
 
 
 def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Settled:
-    """Replace or divide the tensors that no body has.
+    """Replace or divide physically impossible tensors.
 
-    `tree`: a model; `how`: refused are only those that `uqmbd.Mechanism.body` refuses, when the bodies are made;
-    `fused`, `before`: the links that were merged into those of the model, and the model before.
+    `tree`: model; `how`: treatment, with "refuse" left to `uqmbd.Mechanism.body`, which raises the error later;
+    `fused`, `before`: links merged into those of the model, and the model before merging.
     """
     tensors = {k: (link.inertial.inertia + link.inertial.inertia.T) / 2 for k, link in enumerate(tree.links) if k}
     scale = max((float(np.abs(np.linalg.eigvalsh(x)).max()) for x in tensors.values()), default=0.0)
@@ -96,26 +96,38 @@ def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Sett
         and excess(link.inertial.inertia) > max(OWN * abs(link.inertial.inertia).max(), MODEL * scale)
     ]
     rows = [
-        ("moments of inertia that are rounding", rounded, "the nearest possible ones are taken"),
-        ("inertia that no body has", repaired, "repaired: the nearest in second moments of mass is taken"),
         (
-            "inertia that no body has",
-            stated,
-            "as stated: a body with what is possible, and a RotorInertia, NAME_excess, with the rest",
+            "moments of inertia with rounding errors",
+            rounded,
+            "they are replaced by the nearest physically possible ones",
         ),
-        ("inertia that no body has, of merged links", hidden, "as stated: it is part of that of the whole body"),
+        (
+            "physically impossible inertia",
+            repaired,
+            "repaired: it is replaced by the physically possible inertia with the nearest second moments of mass",
+        ),
+        (
+            "physically impossible inertia",
+            stated,
+            "as stated: the body has the possible part, and a RotorInertia, NAME_excess, has the rest",
+        ),
+        (
+            "physically impossible inertia of merged links",
+            hidden,
+            "as stated: it is included in the inertia of the merged body",
+        ),
     ]
     found = [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
     return Settled(replace(tree, links=tuple(links)), rotors, found)
 
 
 def _with(link: Link, inertia: Array) -> Link:
-    """Replace the inertia of a link."""
+    """Return a link with another inertia tensor."""
     return replace(link, inertial=Inertial(link.inertial.mass, link.inertial.com, inertia))
 
 
 def _divided(source: str, link: Link, tensor: Array, more: float) -> tuple[tuple[float, Array], Array]:
-    """Divide a tensor into that of a body, and a moment about its axis of largest inertia."""
+    """Divide a tensor into a possible one, and a moment about its axis of largest inertia."""
     moments, axes = np.linalg.eigh(tensor)
     if moments[0] < -OWN * np.abs(moments).max():
         listed = ", ".join(f"{x:.4g}" for x in moments)

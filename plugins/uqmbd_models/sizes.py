@@ -1,4 +1,4 @@
-"""Sizes in an MJCF file, checked before MuJoCo expands them: that may take hours, or all memory."""
+"""Check of sizes in an MJCF file before MuJoCo expands them, which could take hours, or all memory."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from uqmbd_models.documents import XmlElement, parse
 __all__ = ["require_sizes"]
 
 COPIES = 10_000
-"""Bodies that elements which repeat others may make: a derivation of so many takes longer than anyone waits."""
+"""Largest number of bodies from elements that repeat others; the derivation of more takes too long."""
 
 ENTRIES = 100_000_000
-"""Numbers in an array: 0.8 GB."""
+"""Largest number of values of an array, 0.8 GB."""
 
 COUNTS = {
     "flexcomp": ("count",),
     "composite": ("count",),
 }
-"""Attributes whose product counts bodies."""
+"""Attributes whose product is a number of bodies."""
 
 ARRAYS = {
     "hfield": ("nrow", "ncol"),
@@ -31,16 +31,16 @@ ARRAYS = {
     "plugin": ("actdim",),
     "user": ("dim",),
 }
-"""Attributes whose product counts entries of an array."""
+"""Attributes whose product is a number of values of an array."""
 
 SIZE = "size"
-"""An element all of whose attributes are sizes."""
+"""Element whose attributes are all sizes."""
 
 BYTES = 16e9
-"""Bytes of memory."""
+"""Largest amount of memory, bytes."""
 
 EACH = 100_000
-"""Entries that each body, joint or keyframe has."""
+"""Largest number of values for each body, joint or keyframe."""
 
 UNITS = {"K": 2.0**10, "M": 2.0**20, "G": 2.0**30, "T": 2.0**40, "P": 2.0**50, "E": 2.0**60}
 
@@ -49,20 +49,20 @@ INCLUDES = {"include": "file", "model": "file"}
 
 
 def require_sizes(path: str, root: XmlElement) -> None:
-    """Raise where a file, or one that it includes, asks for more than can be made.
+    """Raise StudyError if a file, or one that it includes, has sizes that are too large.
 
-    `path`: the file; `root`: as parsed. Raise StudyError with file, line and element.
+    `path`: path of the file; `root`: root of the parsed file. The message states file, line and element.
     """
     _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _SizeCheck())
 
 
 @dataclass
 class _SizeCheck:
-    """Results so far."""
+    """Results of the check so far."""
 
     bodies: float = 0.0
     files: dict[str, tuple[XmlElement, float, float]] = field(default_factory=dict)
-    """For each included file: its root, the most copies that were examined, and the bodies of each copy."""
+    """Root, largest number of examined copies, and number of bodies of each copy, for each included file."""
 
 
 def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
@@ -73,13 +73,13 @@ def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, foun
         where = f"{path}: line {element.line}: <{element.tag}>"
         if element.tag == "replicate":
             times *= max(1.0, _product(element, ("count",)))
-            _require(where, "copies of what is inside", times, COPIES)
+            _require(where, "copies of its content", times, COPIES)
         elif element.tag in COUNTS:
             times *= max(1.0, _product(element, COUNTS[element.tag]))
             _require(where, "bodies", times, COPIES)
         elif element.tag == "body":
             found.bodies += times
-            _require(where, "bodies so far", found.bodies, COPIES)
+            _require(where, "bodies in total", found.bodies, COPIES)
         elif element.tag in ARRAYS:
             _require(where, "entries", times * _product(element, ARRAYS[element.tag]), ENTRIES)
         elif element.tag == SIZE:
@@ -93,10 +93,10 @@ def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, foun
 
 
 def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
-    """Examine a file of the model; MuJoCo reports a missing one.
+    """Examine an included file of the model; MuJoCo reports a missing file.
 
-    What a file asks for grows with its copies: a file that was examined with as many copies is not examined again.
-    Otherwise files that include each other twice would take twice as long with each level.
+    Sizes grow with the copies of a file, so a file is examined again only for more copies. Otherwise, for files that
+    include each other twice, the time would double with each level.
     """
     file = Path(path).parent / element.get(INCLUDES[element.tag])
     name = str(file.resolve())
@@ -106,7 +106,7 @@ def _included(path: str, element: XmlElement, seen: frozenset[str], copies: floa
         root, most, each = found.files[name]
         if copies <= most:
             found.bodies += copies * each
-            _require(f"{path}: line {element.line}: <{element.tag}>", "bodies so far", found.bodies, COPIES)
+            _require(f"{path}: line {element.line}: <{element.tag}>", "bodies in total", found.bodies, COPIES)
             return
     else:
         root = parse(f"from_mjcf: {file}, which {path} includes", str(file), "mjcf").root
@@ -116,15 +116,15 @@ def _included(path: str, element: XmlElement, seen: frozenset[str], copies: floa
 
 
 def _require(where: str, what: str, found: float, most: float) -> None:
-    """Raise if there are too many."""
+    """Raise StudyError if a size exceeds its limit."""
     if found > most:
         raise uqmbd.StudyError(
-            f"{where} requires {found:.4g} {what}; expected at most {most:,.0f}. Take fewer, or leave the element out."
+            f"{where} requires {found:.4g} {what}; expected at most {most:,.0f}. Use fewer, or delete the element."
         )
 
 
 def _product(element: XmlElement, keys: tuple[str, ...]) -> float:
-    """Return the product of the numbers of attributes; MuJoCo reports those that are no numbers."""
+    """Return the product of the numbers in attributes; MuJoCo reports values that are not numbers."""
     found = 1.0
     for text in (part for key in keys for part in element.get(key).split()):
         unit = UNITS.get(text[-1:].upper(), 1.0)

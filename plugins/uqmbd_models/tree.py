@@ -1,4 +1,4 @@
-"""Content of a model file, in plain numbers: links, joints, couplings and loops, as the builder needs them."""
+"""Content of a model file as numbers: links, joints, couplings and loops for the builder."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Link:
-    """A body."""
+    """Link, which becomes a body."""
 
     name: str
-    parent: int  # among the links; the ground is 0
-    # position, quaternion: of its frame in that of its parent, where all joints are at their reference
+    parent: int  # index of the parent link; the ground is 0
+    # position, quaternion: of its frame in the frame of its parent, with all joints at their reference
     position: Array
     quaternion: Array
     inertial: Inertial  # kg, m, kg m^2
-    compensation: float = 0.0  # as much of its weight is compensated, 1: all
-    line: int = 0  # of the file, where it begins; 0: not known
+    compensation: float = 0.0  # compensated share of its weight; 1: all
+    line: int = 0  # first line in the file; 0: unknown
 
 
 @dataclass(frozen=True)
 class TreeJoint:
-    """Freedom of a link; several of one link follow each other."""
+    """Joint of a link; a link can have several joints in sequence."""
 
     name: str
     kind: str
-    link: int  # the link that moves
+    link: int  # index of the moving link
     # point, axis: (3,), in the frame of the link
     point: Array
     axis: Array
-    reference: Array  # its position where the link is at its place in the parent: one number, a quaternion, or a pose
-    start: Array  # its position at the start, of the same form
-    speed: Array  # its speed at the start: 1, 3 or 6 numbers
+    reference: Array  # joint position at the link's stated pose in the parent: one number, a quaternion, or a pose
+    start: Array  # joint position at the start, in the same form
+    speed: Array  # joint speed at the start: 1, 3 or 6 numbers
     limits: tuple[float, float] | None = None
-    # stiffness, rest: spring rate, and the position without force
+    # stiffness, rest: spring rate, and position without force
     stiffness: float = 0.0
     rest: Array = field(default_factory=lambda: np.zeros(1))
-    # damping, friction, inertia: viscous, of Coulomb, and of a rotor: of each of its freedoms
+    # damping, friction, inertia: viscous damping, Coulomb friction, and inertia of a rotor, for each freedom
     damping: float = 0.0
     friction: float = 0.0
     inertia: float = 0.0
@@ -63,7 +63,7 @@ class TreeJoint:
 
 @dataclass(frozen=True)
 class LoopClosure:
-    """Two points that coincide, of bodies which keep a relative rotation as well where there is one."""
+    """Two coincident points of two bodies, with a fixed relative rotation if it is given."""
 
     name: str
     link_i: int
@@ -75,9 +75,9 @@ class LoopClosure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint whose position is a polynomial in that of another one, or constant.
+    """Joint whose position is a polynomial in the position of another joint, or constant.
 
-    From their references on: ``q_1 = coefficients[0] + coefficients[1] q_2 + ...``.
+    Positions are relative to their references: ``q_1 = coefficients[0] + coefficients[1] q_2 + ...``.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tree:
-    """A model: links (the ground is the first), joints, loops, and the omitted parts."""
+    """Model: links (the first is the ground), joints, loops, and the omitted parts."""
 
     name: str
     source: str
@@ -102,11 +102,11 @@ class Tree:
 
 
 def remarks(joints: Sequence[TreeJoint]) -> list[uqmbd.extend.Omission]:
-    """Return the joints that a mechanism represents in another form."""
+    """Return remarks on joints that a mechanism represents in another form."""
     limited = tuple(joint.name for joint in joints if joint.limits)
     dry = tuple(joint.name for joint in joints if joint.friction)
     rows = [
-        ("limits of joints", limited, "nothing stops there; their margins are outputs"),
-        ("dry friction", dry, "taken as smooth friction, which creeps where it should stick; see RotationalFriction"),
+        ("limits of joints", limited, "uqmbd does not enforce them; outputs record the margins to the limits"),
+        ("dry friction", dry, "imported as smooth friction, which creeps instead of sticking; see RotationalFriction"),
     ]
     return [uqmbd.extend.Omission(what, names, why) for what, names, why in rows if names]

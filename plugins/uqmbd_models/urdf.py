@@ -1,4 +1,4 @@
-"""From a URDF file to plain numbers: links, joints, mimics, and omitted parts."""
+"""Content of a URDF file as numbers: links, joints, mimics, and omitted parts."""
 
 from __future__ import annotations
 
@@ -19,50 +19,50 @@ MOVING = ("revolute", "continuous", "prismatic")
 TYPES = (*MOVING, "fixed", "planar", "floating")
 
 WORLD = "world"
-"""A first link of this name is the ground."""
+"""Name of a first link that is the ground."""
 
 GRAVITY = (0.0, 0.0, -9.81)
-"""m/s^2: a URDF file states none."""
+"""Gravity, m/s^2, because a URDF file does not state it."""
 
 ONE = (1.0, 0.0, 0.0, 0.0)
 
-CONTACTS = "contacts are not taken; add those of uqmbd_contact"
+CONTACTS = "contacts are not imported; add contact components of uqmbd_contact"
 
 ELSEWHERE = "they concern another program"
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A parsed file, with its links and joints by name."""
+    """Parsed file, with its links and joints by name."""
 
     document: Document
     # links, joints: by name, in the order of the file
     links: dict[str, XmlElement]
     joints: dict[str, XmlElement]
-    above: dict[str, str] = field(default_factory=dict)  # the joint that carries a link, by the name of the link
-    parents: dict[str, str] = field(default_factory=dict)  # the link that carries a link, by its name
-    rows: list[uqmbd.extend.Omission] = field(default_factory=list)  # what is left out
+    above: dict[str, str] = field(default_factory=dict)  # name of the parent joint, by the name of the link
+    parents: dict[str, str] = field(default_factory=dict)  # name of the parent link, by the name of the link
+    rows: list[uqmbd.extend.Omission] = field(default_factory=list)  # omitted parts
 
     @property
     def roots(self) -> list[str]:
-        """Links that no joint carries."""
+        """Names of links without a parent joint."""
         return [name for name in self.links if name not in self.parents]
 
     def where(self, element: XmlElement, owner: XmlElement | None = None) -> str:
-        """Return the place of an element."""
+        """Return the place of an element in the file."""
         return place(self.document.path, element, owner)
 
     def note(self, what: str, names: list[str], why: str) -> None:
-        """Add a row, unless it is empty."""
+        """Add an omission, unless it has no names."""
         if names:
             self.rows.append(uqmbd.extend.Omission(what, tuple(names), why))
 
 
 def read_urdf(path: str, floating: bool = False) -> Tree:
-    """Read a URDF file.
+    """Return the content of a URDF file.
 
-    `path`: the file; `floating`: whether the first links move freely. Raise StudyError if it is no robot: one message
-    with file, line and element.
+    `path`: path of the file; `floating`: whether the first links move freely. Raise StudyError with file, line and
+    element if it is not a robot.
     """
     where = f"from_urdf: {path}"
     document = parse(where, path, "urdf", OPAQUE)
@@ -86,7 +86,7 @@ def read_urdf(path: str, floating: bool = False) -> Tree:
 
 
 def _require_robot(where: str, document: Document) -> None:
-    """Raise unless the root is that of a robot, and no template."""
+    """Raise StudyError if the root is not the root of a robot, or is a template."""
     root = document.root
     declared = {key.partition(":")[2] for key, x in root.attrib.items() if key.startswith("xmlns:") and "xacro" in x}
     templates = {"xacro", *declared}
@@ -98,34 +98,36 @@ def _require_robot(where: str, document: Document) -> None:
         )
     if root.tag != "robot":
         hint = "; it is MJCF: use uqmbd.from_mjcf" if root.tag == "mujoco" else ""
-        raise uqmbd.StudyError(f"{where}: line {root.line}: its root is <{root.tag}>, expected <robot>{hint}.")
+        raise uqmbd.StudyError(f"{where}: line {root.line}: the root element is <{root.tag}>; expected <robot>{hint}.")
 
 
 def _connect(robot: Robot) -> None:
-    """Note which joint and which link carries each link."""
+    """Store the parent joint and the parent link of each link."""
     for name, joint in robot.joints.items():
         kind = joint.get("type")
         if kind not in TYPES:
-            raise uqmbd.StudyError(f"{robot.where(joint)}: its type is {kind!r}; expected one of {', '.join(TYPES)}.")
+            raise uqmbd.StudyError(f"{robot.where(joint)}: the type is {kind!r}; expected one of {', '.join(TYPES)}.")
         parent, child = (_end(robot, joint, tag) for tag in ("parent", "child"))
         if parent == child:
-            raise uqmbd.StudyError(f"{robot.where(joint)}: it joins link {parent!r} with itself; expected two links.")
+            raise uqmbd.StudyError(
+                f"{robot.where(joint)}: the joint connects link {parent!r} to itself; expected two different links."
+            )
         if child in robot.above:
             raise uqmbd.StudyError(
-                f"{robot.where(joint)}: link {child!r} is the child of joint {robot.above[child]!r} already; expected "
-                "each link to be the child of at most one joint (URDF has no loops)."
+                f"{robot.where(joint)}: link {child!r} is already the child of joint {robot.above[child]!r}; a link "
+                "can be the child of one joint only, because URDF has no loops."
             )
         robot.above[child], robot.parents[child] = name, parent
     for joint in robot.joints.values():
         parent = _end(robot, joint, "parent")
         if joint.get("type") != "floating" or parent == WORLD:
             continue
-        advice = f"Leave this joint and link {parent!r} out and use floating=True, or call that link world."
+        advice = f"Delete this joint and link {parent!r} and pass floating=True, or rename that link to world."
         if parent in robot.parents:
-            advice = "Nothing in the middle of a robot may float here; give it another type."
+            advice = "A floating joint inside a robot is not supported; change the type of the joint."
         raise uqmbd.StudyError(
-            f"{robot.where(joint)}: it floats under link {parent!r}; expected a floating joint under a link called "
-            f"world alone. {advice}"
+            f"{robot.where(joint)}: the floating joint has the parent link {parent!r}; expected a link "
+            f"called world. {advice}"
         )
 
 
@@ -137,16 +139,16 @@ def _end(robot: Robot, joint: XmlElement, tag: str) -> str:
     name = end.get("link")
     if name not in robot.links:
         raise uqmbd.StudyError(
-            f"{robot.where(end, joint)}: there is no link {name!r}; expected the name of one of the "
-            f"{len(robot.links)} links of the file."
+            f"{robot.where(end, joint)}: the file has no link {name!r}; expected the name of one of its "
+            f"{len(robot.links)} links."
         )
     return name
 
 
 def _order(robot: Robot) -> list[str]:
-    """Return the links ordered so that each follows its parent, branch by branch."""
+    """Return the links in an order with each parent first, branch by branch."""
     children: dict[str, list[str]] = {name: [] for name in robot.links}
-    for name, parent in robot.parents.items():  # in the order of their joints
+    for name, parent in robot.parents.items():  # in the order of the joints
         children[parent].append(name)
     found: list[str] = []
     waiting = robot.roots[::-1]
@@ -158,14 +160,14 @@ def _order(robot: Robot) -> list[str]:
     if circle:
         joint = robot.joints[robot.above[circle[0]]]
         raise uqmbd.StudyError(
-            f"{robot.where(joint)}: link {circle[0]!r} carries itself, by joints in a circle; expected each chain of "
-            "joints to begin at a link that is the child of none."
+            f"{robot.where(joint)}: link {circle[0]!r} is its own ancestor, because the joints form a cycle. Each "
+            "chain of joints must start at a link that is not a child."
         )
     return found
 
 
 def _inertial(robot: Robot, link: XmlElement) -> Inertial:
-    """Return mass, centre of mass and inertia of a link, as the file states them; none where it states none."""
+    """Return mass, centre of mass and inertia of a link as the file states them; zero if it states none."""
     given = link.find("inertial")
     if given is None:
         return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -177,7 +179,7 @@ def _inertial(robot: Robot, link: XmlElement) -> Inertial:
     axes = matrix(from_rpy(turn))
     tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
     if not np.isfinite(tensor).all():
-        raise uqmbd.StudyError(f"{at_inertia}: its moments are too large; expected kg m^2.")
+        raise uqmbd.StudyError(f"{at_inertia}: the moments of inertia are too large; expected values in kg m^2.")
     return Inertial(heavy, com, tensor)
 
 
@@ -209,12 +211,12 @@ def _tree(
             stated = [_free(names.take(f"{name}_free"), k, np.concatenate([position, turn]))]
             freed += [robot.above[name]] if name in robot.above else []
         joints.extend(stated)
-    robot.note("fixed joints to the world", freed, "floating=True: the links that they hold move freely")
+    robot.note("fixed joints to the world", freed, "ignored because of floating=True: their child links move freely")
     return links, joints
 
 
 def _joints(robot: Robot, element: XmlElement, link: int, pose: Array, names: Names) -> list[TreeJoint]:
-    """Return the freedom of a link: none, a joint, or the three of a planar one."""
+    """Return the joints of a link: none, one, or the three of a planar joint."""
     name, kind = element.get("name"), element.get("type")
     if kind == "fixed":
         return []
@@ -255,13 +257,17 @@ def _joints(robot: Robot, element: XmlElement, link: int, pose: Array, names: Na
     if kind == "continuous":
         limit = element.find("limit")
         if limit is not None and (limit.get("lower") is not None or limit.get("upper") is not None):
-            robot.note("limits of continuous joints", [name], "URDF gives these joints none: they are not read")
+            robot.note(
+                "limits of continuous joints",
+                [name],
+                "they are ignored, because continuous joints have no limits in URDF",
+            )
         return [one("", form, axis)]
     return [one("", form, axis, _limits(robot, element))]
 
 
 def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: float = 0.0) -> TreeJoint:
-    """Return the joint of a link that moves freely, from a pose on."""
+    """Return the joint of a link that moves freely, with its reference pose."""
     return TreeJoint(
         name, "free", link, np.zeros(3), np.array([0.0, 0, 1]), pose, pose, np.zeros(6), rest=pose, damping=damping,
         friction=friction,
@@ -269,21 +275,23 @@ def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: flo
 
 
 def _limits(robot: Robot, joint: XmlElement) -> tuple[float, float] | None:
-    """Return the limits of a joint, zero where one is left out; None if they leave no range."""
+    """Return the limits of a joint, with zero for a missing one; None if they leave no range."""
     limit = joint.find("limit")
     if limit is None:
-        robot.note("joints without <limit>", [str(joint.get("name"))], "they have no limits here and no margin")
+        robot.note(
+            "joints without <limit>", [str(joint.get("name"))], "they have no limits and no margin in the mechanism"
+        )
         return None
     low, high = (number(robot.where(limit, joint), limit, key, 0.0) for key in ("lower", "upper"))
     if low < high:
         return low, high
-    why = "lower is not below upper: these joints have no limits here and no margin"
+    why = "lower is not below upper, so these joints have no limits and no margin in the mechanism"
     robot.note("limits without a range", [f"{joint.get('name')} ({low:g} to {high:g})"], why)
     return None
 
 
 def _mimics(robot: Robot) -> list[Coupling]:
-    """Return joints that follow others: ``q = multiplier q_other + offset``."""
+    """Return couplings of joints that follow others: ``q = multiplier q_other + offset``."""
     found: list[Coupling] = []
     still: list[str] = []
     absent: list[str] = []
@@ -302,8 +310,8 @@ def _mimics(robot: Robot) -> list[Coupling]:
             kind = robot.joints[x].get("type")
             if kind not in MOVING:
                 raise uqmbd.StudyError(
-                    f"{where}: joint {name!r} mimics {other!r}; expected two joints that are revolute, continuous or "
-                    f"prismatic; {x!r} is {kind}."
+                    f"{where}: joint {name!r} mimics {other!r}, but {x!r} is {kind}. Both joints must be revolute, "
+                    "continuous or prismatic."
                 )
         if other == name:
             raise uqmbd.StudyError(f"{where}: joint {name!r} mimics itself; expected another joint.")
@@ -316,7 +324,7 @@ def _mimics(robot: Robot) -> list[Coupling]:
 
 
 def _require_no_circle(robot: Robot, leaders: dict[str, str]) -> None:
-    """Raise where joints follow each other in a circle."""
+    """Raise StudyError if joints follow each other in a circle."""
     done: set[str] = set()
     for first in leaders:
         way: list[str] = []
@@ -328,8 +336,8 @@ def _require_no_circle(robot: Robot, leaders: dict[str, str]) -> None:
             joint = robot.joints[name]
             circle = " -> ".join([*way[way.index(name) :], name])
             raise uqmbd.StudyError(
-                f"{robot.where(joint.find('mimic') or joint, joint)}: joints mimic each other in a circle ({circle}); "
-                "expected one joint in it to mimic none."
+                f"{robot.where(joint.find('mimic') or joint, joint)}: joints mimic each other in a cycle ({circle}). "
+                "Remove <mimic> from one of these joints."
             )
         done.update(way)
 
@@ -356,16 +364,16 @@ def _note_links(robot: Robot, floating: bool) -> None:
             missing["moments"] += [f"{' '.join(left_out)} of {name}"] if left_out else []
         if mass is not None and "value" in mass.attrib and not float(mass.get("value")):
             weightless.append(name)
-    none = "they have no <inertial>: no mass, as URDF says"
+    none = "they have no <inertial>, so their mass is zero"
     robot.note("links without mass and shape", bare, none)
-    robot.note("links with a shape only", shaped, f"{none}; none is derived from their shapes")
-    robot.note("links whose mass is zero", weightless, "as the file states")
-    robot.note("links without <mass>", missing["mass"], "their <inertial> states none: their mass is zero")
-    robot.note("links without <inertia>", missing["inertia"], "their mass is at a point, with no moments of inertia")
-    robot.note("moments of inertia that are left out", missing["moments"], "they are zero")
-    why = "no joint connects them with the others: each " + ("moves freely" if floating else "stands on the ground")
+    robot.note("links with a shape only", shaped, f"{none}; uqmbd does not derive a mass from shapes")
+    robot.note("links whose mass is zero", weightless, "the file states this value")
+    robot.note("links without <mass>", missing["mass"], "their <inertial> has no mass, so their mass is zero")
+    robot.note("links without <inertia>", missing["inertia"], "they are point masses without moments of inertia")
+    robot.note("missing moments of inertia", missing["moments"], "they are set to zero")
+    why = "no joint connects these root links: each " + ("moves freely" if floating else "is fixed to the ground")
     pieces = [name for name in robot.roots if name != WORLD]
-    robot.note("robots in pieces", pieces if len(pieces) > 1 else [], why)
+    robot.note("robots of several parts", pieces if len(pieces) > 1 else [], why)
 
 
 def _note_unread(robot: Robot) -> None:
@@ -374,18 +382,20 @@ def _note_unread(robot: Robot) -> None:
     colliding = [f"of {name}" for name, link in robot.links.items() for _ in link.findall("collision")]
     robot.note("shapes that collide", colliding, CONTACTS)
     for tag, what, why in (
-        ("transmission", "transmissions", "add drivers or torques in their place"),
+        ("transmission", "transmissions", "they are not imported; add drivers or torques"),
         ("gazebo", "settings of Gazebo", ELSEWHERE),
         ("ros2_control", "settings of ros2_control", ELSEWHERE),
         ("mujoco", "settings of MuJoCo", f"{ELSEWHERE}; gravity is 9.81 m/s^2 along -z, masses are as stated"),
-        ("sensor", "sensors", "record outputs in their place"),
+        ("sensor", "sensors", "they are not imported; define outputs of the mechanism"),
     ):
         robot.note(what, [x.get("name") or x.get("reference") or tag for x in root.findall(tag)], why)
     limits = {name: limit for name, x in robot.joints.items() if (limit := x.find("limit")) is not None}
     driven = [name for name, limit in limits.items() if limit.get("effort") or limit.get("velocity")]
-    robot.note("limits of effort and speed", driven, "nothing drives the joints")
+    robot.note("limits of effort and speed", driven, "they are not imported, because no driver acts on the joints")
     planar = [name for name in limits if robot.joints[name].get("type") in ("planar", "floating")]
-    robot.note("limits of planar and floating joints", planar, "URDF does not say of which direction they are")
+    robot.note(
+        "limits of planar and floating joints", planar, "they are ignored, because URDF does not define their direction"
+    )
     for tag in ("safety_controller", "calibration"):
         names = [name for name, joint in robot.joints.items() if joint.find(tag) is not None]
-        robot.note(f"{tag} of joints", names, "it concerns a controller")
+        robot.note(f"{tag} of joints", names, "it concerns a controller and is not imported")

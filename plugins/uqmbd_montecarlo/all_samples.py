@@ -1,4 +1,4 @@
-"""Statistics of all samples where only the first are stored with the results: from a store, or while they arrive."""
+"""Statistics of all samples, from a store or during the run, if the results contain only the first samples."""
 
 from __future__ import annotations
 
@@ -17,33 +17,34 @@ __all__ = ["AllSamples", "Passing", "Stored", "together"]
 
 
 class AllSamples(Protocol):
-    """Statistics of all samples, and their responses again."""
+    """Statistics of all samples, and repeated access to their responses."""
 
     def statistics(self) -> dict[str, Array]:
-        """Return the statistics that do not follow from moments."""
+        """Return the statistics that cannot be computed from moments."""
 
     def responses(self, first: int, last: int) -> Array:
-        """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""
+        """Return responses (K, output, time) of samples `first` to `last`; NaN for failed samples."""
 
 
 Watch = Callable[[int, Array, Mask], None]
 
 
 class Passing:
-    """Quantiles, extremes and directions of streamed samples, in memory that does not grow with their number.
+    """Quantiles, extremes and directions of streamed samples, with memory independent of their number.
 
-    With `again` the responses can be read again: they go to an unnamed temporary file, which is deleted at the end.
+    With `again`, an unnamed temporary file stores the responses, so that they can be read again; it is deleted at the
+    end.
     """
 
-    def __init__(self, labels: Labels, again: bool) -> None:
+    def __init__(self, labels: Labels, again: bool, independent: bool = True) -> None:
         self._shape, self._turns = labels.shape, np.asarray(labels.turns, dtype=float)
-        self._quantiles = CountedQuantiles()
+        self._quantiles = CountedQuantiles(independent=independent)
         self._directions = CircularMoments.of(np.empty((0, *labels.shape)), self._turns)
         self._file: Any = tempfile.TemporaryFile() if again else None
         self._bytes = 8 * int(np.prod(labels.shape))
 
     def add(self, first: int, response: Array, fine: Mask) -> None:
-        """Add samples from index `first` on: responses (K, output, time), and which of them succeeded (K,).
+        """Add samples from index `first` on: responses (K, output, time), and the mask (K,) of successful samples.
 
         Raise StudyError if the temporary file cannot be written.
         """
@@ -59,8 +60,9 @@ class Passing:
             self._file.flush()
         except OSError as error:
             raise uqmbd.StudyError(
-                f"The samples cannot be written to a temporary file in {tempfile.gettempdir()}, from which Sobol' "
-                f"indices take them again: {error.strerror}. Run in a folder, or set TMPDIR to one with more space."
+                "MonteCarlo with sobol_indices cannot write the samples to a temporary file in "
+                f"{tempfile.gettempdir()}: {error.strerror}. Run the study in a run folder, or set TMPDIR to a "
+                "folder with more space."
             ) from error
 
     def close(self) -> None:
@@ -69,24 +71,24 @@ class Passing:
             self._file.close()
 
     def statistics(self) -> dict[str, Array]:
-        """Return ``quantile``, ``quantile_error``, ``smallest``, ``largest``, and those of directions."""
+        """Return quantiles, errors (and intervals for independent samples), extremes, and statistics of directions."""
         return self._quantiles.statistics() | self._directions.statistics()
 
     def responses(self, first: int, last: int) -> Array:
-        """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""
+        """Return responses (K, output, time) of samples `first` to `last`; NaN for failed samples."""
         self._file.seek(first * self._bytes)
         found = np.frombuffer(self._file.read((last - first) * self._bytes))
         return found.reshape(last - first, *self._shape)
 
 
 class Stored:
-    """Quantiles, extremes and directions of samples in a store, where quantiles are exact.
+    """Quantiles, extremes and directions of samples in a store, with exact quantiles.
 
-    Outputs are those of `labels`.
+    `labels` names the outputs.
     """
 
-    def __init__(self, store: SampleStore, labels: Labels) -> None:
-        self._store, self._labels = store, labels
+    def __init__(self, store: SampleStore, labels: Labels, independent: bool = True) -> None:
+        self._store, self._labels, self._independent = store, labels, independent
         self._chunks = self._of([output.name for output in labels.outputs])
 
     def _of(self, names: list[str]) -> Any:
@@ -94,9 +96,9 @@ class Stored:
         return self._store.chunks(None if every else names)
 
     def statistics(self) -> dict[str, Array]:
-        """Return ``quantile``, ``probability``, ``smallest``, ``largest``, and those of directions."""
+        """Return quantiles (with intervals for independent samples), extremes, and statistics of directions."""
         turns = np.asarray(self._labels.turns, dtype=float)
-        found = quantiles_of_chunks(self._chunks)
+        found = quantiles_of_chunks(self._chunks, independent=self._independent)
         if not np.any(turns):
             return found
         directions = CircularMoments.of(np.empty((0, *self._labels.shape)), turns)
@@ -106,7 +108,7 @@ class Stored:
         return found | directions.statistics()
 
     def responses(self, first: int, last: int) -> Array:
-        """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""
+        """Return responses (K, output, time) of samples `first` to `last`; NaN for failed samples."""
         found, size = [], self._store.size
         for number in range(first // size, (last - 1) // size + 1):
             part = self._chunks[number]
@@ -116,7 +118,7 @@ class Stored:
 
 
 def together(watching: Sequence[Watch]) -> Watch:
-    """Return a function that passes samples to several others."""
+    """Return a function that passes samples to each function of `watching`."""
 
     def tell(first: int, response: Array, fine: Mask) -> None:
         for one in watching:

@@ -1,4 +1,4 @@
-"""Gain and cost of a control variate, as attributes of results."""
+"""Variance reduction and cost of a control variate, as attributes of results."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["of_study", "of_surrogate"]
 
 
 HARM = 0.8
-"""Gain on an equal budget below which a warning is issued: times are measured to some per cent."""
+"""A warning is issued if the variance ratio on an equal budget is smaller; the timing error is some per cent."""
 
 
 def of_surrogate(statistics: xr.Dataset, surrogate: ControlSurrogate) -> dict[str, Any]:
-    """Return the attributes of controlled statistics whose control is a surrogate."""
+    """Return the attributes of controlled statistics with a surrogate as control."""
     cost = f"{surrogate.realisations} realisations for the surrogate" if surrogate.realisations else "a given surrogate"
     return {
         "control_realisations": surrogate.realisations,
@@ -38,10 +38,10 @@ def of_study(
     left: float,
     wall_time: float,
 ) -> dict[str, Any]:
-    """Return the attributes of statistics whose control is a low-cost study, and warn if it does not help.
+    """Return the attributes of statistics with a low-cost study as control, and warn if it does not help.
 
-    `left` is the share of the variance that the control leaves, `wall_time` that of the samples with the control at
-    them, s. For outputs without a time the samples are known already, and computing times have no meaning.
+    `left`: share of the variance left by the control; `wall_time`: time of the samples and of the control at
+    the samples, s. For scalar outputs, the samples were computed earlier, so computing times are not meaningful.
     """
     stated, total = paired.control.cost, paired.realisations
     attrs: dict[str, Any] = {
@@ -49,9 +49,12 @@ def of_study(
         "control_failures": paired.failures,
         "control_cost": stated,
     }
-    about = f"control variate by {paired.words}, which leaves {left:.3g} of the variances"
+    about = f"control variate {paired.words}, with a remaining share {left:.3g} of the variances"
     if total == samples:
-        words = f"{about}, at {stated:g} of the cost: variance reduction 1.0, plain Monte Carlo would do"
+        words = (
+            f"{about}, at the relative cost {stated:g}: variance reduction 1.0, no advantage over Monte Carlo "
+            "without control"
+        )
         warnings.warn(f"{problem.label}: {words}.", stacklevel=3)
         return attrs | {"control_summary": words}
     attrs["control_summary"] = (
@@ -65,13 +68,17 @@ def of_study(
     gains = [_medians(statistics)[k] / (1 + cost * ratio) for k in range(2)]
     best = round(optimum(left, cost) * samples)
     attrs["control_measured"] = (
-        f"a realisation of the control took {cost:.3g} of the time of a realisation of the study: on an equal budget, "
-        f"it divides the variance of the mean by {gains[0]:.3g} and that of the standard deviation by {gains[1]:.3g}; "
-        "these are medians over outputs and times, compared with plain Monte Carlo; "
-        f"with cost={cost:.2g} the control would have {best} realisations"
+        f"a realisation of the control took {cost:.3g} of the time of a realisation of the study: on an equal "
+        f"budget, it divides the variance of the mean by {gains[0]:.3g} and that of the standard deviation by "
+        f"{gains[1]:.3g}; these are medians over outputs and times, relative to Monte Carlo without control; with "
+        f"cost={cost:.2g} the optimum is {best} realisations of the control"
     )
     if max(gains) < HARM:
-        warnings.warn(f"{problem.label}: {attrs['control_measured']}; plain Monte Carlo would do better.", stacklevel=3)
+        warnings.warn(
+            f"{problem.label}: {attrs['control_measured']}. Monte Carlo without control is more "
+            "efficient here; omit control.",
+            stacklevel=3,
+        )
     return attrs
 
 
@@ -88,16 +95,16 @@ def _medians(statistics: xr.Dataset) -> list[float]:
 
 
 def _reductions(statistics: xr.Dataset) -> str:
-    """Return a text on the factors by which variances of estimates were reduced."""
+    """Return a text on the factors by which the variances of estimates were reduced."""
     parts = []
     for name, words in _NAMES:
         values = _varying(statistics, name)
         if np.isnan(values).all():
-            return "no output varies: nothing to control"
+            return "no output varies, so the control has no effect"
         worst = np.unravel_index(int(np.nanargmin(values)), values.shape)
         where = f"{statistics['output'].values[worst[0]]} at {statistics['time'].values[worst[1]]:g} s"
         parts.append(
-            f"variance of the {words} divided by {np.nanmedian(values):.3g} (median over outputs and times; least "
-            f"{values[worst]:.3g}, of {where})"
+            f"variance of the {words} divided by {np.nanmedian(values):.3g} (median over outputs and times; minimum "
+            f"{values[worst]:.3g}, for {where})"
         )
     return ", ".join(parts)

@@ -1,4 +1,4 @@
-"""Samples as they come: moments of all, responses of the first ones, and a store of all where they are many."""
+"""Sampling in replicates of a design, with moments of all samples, and responses of the first samples."""
 
 from __future__ import annotations
 
@@ -15,34 +15,131 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.extend import Moments, Violations
 from uqmbd.results import SampleStore
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
-__all__ = ["Gathered", "gather", "reduced"]
+__all__ = [
+    "Gathered",
+    "allowed_pairs",
+    "allowed_samples",
+    "gather",
+    "paired_samples",
+    "reduced",
+    "replicate_sizes",
+    "uniform_samples",
+]
+
+
+def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
+    """Return the sizes of the replicates of a sampling design; a design of independent points has one replicate.
+
+    Raise StudyError for an unknown design, too few samples, or sizes for which the design is not balanced.
+    """
+    found = uqmbd.extend.sampling_design(design, "MonteCarlo: sampling")
+    if found.independent:
+        return [samples]
+    if samples < 2 * replicates:
+        raise uqmbd.StudyError(
+            f"MonteCarlo: {samples} samples are too few for {replicates} replicates of the design {design!r}; use at "
+            f"least {2 * replicates} samples, or fewer replicates."
+        )
+    if found.base > 1:
+        power = found.base
+        while power * found.base * replicates <= samples:
+            power *= found.base
+        if power * replicates != samples:
+            below = replicates * power
+            raise uqmbd.StudyError(
+                f"MonteCarlo: the design {design!r} in {replicates} replicates needs {replicates} times a power of "
+                f"{'two' if found.base == 2 else found.base} samples, but samples is {samples}. Use {below} or "
+                f"{found.base * below}."
+            )
+    return [len(part) for part in np.array_split(np.arange(samples), replicates)]
+
+
+def allowed_samples(design: str, samples: int, replicates: int) -> int:
+    """Return the largest number of samples up to `samples` that the design allows in replicates.
+
+    If all allowed numbers are larger, return the smallest one.
+
+    >>> allowed_samples("sobol", 1500, 16), allowed_samples("latin-hypercube", 1500, 16)
+    (1024, 1500)
+    """
+    found = uqmbd.extend.sampling_design(design, "MonteCarlo: sampling")
+    if found.independent:
+        return max(samples, 2)
+    if found.base < 2:
+        return max(samples, 2 * replicates)
+    power = found.base
+    while power * found.base * replicates <= samples:
+        power *= found.base
+    return power * replicates
+
+
+def allowed_pairs(design: str, samples: int, replicates: int) -> int:
+    """Return the largest number of samples up to `samples` that are pairs of a design in equal replicates.
+
+    >>> allowed_pairs("random", 1501, 16), allowed_pairs("sobol", 1501, 16), allowed_pairs("halton", 1501, 16)
+    (1500, 1024, 1472)
+    """
+    if uqmbd.extend.sampling_design(design, "MonteCarlo: sampling").independent:
+        return max(samples // 2 * 2, 4)
+    return 2 * (allowed_samples(design, samples // 2, replicates) // replicates * replicates)
+
+
+def paired_samples(design: str, samples: int, replicates: int, dimension: int, seed: int) -> tuple[Array, Index, Index]:
+    """Return samples in pairs: both halves of the coordinates of points of a design in twice as many dimensions.
+
+    Return uniform numbers (samples, dimension) in the open interval, and the indices (samples / 2,) of first and second
+    halves. Each replicate contains the first halves of its pairs, then the second halves. For independent points, these
+    are the first and the second half of the samples. `samples` must be a number that `allowed_pairs` returns. The same
+    seed gives the same bits.
+    """
+    count = samples // 2
+    if uqmbd.extend.sampling_design(design).independent:
+        return uniform_samples(design, [samples], dimension, seed), np.arange(count), count + np.arange(count)
+    sizes = replicate_sizes(design, count, replicates)
+    points = uniform_samples(design, sizes, 2 * dimension, seed)
+    places = np.arange(samples).reshape(replicates, 2, count // replicates)
+    first, second = places[:, 0].ravel(), places[:, 1].ravel()
+    uniform = np.empty((samples, dimension))
+    uniform[first], uniform[second] = points[:, :dimension], points[:, dimension:]
+    return uniform, first, second
+
+
+def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) -> Array:
+    """Return uniform numbers in the open interval, shape (sum of sizes, dimension).
+
+    The rows are independent replicates of the design, one after another. The same seed gives the same bits.
+    """
+    found = uqmbd.extend.sampling_design(design)
+    streams = np.random.SeedSequence(seed).spawn(len(sizes))
+    return np.concatenate([found.points(dimension, n, one) for n, one in zip(sizes, streams, strict=True)])
+
 
 SUMS = ("mean", "second", "third", "fourth")
-"""Sums that moments consist of, besides their number."""
+"""Sums from which moments are computed, in addition to the number of samples."""
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """Sums over all samples, and the samples that are stored."""
+    """Sums over all samples, and the stored samples."""
 
-    count: int  # samples that succeeded
+    count: int  # number of successful samples
     replicates: tuple[Moments, ...]
-    """Moments of the successful samples of each replicate, (output, time); None if a single replicate is stored
+    """Moments of the successful samples of each replicate, (output, time); None for a single replicate that is stored
     entirely."""
     kept: uqmbd.extend.Realisations  # the first samples
-    failures: int  # of all samples
-    reason: str  # the most frequent reason of failure, or empty
+    failures: int  # number of failures among all samples
+    reason: str  # most frequent reason of failure; an empty text if none failed
     counters: dict[str, float]
     wall_time: float
-    store: SampleStore | None  # all samples, where there are more than `kept` holds and the run has a folder
+    store: SampleStore | None  # all samples, if `kept` does not contain all and the run has a folder
     violations: tuple[Violations, ...] = ()
-    """Counts of each replicate, where requirements are to be answered."""
+    """Counts of violations in each replicate, if requirements are evaluated."""
 
     @property
     def moments(self) -> Moments:
-        """Moments of all successful samples, where those of replicates were gathered."""
+        """Moments of all successful samples, if replicates have moments."""
         return reduce(Moments.merge, self.replicates)
 
 
@@ -53,13 +150,14 @@ def gather(
     keep: int,
     watch: Callable[[int, Array, NDArray[np.bool_]], None] | None = None,
 ) -> Gathered:
-    """Compute samples in chunks and add them up in order, so that the bits depend on nothing else.
+    """Compute samples in chunks and sum them in order, so that the bits depend only on the samples.
 
-    `values` (sample, input) are replicate after replicate, of the given `sizes`; at most `keep` responses are stored.
-    `watch` receives for each chunk the index of its first sample, the responses, and which of them succeeded.
+    `values` (sample, input): inputs, replicate after replicate, of the given `sizes`; at most `keep` responses are
+    stored. `watch`: function that receives, for each chunk, the index of its first sample, the responses, and the mask
+    of successful samples.
     """
     shape = problem.labels.shape
-    edges = (*np.cumsum([0, *sizes[:-1]]).tolist(), sys.maxsize)  # more samples are asked for alike
+    edges = (*np.cumsum([0, *sizes[:-1]]).tolist(), sys.maxsize)  # equal for a run that is extended by more samples
     whole = len(values) <= keep
     counted = problem.answers_requirements and bool(problem.requirements)
     gathered = _Sums(shape, len(sizes), moments=not whole or len(sizes) > 1, violations=counted)
@@ -77,13 +175,13 @@ def gather(
         if watch is not None:
             watch(first, part.response, part.good)
         if not part.good.all():
-            # what is not finite is a failure like any other: it must not enter a sum
+            # an output that is not finite counts as a failure, because it must not enter a sum
             failures += int(np.count_nonzero(~part.good)) - part.censored
             censored += part.censored
             if reason := part.realisations.most_frequent_reason():
                 reasons[reason] += part.realisations.failures
         if first < room:
-            # into its place: the responses of all samples are not held twice
+            # write directly to the result, so that the responses of all samples are in memory only once
             taken = min(last, room) - first
             response[first : first + taken] = part.response[:taken]
             status[first : first + taken] = part.status[:taken]
@@ -118,7 +216,7 @@ def _reduced_here(
 
 
 class _Sums:
-    """Moments of replicates, and how often requirements are violated, of chunks in their order."""
+    """Moments of replicates, and numbers of violated requirements, summed over chunks in order."""
 
     def __init__(self, shape: tuple[int, ...], count: int, *, moments: bool, violations: bool) -> None:
         self.moments = moments
@@ -140,11 +238,12 @@ class _Sums:
 def reduced(
     part: uqmbd.extend.Realisations, first: int, edges: tuple[int, ...], moments: bool, violations: bool
 ) -> dict[str, NDArray[Any]]:
-    """Sum up a chunk of samples in a worker; `first` is the index of its first sample.
+    """Return the sums over a chunk of samples, in a worker; `first` is the index of its first sample.
 
-    `edges` are the starts of the replicates and the end of the last one, or a larger number. The result holds
-    ``replicate`` (R,), those with samples in the chunk; ``count``, ``mean``, ``second``, ``third`` and ``fourth`` (R,
-    ...) of `uqmbd.extend.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) of `uqmbd.extend.Violations`.
+    `edges`: starts of the replicates, and the end of the last one or a larger number. The result contains ``replicate``
+    (R,), the replicates with samples in the chunk. Further entries are ``count``, ``mean``, ``second``, ``third`` and
+    ``fourth`` (R, ...) of `uqmbd.extend.Moments`, and ``by_time``, ``total`` and ``failed`` (R, ...) of
+    `uqmbd.extend.Violations`.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]

@@ -1,4 +1,4 @@
-"""A low-cost model as control variate: another study, which is computed at the samples and at further points."""
+"""Low-cost model as control variate: another study, computed at the samples and at further points."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ __all__ = ["LowFidelity", "PairedControl", "mismatch"]
 
 
 BLOCK = 2**18
-"""Most further realisations whose inputs are in memory at once."""
+"""Largest number of further realisations with inputs in memory at once."""
 
 MOST = 10**9
-"""Largest cost, and number of realisations."""
+"""Upper limit of `cost`, and of the number of realisations."""
 
 LEAST_FURTHER = 2
-"""Smallest number of further realisations whose scatter can be estimated."""
+"""Smallest number of further realisations from which their scatter can be estimated."""
 
 
 @dataclass(frozen=True)
 class LowFidelity:
-    """A cheaper study of the same outputs, for ``MonteCarlo(control=...)``.
+    """Low-cost study of the same outputs, for ``MonteCarlo(control=...)``.
 
-    Its mechanism leaves out what costs much and changes little: a rigid rod for an elastic one, a continuous law for a
-    sampled controller; or it is the same mechanism, and the study has a looser `rtol` or another integrator.  Its
-    inputs are given the values of those with their names in the study that is controlled, whatever it says of their
-    distributions; it may lack some.
+    The mechanism of this study omits costly details with a small effect: for example, a rigid rod replaces an elastic
+    one, or a continuous law replaces a sampled controller. The mechanism can also be the same, with a looser `rtol` or
+    another integrator. Each input gets the value of the input with the same name in the controlled study. The
+    distributions of the low-cost study have no effect. The low-cost study may lack some inputs.
 
     Parameters
     ----------
     study : uqmbd.Study
-        With the same times, and with all outputs of the study that is controlled, by name; others are left alone.
+        Study with the same times, and with all outputs of the controlled study, by name. Other outputs are ignored.
     cost : float
-        Of one of its realisations over that of one of the study that is controlled.  From this and from the
-        correlation at the samples follows how many realisations beyond these are computed.  The results state the
-        ratio of the times that were measured.
+        Cost of a realisation of this study, divided by the cost of a realisation of the controlled study. The ratio and
+        the correlation at the samples determine the number of further realisations. The results state the ratio of the
+        measured times.
     samples : int, optional
-        Number of its realisations, those at the samples included, instead of the best one.
+        Number of realisations of this study, including the realisations at the samples. Default: the optimum.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no study, or a number cannot be used.
+        If `study` is not a study, or a number cannot be used.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class LowFidelity:
     ...     return uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3))
     >>> method = MonteCarlo(samples=50, seed=1, control=LowFidelity(fall(0.1), cost=0.01))
     >>> with warnings.catch_warnings():  # motions so short tell no costs
-    ...     warnings.filterwarnings("ignore", ".*plain Monte Carlo would do better")
+    ...     warnings.filterwarnings("ignore", ".*Monte Carlo without control is more efficient")
     ...     node = fall(0.11).propagate(method)
     >>> bool((node["statistics/variance_reduction"].isel(time=-1) > 10).all())
     True
@@ -99,16 +99,16 @@ class LowFidelity:
 
 
 def check_samples(control: LowFidelity, samples: int) -> None:
-    """Raise `uqmbd.StudyError` unless the control has more realisations than the samples that it controls."""
+    """Raise `uqmbd.StudyError` unless the control has more realisations than the controlled samples."""
     if control.samples is not None and control.samples < samples + LEAST_FURTHER:
         raise uqmbd.StudyError(
-            f"MonteCarlo: samples is {samples}, and its control has samples={control.samples}; expected "
-            f"{samples + LEAST_FURTHER} or more of the control, which is computed at the samples and besides."
+            f"MonteCarlo: samples is {samples}, but the control has samples={control.samples}. Expected "
+            f"{samples + LEAST_FURTHER} or more for the control, which also needs realisations at additional samples."
         )
 
 
 def further_realisations(control: LowFidelity, samples: int, left: float) -> int:
-    """Return how many realisations of the control are computed in addition; it leaves a share of the variance."""
+    """Return the number of further control realisations; `left`: share of the variance left by the control."""
     if control.samples is not None:
         return control.samples - samples
     count = round((optimum(left, control.cost) - 1.0) * samples)
@@ -116,26 +116,33 @@ def further_realisations(control: LowFidelity, samples: int, left: float) -> int
 
 
 def mismatch(control: uqmbd.Study, inputs: dict[str, str], outputs: tuple[str, ...], times: Array) -> str | None:
-    """Return why a study cannot be the control of one with these inputs (name to unit), outputs and times, or None."""
-    about = f"its control, the study {control.name!r},"
+    """Return why a study cannot control a study with these inputs (name to unit), outputs and times; None if it can."""
+    about = f"the control study {control.name!r}"
     if not np.array_equal(control.times, times):
-        return f"{about} has other times; make it for the same times"
+        return f"{about} has different output times; expected the output times of the controlled study"
     own = control.mechanism.inputs.variables
     if strange := [v.name for v in own if v.name not in inputs]:
-        return f"{about} has the input {strange[0]!r}; expected none but those of the study, {', '.join(inputs)}"
+        return (
+            f"{about} has the input {strange[0]!r}; expected only inputs of the controlled study, {', '.join(inputs)}"
+        )
     if other := [v for v in own if v.units != inputs[v.name]]:
-        return f"{about} has the input {other[0].name!r} in {other[0].units!r}; expected {inputs[other[0].name]!r}"
+        return (
+            f"{about} has the input {other[0].name!r} in {other[0].units!r}; expected the units "
+            f"{inputs[other[0].name]!r}"
+        )
     there = {*control.mechanism.outputs, *control.mechanism.scalars}
     if missing := [name for name in outputs if name not in there]:
-        return f"{about} has no output {missing[0]!r}; it needs all outputs of the study, {', '.join(outputs)}"
+        return (
+            f"{about} has no output {missing[0]!r}; expected all outputs of the controlled study, {', '.join(outputs)}"
+        )
     return None
 
 
 class PairedControl:
     """Low-cost study at the inputs `values` (S, input) of samples and at further inputs, as a control variate.
 
-    Where one of its realisations fails, its mean replaces the value: that reduces the correlation, but causes no bias.
-    Raise StudyError if the study does not fit the problem.
+    The mean of the control replaces the values of failed control realisations. This replacement reduces the
+    correlation, but causes no bias. Raise StudyError if the study does not fit the problem.
     """
 
     def __init__(
@@ -153,8 +160,8 @@ class PairedControl:
         own = [output.name for output in self._cheap.labels.outputs]
         if missing := [name for name in names if name not in own]:
             raise uqmbd.StudyError(
-                f"{problem.label}: the output {missing[0]!r} of its control, the study {control.study.name!r}, is of "
-                f"another kind; expected one {'without a time' if problem.timeless else 'over time'}."
+                f"{problem.label}: the output {missing[0]!r} of the control study {control.study.name!r} has the "
+                f"wrong kind; expected an output {'without a time' if problem.timeless else 'over time'}."
             )
         self._outputs = [own.index(name) for name in names]
         self._columns = [problem.inputs.names.index(name) for name in self._cheap.inputs.names]
@@ -165,10 +172,10 @@ class PairedControl:
         self.realisations = self.failures = 0
         self.counters: dict[str, float] = {}
         self.alone = 0.0
-        """Seconds of further realisations."""
+        """Computing time of further realisations, s."""
 
     def _stream(self, values: Array, label: str) -> Iterator[tuple[Array, Mask]]:
-        """Compute it at inputs of the study that is controlled: responses (K, C), and which succeeded."""
+        """Yield responses (K, C) at inputs of the controlled study, and the mask (K,) of successful realisations."""
         label = f"{self._problem.label}: {label}"
         own = self._problem.runner.of(label)
         problem = replace(self._cheap, label=label).using(checkpoint=own.checkpoint)
@@ -180,18 +187,18 @@ class PairedControl:
                 self.counters[name] = self.counters.get(name, 0) + number
             yield part.response[:, self._outputs].reshape(len(good), -1), good
             if self._problem.runner.ledger is not None:
-                # a budget of time is for it, too; one of realisations is for those of the study
+                # a time budget includes the control; a budget of realisations applies only to the controlled study
                 self._problem.runner.ledger.begin()
 
     def standardised(self, first: int, count: int) -> Array:
-        """Return it at the next samples, less the centre, in units (count, C)."""
+        """Return (control - centre) / unit, shape (count, C), at the next samples."""
         while sum(len(good) for _, good in self._ahead) < count:
             self._ahead.append(next(self._parts))
         response, good = (np.concatenate(parts) for parts in zip(*self._ahead, strict=True))
         self._ahead = [(response[count:], good[count:])]
         response, good = response[:count], good[:count]
         if not len(self.unit):
-            # any numbers near mean and deviation: the estimates do not depend on them
+            # centre and unit only need to be near mean and deviation, because the estimates do not depend on them
             some = response[good] if good.any() else np.zeros((1, response.shape[1]))
             self.centre, deviation = some.mean(axis=0), some.std(axis=0)
             self.unit = np.where(deviation > ROUNDING * np.abs(self.centre), deviation, 1.0)
@@ -199,13 +206,13 @@ class PairedControl:
 
     def _measured(self, response: Array, good: Mask) -> Array:
         off = np.where(good[:, None], response - self.centre, 0.0)
-        # what differs by rounding does not vary
+        # differences at the level of rounding count as zero
         return np.asarray(np.where(np.abs(off) > ROUNDING * np.abs(self.centre), off / self.unit, 0.0))
 
     def further(self, count: int, seed: np.random.SeedSequence) -> JointMoments:
         """Compute the control at `count` further random inputs, and return the moments of `controls`.
 
-        The seed must not be that of the samples.
+        The seed must differ from the seed of the samples.
         """
         begin, inputs = self._problem.clock(), self._problem.inputs
         sizes = [min(BLOCK, count - done) for done in range(0, count, BLOCK)]
@@ -221,7 +228,7 @@ class PairedControl:
 
     @property
     def useful(self) -> Mask:
-        """Whether it varies."""
+        """Mask (C,): whether the control varies."""
         if self._spread is None:
             return np.zeros(len(self.unit), dtype=bool)
         return np.asarray(self._spread.products[0, 0] > 0)
@@ -232,17 +239,17 @@ class PairedControl:
 
 
 def _of_kind(made: uqmbd.extend.Problem, problem: uqmbd.extend.Problem, names: tuple[str, ...]) -> uqmbd.extend.Problem:
-    """Return the problem of the control with outputs of the same kind as another problem, and no others."""
+    """Return the control problem `made` with only the named outputs, and of the same kind as `problem`."""
     made = replace(made, model=replace(made.model, margins=None)).using(progress=problem.progress)
     if problem.kind == "outputs":
         return replace(made, model=replace(made.model, scalars=None))
     if problem.kind == "requirements":
         raise uqmbd.StudyError(
-            f"{problem.label}: a study controls outputs, and the study has only requirements; omit control."
+            f"{problem.label}: a control study requires outputs, but this study has only requirements; omit control."
         )
     if made.model.scalars is None:
         raise uqmbd.StudyError(
-            f"{problem.label}: its control has no outputs without a time; expected {', '.join(names)}."
+            f"{problem.label}: the control study has no scalar outputs; expected {', '.join(names)}."
         )
     made = made.without_time()
     return made if problem.chosen is None else made.choosing(names)

@@ -1,4 +1,4 @@
-"""Sobol' indices by pick-freeze: pairs of realisations that share some inputs, with jackknife intervals."""
+"""Sobol' indices by the pick-freeze method, from pairs of realisations with common inputs, with jackknife intervals."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ __all__ = ["PickFreeze", "SobolIndices", "mixed_inputs", "obstacle_of"]
 
 
 BLOCKS = 64
-"""Blocks of rows of which one at a time is left out; with as many the intervals hold as often as with single rows."""
+"""Number of blocks of rows for the jackknife; intervals have the same coverage as with single rows."""
 
 LEVEL = 0.975
-"""Probability up to the upper end of an interval of 95 %."""
+"""Probability below the upper end of a 95 % interval."""
 
 BLOCK_NUMBERS = 2_000_000
-"""Numbers (8 bytes each) of the largest array of a block of outputs and times."""
+"""Largest number of values (8 bytes each) in an array for a block of outputs and times."""
 
 _ROUNDING = 32.0 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """Estimates of Sobol' indices and their 95 % intervals, which are not truncated at 0 and 1."""
+    """Estimates of Sobol' indices and their 95 % intervals, without truncation at 0 and 1."""
 
     first: Array  # (input, ...)
     total: Array  # (input, ...)
@@ -37,9 +37,9 @@ class SobolIndices:
 
 
 def obstacle_of(inputs: Any) -> str | None:
-    """Return why Sobol' indices are not defined for inputs (where they depend on each other), or None.
+    """Return the reason why Sobol' indices are not defined for dependent inputs; None if they are defined.
 
-    Inputs of one `uqmbd.random_vector` depend on each other if one of them changes with the uniform number of another.
+    Inputs of a `uqmbd.random_vector` are dependent if one input changes with the uniform number of another input.
     """
     variables = inputs.variables
     if all(len(v.joint.names) == 1 for v in variables):
@@ -54,9 +54,9 @@ def obstacle_of(inputs: Any) -> str | None:
         moves = change.max(axis=0) > 1e-9 * np.ptp(base, axis=0)
         if moves.any():
             return (
-                f"inputs {moved.name!r} and {variables[int(moves.argmax())].name!r} depend on each other, so that "
-                "pick-freeze would give indices of an ordered transform of them, not of inputs; "
-                "use Collocation(...), which gives such indices under names of their own"
+                f"inputs {moved.name!r} and {variables[int(moves.argmax())].name!r} are dependent. Pick-freeze "
+                "estimators would give indices of an ordered transform of them, not of the inputs. Use "
+                "Collocation(...), which computes such indices under separate names"
             )
     return None
 
@@ -64,8 +64,8 @@ def obstacle_of(inputs: Any) -> str | None:
 def mixed_inputs(a: Array, b: Array) -> Array:
     """Return the further inputs (d * N, d) of pick-freeze.
 
-    The result is a (N, d) with each input in turn from b (N, d), input after input. a and b are independent samples of
-    independent inputs.
+    The result contains d copies of a (N, d), one after another; in copy i, input i is taken from b (N, d). a and b are
+    independent samples of independent inputs.
     """
     count, dimension = a.shape
     found = np.tile(a, (dimension, 1)).reshape(dimension, count, dimension)
@@ -76,34 +76,33 @@ def mixed_inputs(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PickFreeze:
-    """Sums of squares over rows of the design, from which Sobol' indices are estimated; sums of further rows merge.
+    """Sums of squares over rows of the design, for Sobol' indices; sums over different rows can be merged.
 
-    Let f_A and f_B be the responses to two independent samples, and f_AB those to the first with input i from the
-    second. Jansen's estimators (Computer Physics Communications 117 (1999) 35-43) are S_i = 1 - sum (f_B - f_AB)^2 /
-    sum (f_B - f_A)^2; T_i = sum (f_A - f_AB)^2 / sum (f_B - f_A)^2. If an output depends on a single input, both are
-    exact for this input and for all others. They do not depend on the mean of the response. The design, N (d + 2)
-    realisations, is that of Saltelli et al., Computer Physics Communications 181 (2010) 259-270. Intervals are those of
-    a jackknife with Student's t. It leaves out a block of rows at a time (Efron and Stein, Annals of Statistics 9
-    (1981) 586-596): all realisations of a row are left out together. Rows of a sampling design depend on each other:
-    their blocks are its independent replicates. They were tried 200 times on Ishigami's function (N = 500, 2000,
-    10,000) and on a pendulum (N = 200). Intervals contain 94.4, 94.7, 95.2 and 95.3 % of the indices; those of a
-    bootstrap, which must hold all rows, 94.6, 94.5, 94.7 and 94.3 %.
+    Let f_A and f_B be the responses to two independent samples, and f_AB the responses to the first sample with input i
+    from the second. Jansen's estimators (Computer Physics Communications 117 (1999) 35-43) are S_i = 1 - sum (f_B -
+    f_AB)^2 / sum (f_B - f_A)^2; T_i = sum (f_A - f_AB)^2 / sum (f_B - f_A)^2. If an output depends on a single input,
+    both estimators are exact for this input and for all others. The estimators do not depend on the mean of the
+    response. The design with N (d + 2) realisations is from Saltelli et al., Computer Physics Communications 181 (2010)
+    259-270. The intervals are jackknife intervals with Student's t (Efron and Stein, Annals of Statistics 9 (1981)
+    586-596). The jackknife omits one block of rows at a time, with all realisations of a row. Rows of a sampling design
+    are dependent, so the blocks are its independent replicates. Tests used 200 runs on Ishigami's function (N = 500,
+    2000, 10,000) and on a pendulum (N = 200). Jackknife intervals contained 94.4, 94.7, 95.2 and 95.3 % of the indices.
+    Bootstrap intervals, which require all rows in memory, contained 94.6, 94.5, 94.7 and 94.3 %.
     """
 
-    sums: Array  # (2 d + 1, blocks, C) of squares over that of `scale`, in each block of rows and each of C columns
-    rows: Index  # (blocks,) number in each block
-    scale: Array  # (C,) a power of two near the largest difference; 0 where there is none
+    sums: Array  # (2 d + 1, blocks, C) of squares over squared `scale`, in each block of rows and each of C columns
+    rows: Index  # (blocks,) number of rows in each block
+    scale: Array  # (C,) a power of two near the largest difference; 0 if all differences are 0
     largest: Array  # (C,) largest difference
     size: Array  # (C,) largest response
-    shape: tuple[int, ...]  # of a response
+    shape: tuple[int, ...]  # shape of a response
 
     @classmethod
     def of(cls, index: Index, count: int, a: Array, b: Array, mixed: Array, blocks: int | None = None) -> PickFreeze:
-        """Sum over the rows `index` (K,), ascending, of `count`; the result does not depend on other rows.
+        """Return sums over the rows `index` (K,), ascending, of `count`; the result does not depend on other rows.
 
-        a and b (K, ...) are responses, commonly (K, output, time), all finite; `mixed` (d, K, ...) are those to
-        `mixed_inputs`. `blocks` is the number of equal, mutually independent parts of all rows; by default rows are
-        independent, in 64 blocks.
+        a and b (K, ...): finite responses, usually (K, output, time); `mixed` (d, K, ...): responses to `mixed_inputs`;
+        `blocks`: number of equal, mutually independent parts of all rows; default: independent rows in 64 blocks.
         """
         dimension, columns = len(mixed), prod(a.shape[1:])
         blocks = min(BLOCKS, count) if blocks is None else blocks
@@ -126,7 +125,7 @@ class PickFreeze:
         return cls(sums, rows, scale, largest, size, a.shape[1:])
 
     def merge(self, other: PickFreeze) -> PickFreeze:
-        """Gather the rows of both."""
+        """Return the sums over the rows of both objects."""
         scale = np.maximum(self.scale, other.scale)
         safe = np.where(scale > 0, scale, 1.0)
         sums = self.sums * (self.scale / safe) ** 2 + other.sums * (other.scale / safe) ** 2
@@ -134,9 +133,9 @@ class PickFreeze:
         return PickFreeze(sums, self.rows + other.rows, scale, largest, size, self.shape)
 
     def indices(self) -> SobolIndices:
-        """Estimate the indices and their intervals.
+        """Return the indices and their intervals.
 
-        All are 0, intervals too, where the response does not vary, or by rounding only. Intervals are NaN where only
+        If the response varies only by rounding errors, all indices and intervals are 0. Intervals are NaN if only
         one block has rows.
         """
         from scipy.special import stdtrit
@@ -157,7 +156,7 @@ class PickFreeze:
 
 
 def _estimates(sums: Array, varies: Any) -> Array:
-    """First and total indices (2, d, B, C) from sums (2 d + 1, B, C) of squares."""
+    """Return first and total indices (2, d, B, C) from sums (2 d + 1, B, C) of squares."""
     base, dimension = sums[0], len(sums) // 2
     usable = (base > 0) & varies
     share = np.divide(sums[1:], base, out=np.zeros_like(sums[1:]), where=usable)

@@ -1,4 +1,4 @@
-"""The Monte Carlo propagator."""
+"""Monte Carlo propagator."""
 
 from __future__ import annotations
 
@@ -25,7 +25,15 @@ from uqmbd_montecarlo.all_samples import AllSamples, Passing, Stored, together
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
 from uqmbd_montecarlo.controlledsums import ControlledSums
 from uqmbd_montecarlo.gain import of_study, of_surrogate
-from uqmbd_montecarlo.gathering import Gathered, gather
+from uqmbd_montecarlo.gathering import (
+    Gathered,
+    allowed_pairs,
+    allowed_samples,
+    gather,
+    paired_samples,
+    replicate_sizes,
+    uniform_samples,
+)
 from uqmbd_montecarlo.lowfidelity import (
     LowFidelity,
     PairedControl,
@@ -34,69 +42,71 @@ from uqmbd_montecarlo.lowfidelity import (
     mismatch,
 )
 from uqmbd_montecarlo.pickfreeze import obstacle_of
-from uqmbd_montecarlo.replicates import (
-    allowed_pairs,
-    allowed_samples,
-    paired_samples,
-    replicate_sizes,
-    uniform_samples,
-)
 from uqmbd_montecarlo.sensitivity import SobolRun, rows_at_once, run_sobol
 from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
+UNKNOWN = ("std_error_mean", "std_error_std", "quantile_interval")
+"""Statistics that a design can only compute from several replicates."""
+
 FIRST = 64
-"""Samples, or four in each replicate, with which a search for their number begins."""
+"""Initial number of samples if the number is searched; each replicate has at least four samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo(uqmbd.extend.Propagator):
-    """Sample the inputs and compute each realisation.
+    """Sample the inputs, and compute the statistics of the realisations.
 
     Parameters
     ----------
     samples : int
-        How many.
+        Number of samples.
     seed : int
-        Of the random numbers: the same seed gives the same bits, whatever the number of workers.
+        Seed of the random numbers. The same seed gives the same bits for any number of workers.
     sampling : str
         Name of a sampling design: ``"random"``, independent points; ``"latin-hypercube"``; ``"sobol"`` or ``"halton"``,
-        scrambled points; or one of a plugin.
+        scrambled points; or a design of a plugin.
     replicates : int
-        Independent replicates into which a design is split whose points are not independent, for its standard errors.
-        Sobol' needs `replicates` times a power of two samples.
+        Number of independent replicates of a design with dependent points. The standard errors are computed over the
+        replicates. Sobol' points need `replicates` times a power of two samples.
     max_failures : float
-        Share of failed samples above which the run is an error; fewer are a warning.
+        Share of failed samples above which the run is an error. Smaller shares give a warning.
     keep : int
-        Samples that are kept in the results.  Where there are more, statistics are those of all nevertheless, and the
-        memory needed does not grow with the number of samples.  All samples go to ``LABEL-samples.zarr`` in the folder
-        of the run, from which quantiles are found; in a run without a folder they are counted while the samples come,
-        and ``quantile_error`` bounds how far they may be off.
+        Largest number of samples in the results. If there are more, the statistics still include all samples, and the
+        memory does not grow with their number. With a folder, all samples are stored in ``LABEL-samples.zarr``, and the
+        quantiles are computed from this store. Without a folder, the quantiles are estimated from counts during the
+        run, and ``quantile_error`` bounds their error.
     control : uqmbd.extend.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
-        A surrogate as control variate, which makes mean and standard deviation more certain: a method that gives a
-        polynomial chaos, as ``Collocation(order=3)``, which is run first, on realisations of its own; or a chaos that
-        is there already; or a cheaper study (`LowFidelity`; a study alone is ``LowFidelity(study)``), which is computed
-        at the samples, and as often besides as pays.  For random sampling and 50 samples at least.  The estimates stay
-        unbiased however poor the control is, for its factors are cross-fitted in ten parts of the samples.  Where
-        samples fail, the statistics are those of the inputs that do not.  The other statistics (skewness, kurtosis,
-        quantiles) are those of the samples.
+        Control variate, which reduces the errors of mean and standard deviation. The control is one of:
+
+        - a method that computes a polynomial chaos, such as ``Collocation(order=3)``; it runs first, on other
+          realisations;
+        - an existing chaos;
+        - a low-cost study (`LowFidelity`; a study alone means ``LowFidelity(study)``). This study runs at the samples,
+        and at the number of further points that minimises the cost.
+
+        A control requires random sampling and at least 50 samples. The estimates stay unbiased for any control, because
+        the factors are cross-fitted in ten parts of the samples. If samples fail, the statistics refer to the inputs
+        whose realisations succeed. Skewness, kurtosis and quantiles are computed from the samples alone, without the
+        control.
     sobol_indices : bool
-        Estimate Sobol' indices of first order and total ones, with 95 % jackknife intervals, by pick-freeze: the
-        samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input. These are N
-        (d + 2) in all for d inputs, of which at most `keep` are in memory at once. For inputs that do not depend on
-        each other. If points depend on each other (Sobol', Halton, Latin hypercube), the pairs are the halves of the
-        coordinates of points in 2 d dimensions. Intervals then come from its replicates. The other statistics are those
-        of the samples, of random sampling the same as without this option. An output that does not happen in some
-        realisations has statistics, and no indices (NaN, with the reason): given that it happens inputs are not
-        independent.
+        Estimate first and total Sobol' indices with 95 % jackknife intervals by the pick-freeze method. The inputs must
+        be independent. The samples form N = `samples` / 2 pairs, and each input needs N further realisations. The total
+        is N (d + 2) realisations for d inputs. At most `keep` realisations are in memory at once.
+
+        For designs with dependent points (Sobol', Halton, Latin hypercube), the two samples of a pair are the halves of
+        a point in 2 d dimensions. The intervals are then computed over the replicates. All other statistics are
+        computed from the samples; for random sampling, this option does not change them. An output that some
+        realisations do not have, such as the time of an event, has statistics but no indices (NaN, with the reason).
+        Under the condition that the event occurs, the inputs are not independent.
     label : str, optional
-        Name of the results, by default ``monte-carlo``.
+        Name of the results. Default: ``monte-carlo``.
 
     Warns
     -----
     UserWarning
-        In a run, if realisations fail: how many, and the most frequent reason; if a control does not pay.
+        In a run, if realisations fail, with their number and the most frequent reason; if a control has no benefit.
 
     Raises
     ------
@@ -130,8 +140,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
         self._check_pairs(independent)
         if self.control is not None and not independent:
             raise uqmbd.StudyError(
-                "MonteCarlo: control needs independent samples, for its errors come from them one by one; "
-                f"sampling is {self.sampling!r}, expected 'random'."
+                "MonteCarlo: control requires independent samples, on which its error estimates are based; sampling "
+                f"is {self.sampling!r}, expected 'random'."
             )
 
     def _check_pairs(self, independent: bool) -> None:
@@ -139,18 +149,18 @@ class MonteCarlo(uqmbd.extend.Propagator):
             return
         if independent and (self.samples % 2 or self.samples < 4):
             raise uqmbd.StudyError(
-                f"MonteCarlo: samples is {self.samples}; sobol_indices needs an even number, 4 or more: it takes them "
-                "as pairs."
+                f"MonteCarlo: samples is {self.samples}; sobol_indices forms pairs of samples and needs an even "
+                "number of 4 or more."
             )
         below = allowed_pairs(self.sampling, self.samples, self.replicates)
         if below != self.samples:
             base = max(uqmbd.extend.sampling_design(self.sampling).base, 1)
             above = below * base if base > 1 else below + 2 * self.replicates
-            power = f" and a power of {'two' if base == 2 else base}" if base > 1 else ""
+            power = f" that is a power of {'two' if base == 2 else base}" if base > 1 else ""
             raise uqmbd.StudyError(
-                f"MonteCarlo: samples is {self.samples}; sobol_indices takes them as pairs, and {self.replicates} "
-                f"replicates of the design {self.sampling!r} need a number that is {2 * self.replicates} times a whole "
-                f"number{power}. Take {below}{'' if below > self.samples else f' or {above}'}."
+                f"MonteCarlo: samples is {self.samples}; sobol_indices forms pairs of samples in {self.replicates} "
+                f"replicates of the design {self.sampling!r}. This needs {2 * self.replicates} times a whole "
+                f"number{power}. Use {below}{'' if below > self.samples else f' or {above}'}."
             )
 
     def _check_control(self) -> None:
@@ -158,23 +168,24 @@ class MonteCarlo(uqmbd.extend.Propagator):
             return
         if not isinstance(self.control, (uqmbd.extend.Propagator, PolynomialChaos, LowFidelity)):
             raise uqmbd.StudyError(
-                f"MonteCarlo: control is {self.control!r}; expected a propagator that gives a polynomial chaos, e.g. "
-                "Collocation(order=3), a uqmbd.results.PolynomialChaos, or a cheaper study, e.g. LowFidelity(study)."
+                f"MonteCarlo: control is {self.control!r}; expected a propagator that computes a polynomial chaos, "
+                "e.g. Collocation(order=3), a uqmbd.results.PolynomialChaos, or a cheaper study, e.g. "
+                "LowFidelity(study)."
             )
         if self.samples < LEAST_SAMPLES:
             raise uqmbd.StudyError(
-                f"MonteCarlo: samples is {self.samples}; a control needs {LEAST_SAMPLES} at least, for its factors are "
-                f"fitted to {FOLDS} parts of them."
+                f"MonteCarlo: samples is {self.samples}; a control needs at least {LEAST_SAMPLES}, because its "
+                f"coefficients are fitted to {FOLDS} subsets of the samples."
             )
         if isinstance(self.control, LowFidelity):
             check_samples(self.control, self.samples)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count realisations, and the memory of the stored samples."""
+        """Return the number of realisations, and the memory of the stored samples."""
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         inputs = len(study.mechanism.inputs)
         kept, total = min(self.samples, self.keep), self.samples
-        # the samples, and what is sorted for their quantiles
+        # include the sorted copies for quantiles
         memory = 8 * kept * (3 * values + inputs)
         if self.sobol_indices:
             total += self.samples // 2 * inputs
@@ -182,9 +193,9 @@ class MonteCarlo(uqmbd.extend.Propagator):
         disk = 8 * (kept if self.samples <= kept else kept + self.samples) * (values + inputs)
         found = uqmbd.extend.Estimate(total, memory, f"{kept} stored samples", disk=disk)
         if isinstance(self.control, LowFidelity):
-            # its realisations are none of this study, and how many pay is known from the samples
+            # control realisations do not belong to this study, and the samples determine their optimum number
             besides = f"{self.control.samples or self.samples}{'' if self.control.samples else ' or more'}"
-            return replace(found, detail=f"{found.detail}; besides {besides} realisations of {self.control!r}")
+            return replace(found, detail=f"{found.detail}; in addition {besides} realisations of {self.control!r}")
         control = self.control.estimate(study) if isinstance(self.control, uqmbd.extend.Propagator) else None
         if control is None:
             return found
@@ -192,7 +203,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         return replace(found, realisations=total + control.realisations, memory=most, at_most=control.at_most)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing:
-        """Return the choice of the number of samples."""
+        """Return the option and the choice of the number of samples."""
 
         def allowed(samples: int) -> int:
             if self.sobol_indices:
@@ -209,27 +220,30 @@ class MonteCarlo(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: nothing random in the mechanism, or an impossible option."""
+        """Return the obstacle: no random input in the mechanism, or an impossible option."""
         inputs = study.mechanism.inputs
         if reason := uqmbd.extend.nothing_random(inputs, study.mechanism.name):
             return reason
         if isinstance(self.control, uqmbd.extend.Propagator) and (found := self.control.obstacle(study)):
-            return f"its control {self.control.name!r}: {found}"
+            return f"the control {self.control.name!r} is not possible: {found}"
         if isinstance(self.control, LowFidelity):
             mechanism, times = study.mechanism, study.times
             if not (names := (*mechanism.outputs, *mechanism.scalars)):
-                return "a study controls outputs, and there are none besides requirements"
+                return "a control study requires outputs, but this study has only requirements"
             units = {variable.name: variable.units for variable in inputs.variables}
             if found := mismatch(self.control.study, units, names, times):
                 return found
         return obstacle_of(inputs) if self.sobol_indices else None
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Sample, compute, and summarise."""
-        self._check_problem(problem)
+        """Sample, compute, and return statistics."""
+        problem.require_random()
+        if self.sobol_indices and (obstacle := obstacle_of(problem.inputs)):
+            raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")
         if self.samples <= self.keep or problem.folder is not None:
             return self._propagated(problem, None)
-        with closing(Passing(problem.labels, again=self.sobol_indices)) as passing:
+        independent = uqmbd.extend.sampling_design(self.sampling).independent
+        with closing(Passing(problem.labels, self.sobol_indices, independent)) as passing:
             return self._propagated(problem, passing)
 
     def _propagated(self, problem: uqmbd.extend.Problem, passing: Passing | None) -> xr.DataTree:
@@ -247,7 +261,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         elif isinstance(self.control, uqmbd.extend.Propagator) or (
             isinstance(self.control, PolynomialChaos) and not problem.timeless
         ):
-            # a chaos of outputs over time says nothing of those without
+            # a chaos of outputs over time contains no scalar outputs
             surrogate = surrogate_of(self.control, problem)
             sums = ControlledSums(ChaosControl(surrogate.chaos, uniform), self.samples)
         watching = [one.add for one in (sums, passing) if one is not None]
@@ -256,9 +270,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
         few = min(found.count, int(np.count_nonzero(found.kept.good))) < 2
         if few or found.failures > self.max_failures * self.samples:
             raise uqmbd.IntegrationError(
-                f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
-                f"max_failures = {self.max_failures:g} allows. "
-                f"Most frequent reason: {found.reason}"
+                f"{problem.label}: {found.failures} of {self.samples} samples failed, more than the share "
+                f"max_failures = {self.max_failures:g} allows. Most frequent reason: {found.reason}"
             )
         kept = found.kept
         samples = sample_dataset(
@@ -270,8 +283,10 @@ class MonteCarlo(uqmbd.extend.Propagator):
             copy=False,
             kind="draws",
         )
-        everything = passing if found.store is None else Stored(found.store, problem.labels)
-        statistics = self._statistics(problem, samples, found, everything)
+        everything: AllSamples | None = passing
+        if found.store is not None:
+            everything = Stored(found.store, problem.labels, uqmbd.extend.sampling_design(self.sampling).independent)
+        statistics = self._statistics(problem, samples, found, everything, sizes)
         attrs: dict[str, Any] = {}
         if sums is not None and surrogate is not None:
             statistics = sums.apply(statistics)
@@ -279,14 +294,14 @@ class MonteCarlo(uqmbd.extend.Propagator):
         if sums is not None and paired is not None:
             left = sums.left()
             if count := further_realisations(paired.control, self.samples, left):
-                # the samples are of the first child of this seed, and Sobol' indices of the second
+                # the first child of this seed is for the samples, and the second for Sobol' indices
                 seed = np.random.SeedSequence(self.seed, spawn_key=(2,))
                 statistics = sums.apply(statistics, paired.further(count, seed))
             attrs = of_study(statistics, paired, problem, self.samples, left, found.wall_time)
         if found.failures:
             warnings.warn(
-                f"{problem.label}: {found.failures} of {self.samples} realisations failed; the statistics are those of "
-                f"the others. Most frequent reason: {found.reason or 'an output is not finite'}",
+                f"{problem.label}: {found.failures} of {self.samples} realisations failed; the statistics are based "
+                f"on the successful ones. Most frequent reason: {found.reason or 'an output is not finite'}",
                 stacklevel=2,
             )
         sobol = None
@@ -296,15 +311,15 @@ class MonteCarlo(uqmbd.extend.Propagator):
             sobol = run_sobol(problem, values, (pairs[0], pairs[1]), again, self.keep, self.max_failures, replicates)
             for name, why in sobol.without.items():
                 warnings.warn(
-                    f"{problem.label}: output {name!r} has no Sobol' indices: {why}. Take later times, or a quantity "
-                    "that each realisation has, as uqmbd.maximum.",
+                    f"{problem.label}: output {name!r} has no Sobol' indices: {why}. Use later output times, or a "
+                    "quantity that exists in every realisation, such as uqmbd.maximum.",
                     uqmbd.StudyWarning,
                     stacklevel=2,
                 )
         if sobol is not None and sobol.failures:
             warnings.warn(
-                f"{problem.label}: {sobol.failures} of {sobol.realisations} further realisations for Sobol' "
-                f"indices failed; {sobol.dropped} rows are omitted. Most frequent reason: "
+                f"{problem.label}: {sobol.failures} of {sobol.realisations} additional realisations for Sobol' "
+                f"indices failed; {sobol.dropped} rows of the pick-freeze design are omitted. Most frequent reason: "
                 f"{sobol.reason or 'an output is not finite'}",
                 stacklevel=2,
             )
@@ -312,31 +327,38 @@ class MonteCarlo(uqmbd.extend.Propagator):
             statistics = statistics.merge(sobol.variables, compat="equals", join="exact")
         return self._node(problem, statistics, samples, found, surrogate, paired, sobol, attrs)
 
-    def _check_problem(self, problem: uqmbd.extend.Problem) -> None:
-        problem.require_random()
-        if not self.sobol_indices:
-            return
-        if obstacle := obstacle_of(problem.inputs):
-            raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")
-
     def _statistics(
-        self, problem: uqmbd.extend.Problem, samples: xr.Dataset, found: Gathered, everything: AllSamples | None
+        self,
+        problem: uqmbd.extend.Problem,
+        samples: xr.Dataset,
+        found: Gathered,
+        everything: AllSamples | None,
+        sizes: list[int],
     ) -> xr.Dataset:
         independent = uqmbd.extend.sampling_design(self.sampling).independent
         if everything is None:
-            statistics = statistics_of_samples(samples, independent=independent, each=problem.runner.each)
+            replicates = None if independent else sizes
+            each = problem.runner.each
+            statistics = statistics_of_samples(samples, independent=independent, replicates=replicates, each=each)
         else:
             known: dict[str, Any] = found.moments.statistics(independent=independent) | everything.statistics()
+            if not independent:
+                known["quantile_interval"] = np.full((2, *known["quantile"].shape), np.nan)
             statistics = statistics_dataset(problem.labels, **known)
         if not independent:
             with problem.timed("error estimation"):
                 errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)
-                # samples fail as a whole, but an output may be without an error alone
-                outputs = zip(problem.labels.outputs, error, strict=True)
-                lacking = [output.name for output, own in outputs if np.isnan(own).any()]
-                why = "too few replicates have successful samples"
+            reasons = dict.fromkeys(UNKNOWN, "too few replicates have successful samples")
+            if everything is not None:
+                reasons["quantile_interval"] = (
+                    "of more samples than keep, quantiles of single replicates are not counted"
+                )
+            for name, why in reasons.items():
+                # a sample fails as a whole, but a single output may have no error
+                unknown = statistics[name].isnull().any([dim for dim in statistics[name].dims if dim != "output"])
+                lacking = unknown["output"].values[unknown.values].tolist()
                 statistics[name] = with_reasons(statistics[name], dict.fromkeys(lacking, why))
         return statistics
 
@@ -359,7 +381,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             wall_time += surrogate.wall_time
             counters.update(surrogate.counters)
         if paired is not None:
-            # its realisations are none of this mechanism
+            # control realisations do not belong to this mechanism
             wall_time += paired.alone
             counters.update(paired.counters)
         if sobol is not None:
@@ -369,10 +391,10 @@ class MonteCarlo(uqmbd.extend.Propagator):
             wall_time += sobol.wall_time
             counters.update(sobol.counters)
         if self.samples > self.keep or failures > found.failures:
-            # failures are not only those of the kept samples
+            # count failures of all samples, not only of the stored ones
             attrs |= {"failures": failures, "samples_kept": min(self.keep, self.samples)}
         if len(found.replicates) < 2 and self.sampling != "random":
-            attrs["independent_samples"] = "true"  # readers need not have the plugin of the design
+            attrs["independent_samples"] = "true"  # for readers without the plugin of the design
         if found.store is not None:
             attrs |= {"all_samples": found.store.folder.name, "all_samples_count": len(found.store)}
         children = {}

@@ -1,4 +1,4 @@
-"""The realisations of pick-freeze, and the Sobol' indices in the statistics."""
+"""Realisations of the pick-freeze method, and Sobol' indices in the statistics."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ __all__ = ["SobolRun", "rows_at_once", "run_sobol"]
 
 @dataclass(frozen=True)
 class SobolRun:
-    """Sobol' indices, and the further realisations that they need."""
+    """Sobol' indices, and their further realisations."""
 
     variables: xr.Dataset
     """``sobol_first``, ``sobol_total (input, output, time)`` and ``..._interval (bound, input, output, time)``."""
-    rows: int  # of the design, that were used
-    dropped: int  # rows that were left out because one of their realisations failed
-    realisations: int  # of the first half of the samples with each input in turn from the second half
-    failures: int  # of these realisations
-    reason: str  # the most frequent reason of failure, or empty
+    rows: int  # number of rows of the design in the estimates
+    dropped: int  # number of rows that are omitted because one of their realisations failed
+    realisations: int  # number of further realisations: first halves with one input from second halves
+    failures: int  # number of failed further realisations
+    reason: str  # most frequent reason of failure; an empty text if none failed
     counters: dict[str, float]
     wall_time: float
     replicates: int = 0
-    """Replicates of a design whose points depend on each other."""
+    """Number of replicates of a design with dependent points."""
     without: Mapping[str, str] = field(default_factory=dict)
-    """Outputs without indices, and why."""
+    """Reasons of outputs without indices, by name."""
 
     @property
     def words(self) -> str:
-        """Description of the computation, in a sentence."""
+        """Description of the computation in a sentence."""
         d = len(self.variables["input"])
         if not self.rows:
             return f"no Sobol' indices: {next(iter(self.without.values()))}"
@@ -48,12 +48,12 @@ class SobolRun:
             f"over {blocks}"
         )
         if self.dropped:
-            text += f"; {self.dropped} further rows were left out, since a realisation of theirs failed"
+            text += f"; {self.dropped} further rows with failed realisations were omitted"
         return text
 
 
 def rows_at_once(rows: int, inputs: int, keep: int) -> int:
-    """Return how many rows of d + 2 realisations are in memory at once, at most `keep` realisations.
+    """Return the number of rows in memory at once; their realisations, d + 2 for each row, are at most `keep`.
 
     >>> rows_at_once(1000, 3, keep=20_000), rows_at_once(100_000, 3, keep=20_000)
     (1000, 4000)
@@ -70,27 +70,28 @@ def run_sobol(
     max_failures: float,
     replicates: int = 0,
 ) -> SobolRun:
-    """Compute the further realisations of pick-freeze, at most `keep` at a time, and the Sobol' indices.
+    """Compute the further realisations of pick-freeze, at most `keep` at a time, and return the Sobol' indices.
 
-    `values` (2 N, input) are the inputs of the samples, `pairs` the indices (N,) of both halves of each pair;
-    `responses` returns those (K, output, time) from one index to another, NaN where they failed. `replicates` is the
-    number of equal, mutually independent parts of the pairs; 0: all pairs are independent. An output that does not
-    occur in some realisations has no indices (NaN, with the reason): given that it occurs, inputs are not independent,
-    so shares of its variance do not add up. Pick-freeze changes a single input, and so leaves the realisations in which
-    it occurs. Raise IntegrationError if the share of failures exceeds `max_failures`.
+    `values` (2 N, input): inputs of the samples; `pairs`: indices (N,) of both halves of each pair; `responses`:
+    function that returns responses (K, output, time) of consecutive samples, NaN for failed ones; `replicates`: number
+    of equal, mutually independent parts of the pairs, 0 if all pairs are independent. An output that does not occur in
+    some realisations has no indices (NaN, with the reason). Under the condition that the output occurs, inputs are
+    dependent, so shares of its variance do not add up. Pick-freeze changes a single input, so the changed inputs can be
+    outside the region in which the output occurs. Raise IntegrationError if the share of failures exceeds
+    `max_failures`.
     """
     count, dimension = len(values) // 2, len(problem.inputs)
     names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)
     late = Counter(problem.runner.observed.missing)
     if any(late.values()):
-        # of all outputs that are asked for together, in which case those that always happen are asked for again
-        beside = dict.fromkeys(names, "another output that is asked for with it does not happen in some realisations")
+        # for outputs requested together; outputs that always occur are requested again without the others
+        beside = dict.fromkeys(names, "another output of the same request does not occur in some realisations")
         without = beside | _late({names[k]: late[k] for k in late}, problem.runner.observed.counted)
         unknown = np.full((2, 2, dimension, *problem.labels.shape), np.nan)
         indices = SobolIndices(unknown[0, 0], unknown[1, 0], unknown[:, 0], unknown[:, 1])
         return SobolRun(_variables(indices, problem.labels, without), *nothing, replicates, without)
     first, second = pairs
-    # these realisations are no samples of the inputs: they do not count where an output does not happen
+    # these realisations are not samples of the inputs, so they do not enter the counts of missing outputs
     other = problem.part(f"{problem.label}: Sobol' indices")
     sums: PickFreeze | None = None
     failures, wall_time, reasons, counters = 0, 0.0, Counter[str](), dict[str, float]()
@@ -101,7 +102,7 @@ def run_sobol(
         halves = [_at(responses, where[part]) for where in (first, second)]
         censored = found.status == Status.CENSORED
         fine = (found.good | censored).reshape(dimension, -1)
-        # outputs that do not happen get no further message
+        # outputs that do not occur need no further message
         given = np.where(censored[:, None, None] & np.isnan(found.response), 0.0, found.response)
         mixed = given.reshape(dimension, -1, *problem.labels.shape)
         usable = np.all([fine.all(axis=0), *(np.isfinite(x).all(axis=(1, 2)) for x in halves)], axis=0)
@@ -121,10 +122,10 @@ def run_sobol(
     few = sums is None or np.count_nonzero(sums.rows) < 2
     if sums is None or few or failures > max_failures * dimension * count:
         raise uqmbd.IntegrationError(
-            f"{other.label}: {failures} of {dimension * count} realisations failed, and {used} of {count} rows of the "
-            "design are whole; rows of 2 blocks of the design are needed at least, and "
-            f"max_failures = {max_failures:g} must not be exceeded. "
-            f"Most frequent reason: {reason or 'an output is not finite'}"
+            f"{other.label}: {failures} of {dimension * count} realisations failed, and {used} of {count} rows of "
+            "the pick-freeze design are complete. Expected complete rows in at least 2 blocks, and a share of "
+            f"failures of at most max_failures = {max_failures:g}. Most frequent reason: "
+            f"{reason or 'an output is not finite'}"
         )
     without = _late({names[k]: late[k] for k in late}, dimension * count)
     about = used, count - used, dimension * count, failures, reason
@@ -133,16 +134,19 @@ def run_sobol(
 
 
 def _late(missing: Mapping[str, int], of: int) -> dict[str, str]:
-    """Return reasons of missing indices for outputs that do not occur in some realisations."""
+    """Return the reasons of missing indices for outputs that do not occur in some realisations."""
     return {
-        name: f"it does not happen in {number} of {of} realisations; given that it happens inputs are not independent"
+        name: (
+            f"it does not occur in {number} of {of} realisations, and conditional on its occurrence "
+            "the inputs are dependent"
+        )
         for name, number in missing.items()
         if number
     }
 
 
 def _at(responses: Callable[[int, int], Array], places: Index) -> Array:
-    """Return responses at ascending places (K,), from those that ask for consecutive ones."""
+    """Return responses at ascending indices (K,); each call requests consecutive samples."""
     runs = np.split(places, np.flatnonzero(np.diff(places) != 1) + 1)
     return np.concatenate([responses(int(run[0]), int(run[-1]) + 1) for run in runs])
 

@@ -1,4 +1,4 @@
-"""The surrogate of a control variate: its origin, and its values at the samples."""
+"""Surrogate of a control variate: its training, and its values at the samples."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class ControlSurrogate:
     """Polynomial chaos, and its cost."""
 
     chaos: PolynomialChaos
-    realisations: int = 0  # computed for it; none for a chaos that was given
-    failures: int = 0  # of these
-    counters: dict[str, float] = field(default_factory=dict)  # of the solver
+    realisations: int = 0  # number of training realisations; 0 for a given chaos
+    failures: int = 0  # number of failures among the training realisations
+    counters: dict[str, float] = field(default_factory=dict)  # solver counters, by name
     wall_time: float = 0.0  # s
 
 
 def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uqmbd.extend.Problem) -> ControlSurrogate:
-    """Train the surrogate on separate realisations, or return the one that is given.
+    """Return the given surrogate, or train one on separate realisations.
 
-    A propagator must return a node with a child ``chaos``. Raise StudyError if there is none, or if its inputs, outputs
-    or times differ.
+    A propagator must return a node with a child ``chaos``. Raise StudyError if this child is missing. Also raise it
+    if the inputs, outputs or times of the surrogate differ from those of the study.
     """
     if isinstance(control, PolynomialChaos):
         found = ControlSurrogate(control)
@@ -38,8 +38,8 @@ def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uq
         node = control.propagate(problem.part(f"{problem.label}: control").using(observed=problem.runner.observed))
         if "chaos" not in node.children:
             raise uqmbd.StudyError(
-                f"{problem.label}: the control {control.name!r} gives no polynomial chaos; "
-                "take a propagator that does, e.g. Collocation(order=3)."
+                f"{problem.label}: the control {control.name!r} computes no polynomial chaos; use a propagator that "
+                "does, e.g. Collocation(order=3)."
             )
         counters = json.loads(node.attrs["solver_counters"])
         found = ControlSurrogate(
@@ -60,22 +60,23 @@ def _check(chaos: PolynomialChaos, problem: uqmbd.extend.Problem) -> None:
     ):
         if given != wanted:
             raise uqmbd.StudyError(
-                f"{problem.label}: the control's {what} are {', '.join(given)}; expected those of the study, "
+                f"{problem.label}: the {what} of the control are {', '.join(given)}; expected those of the study, "
                 f"{', '.join(wanted)}, in this order."
             )
     times = chaos.labels.times
     if times is None or not np.array_equal(times, problem.times):
         raise uqmbd.StudyError(
-            f"{problem.label}: the control has other times than the study; make it for the same times."
+            f"{problem.label}: the output times of the control differ from those of the study; "
+            "expected equal output times."
         )
 
 
 class ChaosControl:
     """Polynomial chaos at the uniform numbers (S, input) of samples, as a control variate.
 
-    It is evaluated at the uniform numbers from which the inputs are made. So its expectation over the samples is
-    exactly that of its coefficients, for any distribution: a chaos that does not fit the inputs reduces the variance
-    less, but causes no bias.
+    The chaos maps uniform numbers to its own germs. Its expectation therefore follows exactly from its coefficients,
+    for any distribution. If the distributions of the chaos differ from those of the inputs, the variance is reduced
+    less, but there is no bias.
     """
 
     words = "a polynomial chaos"
@@ -83,12 +84,16 @@ class ChaosControl:
     def __init__(self, chaos: PolynomialChaos, uniform: Array) -> None:
         self._chaos, self._uniform = chaos, uniform
         self.centre, deviation = chaos.mean.ravel(), chaos.std.ravel()
-        # a surrogate that does not vary controls nothing
+        # a constant surrogate is not a useful control
         self.useful = np.asarray(deviation > ROUNDING * np.abs(self.centre))
         self.unit = np.where(self.useful, deviation, 1.0)
 
     def standardised(self, first: int, count: int) -> Array:
-        """Return it at samples from index `first` on, less its expectation, over its deviation (count, C)."""
+        """Return standardised values (count, C) of the surrogate at `count` samples from index `first` on.
+
+        Each value minus its expectation is divided by its standard deviation. C is the number of outputs times the
+        number of times.
+        """
         uniform = self._uniform[first : first + count]
         values = self._chaos.evaluate_germs(self._chaos.space.from_uniform(uniform)).reshape(count, -1)
         return np.asarray((values - self.centre) / self.unit)

@@ -1,6 +1,6 @@
-"""Probabilities of violations: explore, search design points, adapt a proposal, sample.
+"""Probabilities of violations by exploration, search for design points, adaptive proposals, and sampling.
 
-Where violations are: points all around, and splitting into levels by chains that keep the distribution.
+Exploration uses points in all directions, and multilevel splitting by chains that preserve the distribution.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from uqmbd_reliability.searching import DesignPoint, distinct, search, starts
 __all__ = ["LEAST", "PILOT", "Analysis", "analyse", "multilevel"]
 
 LEVEL = 0.1
-"""Share of a level's points that begin the next one."""
+"""Share of a level's points that start the next level."""
 
 MOST_LEVELS = 14
 
 
 def cloud(dimension: int, count: int, reach: float, generator: np.random.Generator, *, axes: bool = True) -> Array:
-    """Return the origin, points on the axes, and `count` points farther out than standard normal ones.
+    """Return the origin, points on the axes, and `count` points farther from the origin than standard normal points.
 
-    These are in random directions; their distances exceed those of standard normal points by 0 to `reach`. The points
-    on the axes, at 0.6 times `reach`, are left out without `axes`.
+    The `count` points have random directions; their distances exceed those of standard normal points by 0 to `reach`.
+    The points on the axes are at 0.6 times `reach`; with `axes` false they are omitted.
     """
     z = generator.standard_normal((count, dimension))
     distance = np.linalg.norm(z, axis=1, keepdims=True)
@@ -40,11 +40,11 @@ def cloud(dimension: int, count: int, reach: float, generator: np.random.Generat
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Result of splitting."""
+    """Result of multilevel splitting."""
 
     probability: float
-    cov: float  # coefficient of variation of `probability` by Au and Beck, which treats the levels as independent
-    points: Array  # (K, d) of the last level: violations, where it was reached
+    cov: float  # coefficient of variation of `probability` by Au and Beck, which assumes independent levels
+    points: Array  # (K, d) of the last level: violations if this level was reached
     margins: Array  # (K,)
     reached: bool  # whether there are violations
 
@@ -57,9 +57,9 @@ def multilevel(
     generator: np.random.Generator,
     spared: int = 0,
 ) -> Levels:
-    """Descend from level to level of one margin by adaptive conditional sampling, from known points (K, d).
+    """Return the result of adaptive conditional sampling through levels of one margin, from known points (K, d).
 
-    Each level has K points. Margins (K,) are NaN where a realisation failed; `spared` realisations of the ledger stay
+    Each level has K points. Margins (K,) are NaN for failed realisations; `spared` realisations of the ledger remain
     unused. See Au and Beck, Probab. Eng. Mech. 16 (2001) 263; Papaioannou et al., Probab. Eng. Mech. 41 (2015) 89.
     """
     count = len(points)
@@ -86,7 +86,7 @@ def multilevel(
             keep = np.sqrt(1.0 - step**2)
             tried = keep * states[-1] + step * generator.standard_normal(seeds.shape)
             found = ledger(tried)[:, column]
-            accepted = found <= threshold  # a failed one is not
+            accepted = found <= threshold  # false for a failed realisation
             states.append(np.where(accepted[:, None], tried, states[-1]))
             values.append(np.where(accepted, found, values[-1]))
             step = float(np.clip(step * np.exp(accepted.mean() - 0.44), 0.05, 0.98))
@@ -96,7 +96,7 @@ def multilevel(
 
 
 def _square(inside: np.ndarray, chains: np.ndarray) -> float:
-    """Square of the coefficient of variation of a level's share, from the sums of its chains."""
+    """Return the squared coefficient of variation of a level's share, from the sums of its chains."""
     share = inside.mean()
     if not 0 < share < 1:
         return 0.0
@@ -105,10 +105,10 @@ def _square(inside: np.ndarray, chains: np.ndarray) -> float:
 
 
 PILOT = 120
-"""Standard normal points with which everything begins."""
+"""Number of standard normal points at the start."""
 
 LEAST = 500
-"""Fewer realisations leave nothing for samples that count."""
+"""Least number of realisations; fewer leave no samples for the estimates."""
 
 REACH = 5.0
 STARTS = 5
@@ -118,13 +118,13 @@ STARTS = 5
 class Analysis:
     """Result of a reliability analysis."""
 
-    estimates: tuple[ProbabilityEstimate, ...]  # of each requirement; with several one more: that any is violated
+    estimates: tuple[ProbabilityEstimate, ...]  # of each requirement; the last of several: that any is violated
     design_points: tuple[DesignPoint, ...]  # of all requirements, nearest first
     sampled: Sampled  # the samples of the estimates
     ledger: LimitStateLedger  # all computed realisations
-    notes: tuple[str, ...]  # statements for the reader
-    dependent: bool = False  # whether samples depend on each other, so that they give no standard error
-    used: Proposal | None = None  # last proposal; None where no violation was found
+    notes: tuple[str, ...]  # remarks for the results
+    dependent: bool = False  # whether samples are dependent, so that they have no standard error
+    used: Proposal | None = None  # last proposal; None if no violation was found
 
 
 def analyse(
@@ -136,10 +136,10 @@ def analyse(
     most: int = 3000,
     generator: np.random.Generator,
 ) -> Analysis:
-    """Estimate the probabilities that margins are below zero, at most with `most` realisations.
+    """Estimate the probabilities that margins are below zero, with at most `most` realisations.
 
-    `method` "form" omits the splitting, by which "auto" finds violations that no search finds; `target` is the
-    coefficient of variation at which sampling ends.
+    `method` "form" omits the splitting; with splitting, "auto" finds violations that a search misses. `target` is the
+    coefficient of variation at which sampling stops.
     """
     ledger = LimitStateLedger(limit, dimension, most)
     pilot = generator.standard_normal((PILOT, dimension))
@@ -170,7 +170,7 @@ def analyse(
 
 
 def _design_points(ledger: LimitStateLedger, origin: Array, requirements: int) -> list[DesignPoint]:
-    """Search from where rays through known points seem to meet the limits soonest."""
+    """Return design points from searches that start where rays through known points seem to reach limits soonest."""
     known, margins = ledger.points, ledger.margins
     affordable = ledger.left / 3 / (requirements * (ledger.dimension + 8))
     most = int(np.clip(affordable, 1, STARTS))
@@ -186,7 +186,7 @@ def _design_points(ledger: LimitStateLedger, origin: Array, requirements: int) -
 
 
 def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: LimitStateLedger) -> list[Region]:
-    """Return the regions of design points, of violations that lie elsewhere, and a round one of each requirement."""
+    """Return regions of design points, regions of other violations, and a round region for each requirement."""
     regions: list[Region] = []
     known, margins = ledger.points, ledger.margins
     dimension = ledger.dimension
@@ -211,7 +211,7 @@ def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: Lim
 
 
 def _plain(ledger: LimitStateLedger, generator: np.random.Generator) -> Sampled:
-    """Sample the standard normal distribution, where no violation is in sight."""
+    """Sample the standard normal distribution, if no violation is known."""
     first = ledger.count
     points = generator.standard_normal((ledger.left, ledger.dimension))
     return Sampled(points, np.ones(len(points)), ledger(points), first + np.arange(len(points)))
@@ -221,7 +221,7 @@ def _estimates(
     sampled: Sampled, used: Proposal | None, pilot: Array, levels: list[Levels | None], notes: list[str]
 ) -> list[ProbabilityEstimate]:
     margins, failures = with_any(sampled.margins), sampled.failures
-    # of the mixture, the standard part's samples are samples of the standard distribution, as the pilot is
+    # samples of the standard normal part of the mixture have the same distribution as the pilot
     share = 1.0 if used is None else float(used.mixture.weights[0])
     standard = int(len(pilot) + share * len(sampled.points))
     count = (len(pilot), int(np.isnan(pilot[:, 0]).sum()))
@@ -233,7 +233,7 @@ def _estimates(
             one = _checked(one, level, k, notes)
         found.append(one)
     if margins.shape[1] > len(levels):
-        # any is at least as likely as each
+        # the probability of any violation is at least that of each requirement
         last = found[-1]
         upper = min(max(last.upper, max(one.upper for one in found[:-1])), 1.0)
         found[-1] = ProbabilityEstimate(last.probability, last.error, last.lower, upper)
@@ -241,12 +241,12 @@ def _estimates(
 
 
 def _checked(one: ProbabilityEstimate, level: Levels, column: int, notes: list[str]) -> ProbabilityEstimate:
-    """Widen an interval that splitting contradicts: there may be violations which the proposal does not see."""
+    """Widen an interval that contradicts the splitting, because the proposal may miss violations."""
     spread = float(np.exp(norm.ppf(0.995) * np.sqrt(np.log1p((1.3 * level.cov) ** 2))))
     if level.probability / spread <= one.upper:
         return one
     notes.append(
-        f"importance sampling gives {one.probability:.3g} for margin {column + 1}, splitting {level.probability:.3g}: "
-        "there are violations that the former does not see, and the interval holds both"
+        f"importance sampling gives {one.probability:.3g} for margin {column + 1}, and splitting gives "
+        f"{level.probability:.3g}: importance sampling misses some violations, so the interval includes both values"
     )
     return ProbabilityEstimate(one.probability, one.error, one.lower, min(level.probability * spread, 1.0))

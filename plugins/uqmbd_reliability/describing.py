@@ -1,4 +1,4 @@
-"""Results of samples for an engineer: importance of inputs, derivatives, and the dataset of requirements."""
+"""Dataset of requirements from samples: importance of inputs, derivatives, and design points."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def described(
 ) -> xr.Dataset:
     """Return the dataset ``requirements`` of an analysis.
 
-    `running` (N, requirement, T) are the running margins of its samples; `time_of` returns when the margin of a
-    requirement is smallest at a point (d,), among times (T,).
+    `running` (N, requirement, T): running margins of the samples; `time_of`: function that returns the time at which
+    the margin of a requirement is smallest at a point (d,), from times (T,).
     """
     times = np.asarray(problem.over if problem.over is not None else problem.times, dtype=float)
     sampled, estimates = found.sampled, found.estimates
@@ -127,7 +127,7 @@ def _design_points(
                 "long_name": "time of the most likely violation",
                 "units": "s",
                 "comment": "first output time at which the margin is smallest, in the computed realisation nearest to "
-                "the design point; NaN for limits without a time",
+                "the design point; NaN for requirements that are not over time",
             },
         ),
         "beta": (
@@ -141,7 +141,7 @@ def _design_points(
 def _importance(space: StandardSpace, points: list[DesignPoint], violations: Array, samples: Array) -> Array:
     if points:
         _, inverse = space.own()
-        # what depends in a way that has no normal variable of its own keeps that of its germ
+        # an input whose dependence has no separate normal variable keeps the importance of its germ
         odd = np.asarray(np.isnan(inverse).any(axis=1))
         inverse = np.where(odd[:, None], np.eye(len(inverse)), inverse)
         rows: Array = np.array([inverse @ point.direction for point in points]) ** 2
@@ -151,20 +151,20 @@ def _importance(space: StandardSpace, points: list[DesignPoint], violations: Arr
     total = violations.sum()
     if not total > 0:
         return np.full(space.dimension, np.nan)
-    # for a plane this is in proportion to the squared direction cosines, too
+    # for a plane, this is also proportional to the squared direction cosines
     excess = np.maximum(violations @ (samples**2) / total - 1.0, 0.0)
     return np.asarray(excess / excess.sum()) if excess.sum() > 0 else np.full(space.dimension, np.nan)
 
 
 def _gradient(space: StandardSpace, violations: Array, samples: Array, failures: Array) -> tuple[Array, Array]:
-    """Return derivatives by mean and deviation of the inputs, and errors, each (requirement, 2, input)."""
+    """Return derivatives by mean and deviation of the inputs, and their errors, each (requirement, 2, input)."""
     scores, slopes = space.scores(samples), space.moment_slopes()
     shape = (violations.shape[1], 2, space.dimension)
     value, error = np.full(shape, np.nan), np.full(shape, np.nan)
     back = np.full((2, 2, space.dimension), np.nan)
     for i in range(space.dimension):
         if np.isfinite(slopes[:, :, i]).all() and abs(np.linalg.det(slopes[:, :, i])) > 0:
-            # parameters of the normal variable by moments of the input
+            # derivatives of the normal variable's parameters by moments of the input
             back[:, :, i] = np.linalg.inv(slopes[:, :, i])
     for k in range(shape[0]):
         by, covariance = derivatives(violations[:, k], scores, failures)

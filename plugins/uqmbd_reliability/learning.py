@@ -1,15 +1,15 @@
-"""From a surrogate to the mechanism: realisations near the limits, and a correction by violations that it missed.
+"""Reliability analysis with a surrogate, realisations near the limits, and a correction by missed violations.
 
-The search, the splitting and the sampling of `uqmbd_reliability.analysis` go over the surrogate, which costs nothing;
-their proposal gives a population of weighted points. Realisations are computed where the sign of a margin is uncertain.
-A Gaussian process (scikit-learn's) of the residuals of the surrogate corrects it, and the two steps repeat. Then it is
-frozen, and
+The steps of `uqmbd_reliability.analysis` (search, splitting, sampling) run on the surrogate, whose evaluations have
+negligible cost. Their proposal gives a population of weighted points. Realisations are computed at points at which the
+sign of a margin is uncertain. A Gaussian process (of scikit-learn) of the residuals corrects the surrogate, and both
+steps repeat. Then the surrogate is frozen, and the probability is
 
-    P = P of the surrogate + P(violation, not predicted) - P(predicted, no violation),
+    P = P of the surrogate + P(violation, not predicted) - P(predicted, no violation).
 
-whose last two terms are estimated by real realisations drawn from the population, in doubt more often than not: the
-estimator of Hansen and Hurwitz, unbiased however wrong the surrogate is.  Half of them are drawn from the proposal as
-it is, so that no weight is larger than twice of what importance sampling has.
+Realisations drawn from the population give estimates of the last two terms. Points with an uncertain sign are drawn
+more often. This is the estimator of Hansen and Hurwitz, unbiased for every surrogate. Half of the points are drawn from
+the unchanged proposal, so that no weight is larger than twice the weight in importance sampling.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ __all__ = ["FIRST", "gaussian_processes", "learn"]
 POPULATION = 10_000
 CYCLES, BATCH = 4, 32
 FIRST = 40
-"""Standard normal points with which everything begins."""
+"""Number of standard normal points at the start."""
 
 FREE = 10_000
-"""Evaluations of the surrogate by which the proposal is found."""
+"""Number of evaluations of the surrogate to find the proposal."""
 
 PLAIN = 0.5
 """Share of draws from the unchanged proposal."""
 
 DOUBT = 1e-4
-"""Probability of a wrong sign from which a point may be wrong, for the bound where none was seen."""
+"""Probability of a wrong sign above which a point may be wrong, for the bound if no wrong sign was observed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class _Population:
 
 
 def gaussian_processes() -> tuple[Any, ...]:
-    """Import the classes of scikit-learn for Gaussian processes: they, their kernels, and its exceptions."""
+    """Return scikit-learn's modules of Gaussian processes, of their kernels, and of its exceptions."""
     modules = ("gaussian_process", "gaussian_process.kernels", "exceptions")
     needed = partial(uqmbd.extend.require_package, purpose="Reliability(surrogate=...)", install="uqmbd[learning]")
     return tuple(needed(f"sklearn.{module}") for module in modules)
@@ -76,8 +76,8 @@ def learn(
 ) -> Analysis | None:
     """Estimate probabilities of margins below zero, with a surrogate `predict` from (K, d) to (K, requirement).
 
-    Other arguments are those of `analyse`; `most` counts real realisations. Return None where the surrogate has no
-    violation at all and is therefore useless.
+    Other arguments are the same as for `analyse`; `most` counts only realisations of the mechanism. Return None if the
+    surrogate has no violation, because it is useless then.
     """
     ledger = LimitStateLedger(limit, dimension, most)
     ledger(generator.standard_normal((FIRST, dimension)))
@@ -104,7 +104,7 @@ def learn(
 
 @dataclass(frozen=True, eq=False)
 class _CorrectedSurrogate:
-    """A surrogate, and Gaussian processes of its residuals in margins; None if too few are known."""
+    """Surrogate with Gaussian processes of its residuals in margins; None if there are too few residuals."""
 
     predict: Callable[[Array], Array]
     processes: tuple[Any, ...]
@@ -112,7 +112,7 @@ class _CorrectedSurrogate:
 
     @classmethod
     def of(cls, predict: Callable[[Array], Array], ledger: LimitStateLedger) -> _CorrectedSurrogate:
-        """Fit to all that was computed."""
+        """Return the surrogate with a fit to all computed residuals."""
         gaussian, kernels, exceptions = gaussian_processes()
         known = ledger.points
         left = ledger.margins - predict(known)
@@ -165,7 +165,7 @@ def _population(used: Proposal, corrected: _CorrectedSurrogate, generator: np.ra
 def _verified(
     free: Analysis, ledger: LimitStateLedger, population: _Population, target: float, generator: np.random.Generator
 ) -> Analysis:
-    """Draw real realisations with the surrogate frozen, until the probabilities are known as well as is wanted."""
+    """Draw realisations with the surrogate frozen, until the probabilities are accurate enough."""
     drawn = np.zeros(0, dtype=np.int64)
     rows = np.zeros(0, dtype=np.int64)
     place: dict[int, int] = {}
@@ -185,14 +185,17 @@ def _verified(
             break
     weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
     margins = ledger.margins[rows]
-    # by the same draws, in proportion to what is known better
+    # scale the weights of these draws to the more accurate probability
     counted = float(np.where(with_any(margins)[:, -1] < 0, weights, 0.0).mean())
     if counted > 0 and estimates:
         weights = weights * (estimates[-1].probability / counted)
     sampled = Sampled(population.points[drawn], weights, margins, rows)
     wrong = int(((margins < 0) != (population.predicted[drawn] < 0)).any(axis=1).sum())
     notes = (
-        f"the surrogate was wrong in {wrong} of {len(drawn)} real realisations, most of them where it was in doubt",
+        (
+            f"the surrogate misclassified {wrong} of {len(drawn)} realisations of the mechanism, most of which were "
+            "chosen where it is uncertain"
+        ),
     )
     return Analysis(tuple(estimates), free.design_points, sampled, ledger, notes, used=free.used)
 
@@ -204,7 +207,7 @@ def _settled(one: ProbabilityEstimate, target: float) -> bool:
 def _estimates(population: _Population, drawn: Index, margins: Array, lost: int) -> list[ProbabilityEstimate]:
     weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
     real, guess = with_any(margins), with_any(population.predicted)
-    doubt = with_any(-population.doubt)  # the largest of all stands for any
+    doubt = with_any(-population.doubt)  # the largest doubt applies to any violation
     failed = np.isnan(real[:, 0])
     gone, most_gone = failing(np.where(failed, weights, 0.0), FIRST, lost)
     kept = max(1.0 - gone, 1e-12)
@@ -212,10 +215,11 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
     for k in range(real.shape[1]):
         violated, said = real[:, k] < 0, guess[drawn, k] < 0
         counted = np.where(guess[:, k] < 0, population.ratio, 0.0)
-        # for what was not seen: the weight of a draw that may be wrong, in doubt or, deceptively, not
+        # for the bound of unobserved errors: weights of draws with an uncertain sign, and with an apparently certain
+        # one
         unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
         most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
-        # what was predicted and failed is left out of the probability, too
+        # the probability also excludes realisations that were predicted and failed
         missed, false = weights * (violated & ~said), weights * (~violated & said)
         mean = float(counted.mean() + missed.mean() - false.mean())
         error = float(np.hypot(_error(counted), _error(missed - false)))
@@ -226,7 +230,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
 
 
 def _weight(population: _Population, chosen: Index, share: float) -> float:
-    """Return the weight of a draw than which so many of some points have less."""
+    """Return the quantile of the weights of draws at some points, for a share of these points."""
     if not len(chosen):
         return 0.0
     weights = population.ratio[chosen] / (len(population.points) * population.drawn[chosen])
@@ -238,7 +242,7 @@ def _error(values: Array) -> float:
 
 
 def _combined(mean: float, counted: Array, missed: Array, false: Array, most: float) -> tuple[float, float]:
-    """Combine the intervals of the terms, by the method of variance estimates recovery (Zou and Donner)."""
+    """Return the interval of the sum of the terms, by the method of variance estimates recovery (Zou and Donner)."""
     sampling = 1.96 * _error(counted)
     above, below = _interval(missed, most), _interval(false, most)
     one, other = float(missed.mean()), float(false.mean())
@@ -248,7 +252,7 @@ def _combined(mean: float, counted: Array, missed: Array, false: Array, most: fl
 
 
 def _interval(weights: Array, most: float) -> tuple[float, float]:
-    """Bounds of a mean of the weights of rare events, of which none may have been seen (Fay and Feuer)."""
+    """Return bounds of a mean of weights of rare events, valid also without any event (Fay and Feuer)."""
     each = weights / len(weights)
     total, square = each.sum(), (each**2).sum()
     low = square / (2 * total) * chdtri(2 * total**2 / square, 0.975) if total > 0 else 0.0

@@ -1,8 +1,6 @@
-"""The reliability propagator.
+"""Reliability propagator, margins by a surrogate of another method, and the mechanism as a limit state.
 
-Margins by a surrogate that another method makes.
-
-The mechanism as a limit state: every realisation is counted and kept with its running margins.
+Every realisation is counted and stored with its running margins.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ __all__ = ["Reliability"]
 
 
 class MarginSource(Protocol):
-    """Margins of realisations, with outputs and alone."""
+    """Margins of realisations, with or without outputs."""
 
     @property
     def values(self) -> Array: ...
@@ -43,11 +41,11 @@ class MarginSource(Protocol):
 
 
 NEAR = 1e-3
-"""Part of the fall of a running margin within which it is at its smallest value."""
+"""Tolerance for the minimum of a running margin, relative to its total decrease."""
 
 
 class MarginRuns:
-    """Margins of chosen requirements, computed on request."""
+    """Margins of the selected requirements, computed on request."""
 
     def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
         self._problem, self._space, self._chosen = problem, space, chosen
@@ -62,14 +60,14 @@ class MarginRuns:
     def __call__(self, points: Array) -> tuple[Array, Mask]:
         """Return margins (K, requirement) at points (K, d), and which realisations failed.
 
-        The outputs of the first points that are asked for are kept.
+        The outputs of the first requested points are stored.
         """
         inputs = self._space.to_inputs(points)
         if self.pilot is None:
             self.pilot = self._problem.realise(inputs)
             self.counters.update(self.pilot.counters)
             self.wall_time += self.pilot.wall_time
-            # computed beside the outputs, and not again
+            # margins and outputs of the first points are computed together
             found: MarginSource = self.pilot.margins or self._problem.margins(inputs)
         else:
             found = more = self._problem.margins(inputs)
@@ -83,40 +81,42 @@ class MarginRuns:
         return found.values[:, self._chosen], found.failed
 
     def running(self, rows: Index) -> Array:
-        """Return the running margins (K, requirement, T) of some realisations, by their places."""
+        """Return the running margins (K, requirement, T) of some realisations, given by their indices."""
         return np.asarray(np.concatenate(self._running)[rows])
 
     def time_of(self, point: Array, requirement: int, times: Array) -> float:
-        """Return when the margin is smallest in the computed realisation nearest to a point (d,); NaN if unknown."""
+        """Return the time of the smallest margin in the realisation nearest to a point (d,); NaN if unknown."""
+        if not self._problem.requirements[self._chosen[requirement]].over_time:
+            return float("nan")
         running = np.concatenate(self._running)[:, requirement]
         known = np.flatnonzero(np.isfinite(running[:, -1]))
         if not len(known) or running.shape[1] != len(times):
             return float("nan")
         nearest = known[np.argmin(np.linalg.norm(np.concatenate(self._points)[known] - point, axis=1))]
         margin = running[nearest]
-        # a margin without a time is the same at all times; periodic motions come as near again and again
-        fall = margin[0] - margin[-1]
-        return float(times[np.argmax(margin <= margin[-1] + NEAR * fall)]) if fall > 0 else float("nan")
+        # skip infinite margins before the requirement's interval; a periodic motion reaches the minimum repeatedly
+        fall = margin[np.isfinite(margin)][0] - margin[-1]
+        return float(times[np.argmax(margin <= margin[-1] + NEAR * fall)])
 
     @property
     def reason(self) -> str:
-        """The most frequent reason of failure, or empty."""
+        """Most frequent reason of failure; an empty text if none failed."""
         return self.reasons.most_common(1)[0][0] if self.reasons else ""
 
 
 BLOCK = 2**13
-"""Points that are evaluated at once."""
+"""Largest number of points in one evaluation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Surrogate margins of chosen requirements at points of the standard normal space."""
+    """Surrogate margins of the selected requirements at points of the standard normal space."""
 
-    evaluate: Callable[[Array], Array]  # from germs (K, d) to values (K, requirement, 1)
+    evaluate: Callable[[Array], Array]  # maps germs (K, d) to values (K, requirement, 1)
     space: StandardSpace
     chosen: list[int]  # indices of the requirements
-    realisations: int  # for the training
-    failures: int  # of these realisations
+    realisations: int  # number for the training
+    failures: int  # number of failed ones among these
 
     def __call__(self, points: Array) -> Array:
         """Return margins (K, requirement) at points (K, d)."""
@@ -128,7 +128,7 @@ class Predictor:
 def predictor(
     method: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]
 ) -> Predictor:
-    """Train a surrogate of the margins by a method; raise StudyError if the method gives none."""
+    """Return a surrogate of the margins by a method; raise StudyError if the method does not provide one."""
     margins = problem if problem.kind == "requirements" else problem.of_requirements()
     part = margins.part(f"{problem.label}: surrogate").using(observed=margins.runner.observed)
     node = method.propagate(replace(part, answers_requirements=False))
@@ -148,35 +148,35 @@ FINEST = 0.005
 
 @dataclass(frozen=True, kw_only=True)
 class Reliability(uqmbd.extend.Propagator):
-    """Find how probably requirements are violated, where violations are too rare to be counted.
+    """Estimate the probabilities that requirements are violated, for violations too rare to be counted.
 
-    It looks for the most likely violations (design points), and samples around them: each realisation is weighted by
-    how much more probable it was made, so the probability is that of the mechanism, whatever the search has found.
-    Some samples, and chains that go down from level to level, look elsewhere; what they find is sampled, too, and an
-    interval that they contradict is widened.
+    The method searches the most likely violations (design points), and samples near them. The weight of each
+    realisation corrects the higher sampling density. So the estimate is the probability of the mechanism, for any
+    result of the search. Some samples, and chains through levels of the margin, explore other regions. Violations found
+    there are sampled, too, and an interval that contradicts them is widened.
 
     Parameters
     ----------
     requirement : str, optional
-        Name of the requirement.  Default: all, and that any is violated, from the same realisations.
+        Name of the requirement. Default: each requirement, and the violation of any one, from the same realisations.
     method : {"auto", "form", "subset"}
-        ``"auto"``: design points, and splitting into levels, which sees violations that no search finds, then
-        importance sampling.  ``"form"``: without splitting: fewer realisations, where the limit is known to be
-        simple. ``"subset"``: subset simulation of OpenTURNS (``pip install "uqmbd[reliability]"``), of one
-        requirement: a second opinion, far less certain; the other methods need nothing more than uqmbd.
+        ``"auto"`` searches design points, then uses multilevel splitting, which finds violations that a search misses,
+        then importance sampling. ``"form"`` omits the splitting, and so needs fewer realisations; use it if the limit
+        is known to be simple. ``"subset"`` is subset simulation of OpenTURNS (``pip install "uqmbd[reliability]"``) for
+        one requirement. It is an independent but far less accurate estimate. The other methods need no other package.
     target_cov : float
-        Coefficient of variation (standard error over probability) at which it ends.
+        Coefficient of variation (standard error divided by probability) at which sampling stops.
     max_realisations : int
-        Realisations at most, all together: those of searches, of `surrogate`, and those that fail are counted, too.
+        Largest total number of realisations, including those of searches and of `surrogate`, and failed ones.
     seed : int
-        Of the random numbers: the same seed gives the same bits, whatever the number of workers.
+        Seed of the random numbers. The same seed gives the same bits for any number of workers.
     surrogate : uqmbd.extend.Propagator, optional
-        A method that gives a surrogate of the margins, as ``Collocation(order=3)``, which is run first: the search goes
-        over it, and real realisations are computed where the sign of a margin is in doubt.  The probability and its
-        interval are those of the real mechanism; a poor surrogate costs realisations.  At least 500 of
-        `max_realisations` have to be left when it has taken its own.
+        Method that provides a surrogate of the margins, such as ``Collocation(order=3)``. It runs first. The search
+        uses the surrogate, and realisations are computed at points at which the sign of a margin is uncertain. The
+        probability and its interval refer to the mechanism; an inaccurate surrogate only costs more realisations. At
+        least 500 of `max_realisations` must remain after the surrogate.
     label : str, optional
-        Name of the results, by default ``reliability``.
+        Name of the results. Default: ``reliability``.
 
     Raises
     ------
@@ -186,13 +186,13 @@ class Reliability(uqmbd.extend.Propagator):
     Warns
     -----
     UserWarning
-        In a run, if realisations fail (they are neither safe nor unsafe: the interval holds both), if `target_cov`
-        was not reached, or if there are no requirements.
+        In a run, if realisations fail, if `target_cov` was not reached, or if there are no requirements. Failed
+        realisations are neither safe nor unsafe, so the interval contains both possibilities.
 
     Notes
     -----
-    Statistics of the outputs are those of the first standard normal realisations, with the standard errors of so few;
-    take Monte Carlo or a surrogate for them.
+    Statistics of the outputs are from the first standard normal realisations, and have large standard errors. Use Monte
+    Carlo or a surrogate for them.
 
     Examples
     --------
@@ -221,11 +221,11 @@ class Reliability(uqmbd.extend.Propagator):
             gaussian_processes()
         if self.surrogate is not None and self.method != "auto":
             raise uqmbd.StudyError(
-                f"Reliability: method is {self.method!r}, and a surrogate is given; with one, leave the method out."
+                f"Reliability: method is {self.method!r}, but a surrogate is given. Omit method, or omit surrogate."
             )
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count realisations, and the stored running margins."""
+        """Return the number of realisations, and the memory of the stored running margins."""
         wanted = len(study.mechanism.requirements)
         count = self.max_realisations if wanted else PILOT
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
@@ -237,10 +237,10 @@ class Reliability(uqmbd.extend.Propagator):
         return replace(found, memory=max(found.memory, other.memory))
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
-        """Bound the realisations, and end where half a 95 % interval is the accuracy times the probability."""
+        """Return options with a limit of realisations, and with the accuracy as half the relative 95 % interval."""
         if not study.mechanism.requirements:
             return None
-        # an interval reaches from p exp(-1.96 cov) to p exp(1.96 cov)
+        # an interval is from p exp(-1.96 cov) to p exp(1.96 cov)
         wanted = self.target_cov if accuracy is None else float(np.log1p(accuracy)) / 1.96
         target = min(max(wanted, FINEST), 1.0)
         return uqmbd.extend.Sizing(
@@ -254,11 +254,11 @@ class Reliability(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: nothing random, or an unknown requirement."""
+        """Return the obstacle: no random input, or an unknown requirement."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_expensive(study)):
-            return f"its surrogate {self.surrogate.name!r}: {found}"
+            return f"the surrogate {self.surrogate.name!r} is not possible: {found}"
         return self._unknown(list(study.mechanism.requirements))
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
@@ -266,7 +266,7 @@ class Reliability(uqmbd.extend.Propagator):
         return () if study.mechanism.requirements else (NOTHING,)
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Explore, search, sample, and summarise."""
+        """Explore, search, sample, and return statistics."""
         space = StandardSpace(problem.germ_space())
         names = [one.name for one in problem.requirements]
         if problem.answers_requirements and (reason := self._unknown(names)):
@@ -299,40 +299,42 @@ class Reliability(uqmbd.extend.Propagator):
             most -= predicted.realisations
             if most < LEAST:
                 raise uqmbd.IntegrationError(
-                    f"{self.node_name}: the surrogate used {predicted.realisations} of at most {self.max_realisations} "
-                    f"realisations, and the analysis needs {LEAST} more; increase max_realisations."
+                    f"{self.node_name}: the surrogate used {predicted.realisations} of at most "
+                    f"{self.max_realisations} realisations, but the analysis needs {LEAST} more. Increase "
+                    "max_realisations."
                 )
             learned = learn(runs, predicted, dimension, target=target, most=most, generator=generator)
             if learned is not None:
                 return learned
-        # what a surrogate of no use has taken is spent, and lies before the places of the samples
+        # count realisations of a useless surrogate; they precede the samples
         spent = runs.count
         found = analyse(runs, dimension, method=self.method, target=target, most=most - spent, generator=generator)
         return replace(found, sampled=replace(found.sampled, rows=found.sampled.rows + spent))
 
     def _too_expensive(self, study: uqmbd.Study) -> str | None:
-        """Return a message that a surrogate may leave too little of the realisations."""
+        """Return a message if a surrogate may leave too few realisations."""
         if self.surrogate is None or (planned := self.surrogate.estimate(study)) is None:
             return None
         if planned.realisations + LEAST <= self.max_realisations:
             return None
         most = "up to " if planned.at_most else ""
         return (
-            f"it takes {most}{planned.realisations} realisations, and {LEAST} more are needed, but max_realisations is "
-            f"{self.max_realisations}; make it {planned.realisations + LEAST} or more, or bound those of the surrogate"
+            f"it needs {most}{planned.realisations} realisations and the analysis needs {LEAST} more, but "
+            f"max_realisations is {self.max_realisations}. Increase it to {planned.realisations + LEAST} or more, or "
+            "limit the realisations of the surrogate"
         )
 
     def _unknown(self, names: list[str]) -> str | None:
         if self.requirement is not None and self.requirement not in names:
-            there = f"there are {', '.join(names)}" if names else "there is none"
-            return f"requirement is {self.requirement!r}; {there}: give the name of one, or leave it out"
+            there = f"expected one of {', '.join(names)}, or None" if names else "the mechanism has no requirement"
+            return f"requirement is {self.requirement!r}; {there}"
         if self.method == "subset" and self.requirement is None and len(names) > 1:
-            return f"method 'subset' is for one requirement; give as requirement one of {', '.join(names)}"
+            return f"method 'subset' supports one requirement only; set requirement= to one of {', '.join(names)}"
         return None
 
     def _without(self, problem: uqmbd.extend.Problem, space: StandardSpace) -> xr.DataTree:
-        """Give the statistics alone: there are no requirements, or they are answered in another run."""
-        # in the latter case they are those of that run, and not computed again
+        """Return only statistics of outputs, without requirements or with requirements of another run."""
+        # for requirements of another run, use the same realisations, which are not computed again
         count = PILOT if self.surrogate is None or not problem.requirements else FIRST
         points = np.random.default_rng(self.seed).standard_normal((count, space.dimension))
         if not problem.requirements:
@@ -350,7 +352,7 @@ class Reliability(uqmbd.extend.Propagator):
         predicted: Predictor | None = None,
     ) -> xr.DataTree:
         fine = pilot.good
-        # where an output does not happen a realisation has not failed
+        # a realisation in which an output has no event has not failed
         lost = int(np.count_nonzero(~fine)) - pilot.censored
         if lost > 0.5 * len(fine) or np.count_nonzero(fine) < 2:
             raise uqmbd.IntegrationError(
@@ -365,8 +367,8 @@ class Reliability(uqmbd.extend.Propagator):
         if failures:
             reason = pilot.most_frequent_reason() or (runs.reason if runs else "") or "an output is not finite"
             warnings.warn(
-                f"{problem.label}: {failures} of {total} realisations failed; they are neither safe nor unsafe, and "
-                f"widen the intervals. Most frequent reason: {reason}",
+                f"{problem.label}: {failures} of {total} realisations failed. They count neither as violations nor "
+                f"as successes, and widen the confidence intervals. Most frequent reason: {reason}",
                 stacklevel=3,
             )
         samples = sample_dataset(
@@ -394,8 +396,8 @@ class Reliability(uqmbd.extend.Propagator):
         """Return a description of the computation, and warn if it differs from the request."""
         counted = len(found.sampled.points)
         points = f"{len(found.design_points)} design points" if found.design_points else "no design point"
-        how = "OpenTURNS's subset simulation" if self.method == "subset" else f"{points}, {counted} samples that count"
-        text = [f"{how}, {runs.count} realisations in all"]
+        how = "OpenTURNS's subset simulation" if self.method == "subset" else f"{points}, {counted} importance samples"
+        text = [f"{how}, {runs.count} realisations in total"]
         missed = [
             f"{name} ({one.cov:.2g})"
             for name, one in zip(names, found.estimates, strict=True)
@@ -403,14 +405,14 @@ class Reliability(uqmbd.extend.Propagator):
         ]
         if missed and self.method != "subset":
             warnings.warn(
-                f"{problem.label}: target_cov={self.target_cov:g} was not reached for {', '.join(missed)} with "
-                f"{runs.count} realisations; the intervals are wider. Increase max_realisations.",
+                f"{problem.label}: the analysis did not reach target_cov={self.target_cov:g} for {', '.join(missed)} "
+                f"with {runs.count} realisations, so the confidence intervals are wider. Increase max_realisations.",
                 stacklevel=3,
             )
         return {"reliability_summary": "; ".join([*text, *found.notes])}
 
 
 NOTHING = (
-    "the mechanism has no requirement, so there is nothing to find but statistics of few realisations; state one by "
-    "mechanism.require(name, relation), or use another method"
+    "the mechanism has no requirement, so the results contain only statistics of a few realisations. Add a "
+    "requirement with mechanism.require(name, relation), or use another method"
 )

@@ -1,4 +1,4 @@
-"""The report's section on reliability: most likely violations, and how their probabilities were found."""
+"""Report section on reliability: most likely violations, and the computation of their probabilities."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from uqmbd.results import methods
 __all__ = ["ReliabilitySection"]
 
 MOST_CHARTS = 4
-"""Requirements whose most likely violations are drawn."""
+"""Largest number of requirements with charts of the most likely violations."""
 
 NAMED = 2
-"""Inputs of a most likely violation that are named in a table."""
+"""Number of inputs of a most likely violation in a table."""
 
 
 class ReliabilitySection:
@@ -27,11 +27,11 @@ class ReliabilitySection:
     title = "Most likely violations"
 
     def render(self, tree: xr.DataTree) -> str:
-        """Return the table of all most likely violations; empty where no method has any."""
+        """Return the table of all most likely violations; an empty text if no method has any."""
         return "\n".join(_table(label, node) for label, node in _analyses(tree))
 
     def first_screen(self, tree: xr.DataTree) -> FirstScreen | None:
-        """Return the most likely violations as points and times, and the realisations; None where there are none."""
+        """Return the most likely violations as points and times, and the realisations; None without violations."""
         rows, charts, said = [], [], []
         found = list(_analyses(tree))
         for label, node in found:
@@ -59,7 +59,7 @@ class ReliabilitySection:
 
 
 def _analyses(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataTree]]:
-    """Yield the methods that have design points, by label."""
+    """Yield the methods with design points, by label."""
     for label, node in methods(tree).items():
         part = node.children.get("requirements")
         if part is not None and {"design_points", "design_points_standard", "beta"} <= set(part.data_vars):
@@ -67,7 +67,7 @@ def _analyses(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataTree]]:
 
 
 def _found_in(data: xr.Dataset) -> list[str]:
-    """Return the requirements with a design point; not the event that any of several is violated."""
+    """Return the requirements with a design point, without the event that any of several is violated."""
     if not data.sizes.get("point", 0):
         return []
     names = [str(name) for name in data["requirement"].values]
@@ -81,15 +81,17 @@ def _time(one: xr.Dataset) -> str:
 
 
 def _inputs(one: xr.Dataset) -> list[str]:
-    """Write the inputs at a design point, the farthest from its median first."""
+    """Return texts of the inputs at a design point, largest distance from the median first."""
     away = np.abs(one["design_points_standard"].values)
     names, units = one["input"].values, one["input_units"].values
-    return [f"{names[k]} = {_quantity(one['design_points'].values[k], str(units[k]))}" for k in np.argsort(-away)]
+    values = one["design_points"].values
+    # units as in a label, without brackets
+    shown = [with_units("", str(one)).strip(" []") for one in units]
+    return [f"{names[k]} = {_number(values[k])} {shown[k]}".rstrip() for k in np.argsort(-away)]
 
 
-def _quantity(value: float, units: str) -> str:
-    number = f"{value:.5g}".replace("-", "\N{MINUS SIGN}")
-    return number if units in ("", "1") else f"{number} {units}"
+def _number(value: float) -> str:
+    return f"{value:.5g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _chart(one: xr.Dataset, title: str) -> Chart:
@@ -113,7 +115,7 @@ def _table(label: str, node: xr.DataTree) -> str:
             if not np.isfinite(float(one["beta"])):
                 continue
             cells = [_time(one), f"{float(one['beta']):.2f}"]
-            cells += [_quantity(float(value), "") for value in one["design_points"].values]
+            cells += [_number(float(value)) for value in one["design_points"].values]
             shown = "".join(f'<td class="number">{html.escape(cell)}</td>' for cell in cells)
             rows.append(f'<tr><th scope="row">{html.escape(name)}</th>{shown}</tr>')
     head = "".join(f'<th scope="col">{html.escape(head)}</th>' for head in heads)

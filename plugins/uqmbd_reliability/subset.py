@@ -1,6 +1,6 @@
-"""Subset simulation by OpenTURNS: a second estimate of a probability, which shares only the space with the others.
+"""Subset simulation by OpenTURNS: a second estimate of a probability, independent but for the space.
 
-What it cannot do is why it is not the method by default: see `uqmbd_reliability.analysis`.
+For the limitations that prevent its use by default, see `uqmbd_reliability.analysis`.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ __all__ = ["MISSING", "available", "subset_probability"]
 
 
 MISSING = (
-    "method 'subset' is that of OpenTURNS, which is not installed; install it (pip install \"uqmbd[reliability]\"), or "
-    "take method='auto', which needs nothing more"
+    "method 'subset' requires OpenTURNS, which is not installed. Install it (pip install \"uqmbd[reliability]\"), "
+    "or use method='auto', which needs no other package"
 )
 
 LEAST, BLOCK = 500, 100
-"""Points of a level at least, and how many are computed at once; with 300 OpenTURNS raises on rare events."""
+"""Least number of points of a level, and number of points in one call; with 300, OpenTURNS raises on rare events."""
 
 DEPENDENCE = 1.8
-"""Measured standard deviation over that which OpenTURNS states: chains depend on each other from level to level."""
+"""Ratio of the measured standard deviation to that stated by OpenTURNS, which ignores dependence between levels."""
 
 
 def available() -> bool:
@@ -42,7 +42,7 @@ def available() -> bool:
 def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analysis:
     """Estimate the probability that a single margin is below zero by OpenTURNS's subset sampling.
 
-    Raise IntegrationError if `most` realisations do not suffice.
+    Raise IntegrationError if `most` realisations are not enough.
     """
     import openturns as ot
 
@@ -56,14 +56,14 @@ def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: in
         try:
             margins = ledger(points)
         except BaseException as error:
-            # OpenTURNS makes a RuntimeError of all that is raised in a function
+            # OpenTURNS converts every exception in a function to a RuntimeError
             trouble.append(error)
             raise
         seen.update({row.tobytes(): first + k for k, row in enumerate(points)})
-        # a realisation that failed stops no chain; it is counted as what it might be in the interval
+        # a failed realisation does not stop a chain; the interval accounts for its unknown result
         return np.where(np.isnan(margins), 1e300, margins)
 
-    # the state of OpenTURNS's generator is global: it is given back
+    # restore the global state of OpenTURNS's generator later
     before = ot.RandomGenerator.GetState()
     ot.RandomGenerator.SetSeed(seed)
     try:
@@ -76,12 +76,14 @@ def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: in
         algorithm.run()
     except Exception as error:
         if not trouble:
-            raise uqmbd.IntegrationError(f"OpenTURNS's subset simulation: {error}; take method='auto'.") from error
+            raise uqmbd.IntegrationError(
+                f"OpenTURNS's subset simulation failed: {error}. Use method='auto'."
+            ) from error
         if not isinstance(trouble[0], BudgetExhausted):
             raise trouble[0] from None
         raise uqmbd.IntegrationError(
-            f"OpenTURNS's subset simulation needs more than the {most} realisations that are allowed; increase "
-            "max_realisations, or take method='auto'."
+            f"OpenTURNS's subset simulation needs more than the allowed {most} realisations. Increase "
+            "max_realisations, or use method='auto'."
         ) from None
     finally:
         ot.RandomGenerator.SetState(before)
@@ -90,7 +92,7 @@ def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: in
     cov = DEPENDENCE * float(result.getCoefficientOfVariation())
     last = np.array(algorithm.getInputSample(algorithm.getStepsNumber() - 1, algorithm.EVENT1))
     factor = float(np.exp(norm.ppf(0.975) * np.sqrt(np.log1p(cov**2))))
-    # the points of the first level are standard normal ones: what is lost is counted among them
+    # count failures among the points of the first level, which are standard normal
     lost, most_lost = failing(np.zeros(0), LEAST, int(np.isnan(ledger.margins[:LEAST, 0]).sum()))
     known = max(1.0 - lost, 1e-12)
     one = ProbabilityEstimate(
@@ -101,5 +103,5 @@ def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: in
     )
     rows = np.array([seen[row.tobytes()] for row in last])
     sampled = Sampled(last, np.full(len(last), probability), ledger.margins[rows], rows)
-    notes = (f"by OpenTURNS {ot.__version__}, whose coefficient of variation is taken {DEPENDENCE:g} times",)
+    notes = (f"by OpenTURNS {ot.__version__}, with its coefficient of variation multiplied by {DEPENDENCE:g}",)
     return Analysis((one,), (), sampled, ledger, notes, dependent=True)

@@ -1,4 +1,4 @@
-"""The bushing: an elastic, damped connection in all directions."""
+"""Bushing: an elastic, damped connection in all directions."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["Bushing"]
 
 
 class Bushing(uqmbd.Component):
-    """Forces and moments linear in the relative displacement, rotation and their rates, in the frame of body i.
+    """Forces and moments that are linear in the relative displacement, rotation and their rates, in frame i.
 
-    The rotation is that from the drawn relative attitude, as twice the vector part of the relative quaternion: the
-    rotation vector, where it is small.  With a matrix in which translation and rotation are coupled the displacement
-    comes first.
+    Frame i is the frame of body i. The rotation is relative to the drawn pose. Its measure is twice the vector part of
+    the relative quaternion, which equals the rotation vector for small rotations. In a matrix that couples translation
+    and rotation, the rows and columns of the displacement come first.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class Bushing(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Turn both into matrices; take the attitude without moment from the drawing."""
+        """Return stiffness and damping as matrices, and the drawn relative quaternion, at which the moment is zero."""
         turn = self.drawn_quaternion()
         size = 6 if len(turn) == 4 else 3
         return {
@@ -70,9 +70,9 @@ class Bushing(uqmbd.Component):
         i, j = p.body_i, p.body_j
         offset, into = j.point(p.point_j) - i.point(p.point_i), i.rotation.T
         relative = uqmbd.extend.relative_quaternion(i.attitude(p.turn), j.quaternion)
-        # q and -q are one rotation: the sign of the scalar part goes with the vector part
+        # q and -q are the same rotation, so the vector part is multiplied by the scalar part
         angle = 2 * relative[0] * sympy.Matrix(relative[1:])
-        # in the axes of body i, as the displacement: it was in those of body j as drawn
+        # convert the rotation from the axes of body j in the drawn pose to the axes of body i
         if p.space.dimension == 3:
             back = (p.turn[0], *(-x for x in p.turn[1:]))
             angle = sympy.Matrix(
@@ -91,12 +91,12 @@ class Bushing(uqmbd.Component):
 
 
 def _left(vector: sympy.Matrix) -> sympy.Matrix:
-    """Turn a vector of the plane by a right angle."""
+    """Return a vector of the plane, rotated by a right angle."""
     return sympy.Matrix([-vector[1], vector[0]])
 
 
 def _matrix(what: str, value: Any, size: int) -> list[Any]:
-    """Entries, row by row, of a matrix given as one number, its diagonal, or all of it."""
+    """Return the entries, row by row, of a matrix given as one number, its diagonal, or all entries."""
     try:
         given = np.asarray(value, dtype=object).ravel().tolist()
     except ValueError:
@@ -120,5 +120,5 @@ def _matrix(what: str, value: Any, size: int) -> list[Any]:
         )
     matrix = sympy.Matrix(size, size, parts)
     if matrix != matrix.T:
-        raise uqmbd.StudyError(f"{what} is no symmetric matrix; the entries (i, j) and (j, i) must be equal.")
+        raise uqmbd.StudyError(f"{what} is not a symmetric matrix; expected equal entries (i, j) and (j, i).")
     return parts

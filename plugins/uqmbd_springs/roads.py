@@ -14,19 +14,26 @@ __all__ = ["distance", "haversine_bump", "sampled_road"]
 
 
 def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distance) -> sympy.Expr:
-    """Return a bump on a flat road, ``height (1 - cos(2 pi (x - start) / length)) / 2`` for ``length`` from ``start``.
+    """Return a bump on a flat road, ``height (1 - cos(2 pi (x - start) / length)) / 2``.
+
+    The bump begins at ``x = start`` and ends at ``x = start + length``.
 
     Parameters
     ----------
     height, length, start : number or expression
-        m; in random variables if wanted.
+        Dimensions and start of the bump, m; they can contain random variables.
     along : expression
-        `distance`, or the distance as a function of `uqmbd.t` where the speed is prescribed.
+        Distance ``x`` along the road, m: `distance`, or a function of `uqmbd.t` for a prescribed speed.
+
+    Returns
+    -------
+    sympy.Expr
+        Height of the road, m.
 
     Raises
     ------
     uqmbd.StudyError
-        If one of them is no number or expression, or the length is a number that is not positive.
+        If an argument is neither a number nor an expression, or if the length is a number that is not positive.
 
     Examples
     --------
@@ -45,23 +52,29 @@ def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distan
 
 
 def sampled_road(distances: Sequence[float], heights: Sequence[Any], along: Any = distance) -> sympy.Expr:
-    """Return the cubic spline through samples of a road: level at both ends, and flat beyond them.
+    """Return the cubic spline through samples of a road, with zero slope at both ends and constant heights beyond.
 
-    It is ``uqmbd.spline(distances, heights, ends="flat")(along)``.
+    The spline is ``uqmbd.spline(distances, heights, ends="flat")(along)``.
 
     Parameters
     ----------
     distances : sequence of numbers
-        m, increasing.
+        Distances of the samples, m, increasing.
     heights : sequence of numbers or expressions
-        m; in random variables if wanted.
+        Heights of the samples, m; they can contain random variables.
     along : expression
-        As in `haversine_bump`.
+        Distance along the road, as for `haversine_bump`.
+
+    Returns
+    -------
+    sympy.Expr
+        Height of the road, m.
 
     Raises
     ------
     uqmbd.StudyError
-        If they are fewer than two, not equally many, not finite, or the distances do not increase.
+        If there are fewer than two samples, the lengths differ, a value is not finite, or the distances do not
+        increase.
 
     Examples
     --------
@@ -74,6 +87,6 @@ def sampled_road(distances: Sequence[float], heights: Sequence[Any], along: Any 
     except uqmbd.StudyError as error:
         why = str(error).removeprefix("spline: ").rstrip(".")
         raise uqmbd.StudyError(
-            "sampled_road: expected two lists of equal length, two numbers at least, all finite, and distances that "
-            f"increase; {why}."
+            "sampled_road: expected two lists of equal length with at least two finite numbers, and increasing "
+            f"distances; {why}."
         ) from None

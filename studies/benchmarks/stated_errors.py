@@ -143,6 +143,21 @@ def of_ratios(row: Row, ratios: Array) -> Row:
     return replace(row, ratio=middle, lowest=low, highest=high, within=within)
 
 
+def index_estimates(first: Array, second: Array, mixed: Array) -> tuple[Array, Array]:
+    """Return first and total index (..., T) of one input, by the estimators of Saltelli and Jansen.
+
+    `mixed` (K, ..., T) has the input of the `second` sample, and all others of the `first`.  For the first index
+    Saltelli's estimator is exact where the input has no effect, Jansen's where it has all of it.
+    """
+    mean = (first.mean(axis=0) + second.mean(axis=0)) / 2
+    variance = (first.var(axis=0) + second.var(axis=0)) / 2
+    variance = np.where(variance > 0, variance, np.nan)
+    small = ((second - mean) * (mixed - first)).mean(axis=0) / variance
+    large = 1 - ((second - mixed) ** 2).mean(axis=0) / 2 / variance
+    total = ((first - mixed) ** 2).mean(axis=0) / 2 / variance
+    return np.where(total < 0.5, small, large), total
+
+
 class Reference:
     """Responses of a mechanism by its reference solution, or by an integration at a thousandth of the tolerance."""
 
@@ -201,14 +216,7 @@ class Reference:
             mixed[:, i] = two[:, i]
             third = self.responses(self.inputs.from_uniform(mixed), self.coarse)
             for name, y in third.items():
-                a, b = first[name], second[name]
-                mean, variance = (a.mean(axis=0) + b.mean(axis=0)) / 2, (a.var(axis=0) + b.var(axis=0)) / 2
-                variance = np.where(variance > 0, variance, np.nan)
-                # Saltelli's estimator is exact where the input has no effect, Jansen's where it has all of it
-                small = ((b - mean) * (y - a)).mean(axis=0) / variance
-                large = 1 - ((b - y) ** 2).mean(axis=0) / 2 / variance
-                total = ((a - y) ** 2).mean(axis=0) / 2 / variance
-                parts[name].append((np.where(total < 0.5, small, large), total))
+                parts[name].append(index_estimates(first[name], second[name], y))
         return {name: (np.array([p[0] for p in own]), np.array([p[1] for p in own])) for name, own in parts.items()}
 
 

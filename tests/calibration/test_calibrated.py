@@ -82,7 +82,7 @@ def test_an_input_that_was_not_calibrated_keeps_its_distribution(found):
     calibration, _, covariance = found
     method = Calibrated(Collocation(order=1), calibration)
     study = uqmbd.Study("more", stone(extra=True), [0, 1], [Collocation(order=1), method])
-    assert method.remarks(study) == ("'shift' keep the distribution of the study",)
+    assert method.remarks(study) == ("the calibration does not change the distributions of 'shift'",)
     tree = study.run()
     np.testing.assert_allclose(
         tree["calibrated/statistics"]["std"].values[0, 0], np.sqrt(1 + covariance[1, 1]), rtol=0.02
@@ -96,11 +96,15 @@ def test_what_does_not_fit_is_reported(found):
     mass = uqmbd.RandomVariable("mass", chaospy.Normal(1, 0.1), units="kg")
     mechanism.output("x", mechanism.body("stone", mass=1, velocity=mass / mass.mean).position[0])
     method = Calibrated(Collocation(order=1), calibration)
-    with pytest.raises(uqmbd.StudyError, match="the calibration is of 'place', 'speed', none of which the study has"):
+    with pytest.raises(
+        uqmbd.StudyError, match="the calibration has the inputs 'place', 'speed', but the study has 'mass'"
+    ):
         uqmbd.Study("other", mechanism, [0, 1], [method]).run()
-    with pytest.raises(uqmbd.StudyError, match="input 'place' is in 'mm', and what is to replace it in 'm'"):
+    with pytest.raises(uqmbd.StudyError, match="input 'place' has the units 'mm', but its replacement has 'm'"):
         uqmbd.Study("other", stone(units="mm"), [0, 1], [method]).run()
-    with pytest.raises(uqmbd.StudyError, match="Calibrated: calibration is of the type int; expected what calibrate"):
+    with pytest.raises(
+        uqmbd.StudyError, match="Calibrated: the type of calibration is int; expected the result of calibrate"
+    ):
         Calibrated(Collocation(order=1), 3)
 
 

@@ -107,7 +107,7 @@ def test_it_is_the_first_part_of_the_page(stored, tmp_path):
 
 def test_a_wrong_model_comes_first(tmp_path):
     values = 0.6 + 2.2 * TIMES - 0.5 * TIMES**2
-    with pytest.warns(uqmbd.StudyWarning, match="something is missing in the model"):
+    with pytest.warns(uqmbd.StudyWarning, match="The model is incomplete"):
         found = calibrate(study(), Record("run", [Series("x", TIMES, values, "m", NOISE)]))
     tree = study([0.0, 3.0]).with_propagators([Calibrated(Collocation(order=1), found, label="after")]).run()
     screen = CalibrationSection().first_screen(tree)

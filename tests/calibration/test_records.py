@@ -168,25 +168,25 @@ def test_what_the_caller_says_takes_the_place_of_what_the_file_says_but_units_mu
 WRONG_TABLES = {
     "": "no header",
     "# nothing\n": "no header",
-    "time,a [m]\n": "no line of numbers",
-    "time\n0\n": "no column besides the times",
-    "0,1\n1,2\n": "before the numbers",
-    "time [ms],a [m]\n0,1\n": "times are in 'ms'",
-    "time,a\n0,1\n": "units of 'a' are not stated",
+    "time,a [m]\n": "no lines with values",
+    "time\n0\n": "the file has only a column of times",
+    "0,1\n1,2\n": "before the values",
+    "time [ms],a [m]\n0,1\n": "the units of the times are 'ms'; expected seconds",
+    "time,a\n0,1\n": "units of 'a' are missing",
     "time,a [m],a [m]\n0,1,2\n": "2 columns 'a'",
     "time,a [m],\n0,1,2\n": "name is ''",
-    "time,a [m]\n0,1,2\n": "line 2: there are 3 cells under 2 names",
-    "time,a [m]\n0,1\n1\n": "line 3: there are 1 cells under 2 names",
-    "time,a [m]\n0,1\n,2\n": "line 3: there is no time",
+    "time,a [m]\n0,1,2\n": "line 2: the line has 3 entries, but the header has 2 columns",
+    "time,a [m]\n0,1\n1\n": "line 3: the line has 1 entries, but the header has 2 columns",
+    "time,a [m]\n0,1\n,2\n": "line 3: the time is missing",
     "time,a [m]\n0,one\n": "line 2: 'a' is 'one'",
-    "time;a [m]\n0;1,5\n": "decimals are written with a point",
+    "time;a [m]\n0;1,5\n": "expected a number with a decimal point",
     "time,a [m]\n0,1_0\n": "line 2: 'a' is '1_0'",
-    "time,a [m]\n0,1\n0,2\n": "times do not increase: 0 s is followed by 0 s",
-    "time,a [m]\n1,1\n0.5,2\n": "times do not increase: 1 s is followed by 0.5 s",
+    "time,a [m]\n0,1\n0,2\n": "times do not increase: 0 s precedes 0 s",
+    "time,a [m]\n1,1\n0.5,2\n": "times do not increase: 1 s precedes 0.5 s",
     "time,a [m]\n0,inf\n": "value no. 1 is infinite",
     "time,a [m]\ninf,1\n": "time no. 1 is not a finite number",
-    "time,a [m]\n0,\n1,nan\n": "it has no values",
-    'time,a [m]\n0,"1\n': "cannot be read as CSV",
+    "time,a [m]\n0,\n1,nan\n": "the series has no values",
+    'time,a [m]\n0,"1\n': "is not valid CSV",
     "time,a/b [m]\n0,1\n": "without '/'",
     "time,a\0 [m]\n0,1\n": "null characters",
 }
@@ -205,10 +205,10 @@ def test_files_that_are_none_are_refused(tmp_path):
     path = tmp_path / "latin.csv"
     path.write_bytes("time,weg [m] für\n".encode("latin-1"))
     wrong = {
-        path: "no text in UTF-8",
-        tmp_path / "none.csv": "no such file",
+        path: "not UTF-8 text",
+        tmp_path / "none.csv": "the file does not exist",
         tmp_path / "a.xlsx": "expected .csv",
-        tmp_path: "is not that of a record",
+        tmp_path: r"expected \.csv \(or \.tsv, \.txt\) or \.nc for a record",
     }
     for place, message in wrong.items():
         with pytest.raises(uqmbd.StudyError, match=message):
@@ -270,10 +270,10 @@ def dataset(**changes):
 
 
 WRONG_DATASETS = {
-    "times in s": dataset(time_units="ms"),
+    "of variable 'a' has the units 'ms'; expected 's'": dataset(time_units="ms"),
     "dates or durations": dataset(times=np.array([0, 1], "datetime64[s]").astype("datetime64[ns]")),
     "do not increase": dataset(times=[1.0, 0.0]),
-    "expected one, its times": dataset(dims=("time", "x"), values=[[1.0], [2.0]]),
+    "expected one dimension, the times": dataset(dims=("time", "x"), values=[[1.0], [2.0]]),
     "attribute units of variable 'a' is 3": dataset(units=3),
     "expected numbers": dataset(values=["x", "y"]),
     "attribute known is 'x'": dataset(attrs={"known": "x"}),
@@ -281,7 +281,7 @@ WRONG_DATASETS = {
     "the known 'k' is True": dataset(attrs={"known": '{"k": true}'}),
     "machine is 3": dataset(attrs={"machine": 3}),
     "no variables": xr.Dataset(),
-    "it is given dict": {},
+    "the type of dataset is dict": {},
 }
 
 
@@ -303,22 +303,22 @@ WRONG_ARGUMENTS = {
     "its values are 'x'": lambda: Series("a", [0], "x", "m"),
     "its values are [1j]": lambda: Series("a", [0], [1j], "m"),
     "shape": lambda: Series("a", [0], [[1]], "m"),
-    "it has no values": lambda: Series("a", [], [], "m"),
+    "the series has no values": lambda: Series("a", [], [], "m"),
     "units is None": lambda: Series("a", [0], [1], None),
     "the name is ''": lambda: Series("", [0], [1], "m"),
-    "'time' is taken": lambda: Series("time", [0], [1], "m"),
-    "there twice": lambda: Record("r", A + A),
-    "holds no output": lambda: Record("r", []),
+    "'time' is reserved": lambda: Series("time", [0], [1], "m"),
+    "twice": lambda: Record("r", A + A),
+    "series is empty": lambda: Record("r", []),
     "expected a list of Series": lambda: Record("r", "ab"),
     "known is 3": lambda: Record("r", A, 3),
     "the known 'k' is inf": lambda: Record("r", A, {"k": float("inf")}),
     "the name is 3": lambda: Record(3, A),
     "ends in .nc": lambda: Record("r", A).write("r.csv"),
-    "noise names 'b'": lambda: Record.of(Record("r", A).to_dataset(), noise={"b": 1}),
+    "noise contains 'b'": lambda: Record.of(Record("r", A).to_dataset(), noise={"b": 1}),
     "noise is 0.1": lambda: Record.of(Record("r", A).to_dataset(), noise=0.1),
-    "there is no output 'b'": lambda: Record.of(Record("r", A).to_dataset(), outputs=["b"]),
+    "has no output 'b'": lambda: Record.of(Record("r", A).to_dataset(), outputs=["b"]),
     "outputs is 'a'": lambda: Record.of(Record("r", A).to_dataset(), outputs="a"),
-    "there is no output 'c'": lambda: Record("r", A)["c"],
+    "has no output 'c'": lambda: Record("r", A)["c"],
 }
 
 
@@ -375,13 +375,13 @@ def test_a_known_input_is_in_any_part_of_its_mixture():
 
 
 UNLIKE_THE_STUDY = {
-    "the record is in 'mm', the study in 'm'": one("way", [1], [1], "mm"),
+    "the units are 'mm' in the record and 'm' in the study": one("way", [1], [1], "mm"),
     "did you mean 'way'?": one("wya", [1], [1], "m"),
-    "before the study starts at 1 s": one("way", [0.5, 2], [1, 1], "m"),
+    "before the start of the study at 1 s": one("way", [0.5, 2], [1, 1], "m"),
     "it is an output over time": one("way", [], [1], "m"),
-    "in the study it has none": one("frequency", [1], [1], "Hz"),
+    "in the study it is a scalar output": one("frequency", [1], [1], "Hz"),
     "did you mean 'stiffness'?": one("way", [1], [1], "m", {"stifness": 90}),
-    "its distribution is from 80 to 120": one("way", [1], [1], "m", {"stiffness": 79}),
+    "outside its distribution from 80 to 120": one("way", [1], [1], "m", {"stiffness": 79}),
 }
 
 

@@ -11,9 +11,12 @@ HUGE = np.broadcast_to(np.float64(1.0), (10**9,))
 CASES = {
     "a length of 401 digits": (lambda: Bias(1, length=10**400), "length is .*; expected a finite number above zero"),
     "a truth value": (lambda: Bias(True), "sd is True; expected a finite number above zero"),
-    "no times": (lambda: Bias(1).modes(None), "times have the shape .*; expected one dimension"),
+    "no times": (lambda: Bias(1).modes(None), "times have the shape .*; expected a one-dimensional array"),
     "a text as times": (lambda: Bias(1).modes("5"), "times are '5'; expected numbers"),
-    "a time that is no number": (lambda: Bias(1).modes([0.0, float("nan")]), "times are not all finite"),
+    "a time that is no number": (
+        lambda: Bias(1).modes([0.0, float("nan")]),
+        "times contains values that are not finite",
+    ),
     "a huge record": (lambda: Series("x", HUGE, [1.0], "m", noise=1), "expected at most"),
 }
 

@@ -60,7 +60,7 @@ def test_it_says_and_shows_what_was_learned(tmp_path):
     assert section.count("<img") == sum(still.count("<img") for still in stills) == 4
     assert "after takes the inputs from the record run &amp; 1: 21 values of &lt;x&gt;" in section
     assert "<x>" not in section and "<place>" not in section
-    assert "The residuals of &lt;x&gt; in record run &amp; 1 are those of the noise" in section
+    assert "The residuals of &lt;x&gt; in record run &amp; 1 are consistent with the noise" in section
     # the posterior of a line through 21 points: 0.02 / sqrt(sum of squares about the mean) for the speed
     exact = 1 / np.sqrt(np.sum((TIMES - 0.5) ** 2) / 0.02**2 + 1 / 0.3**2)
     row = re.search(r'<th scope="row">speed \[m/s\]</th>.*?</tr>', section)[0]
@@ -69,9 +69,9 @@ def test_it_says_and_shows_what_was_learned(tmp_path):
 
 
 def test_a_wrong_model_is_doubted_in_it(tmp_path):
-    with pytest.warns(uqmbd.StudyWarning, match="something is missing in the model"):
+    with pytest.warns(uqmbd.StudyWarning, match="The model is incomplete"):
         page = page_of(0.6 + 2.2 * TIMES - 0.5 * TIMES**2, tmp_path / "report.html")
-    assert "The model is doubted: it does not give such values of &lt;x&gt;" in section_of(page)
+    assert "The model does not explain the values of &lt;x&gt;" in section_of(page)
 
 
 def test_without_a_calibration_there_is_no_section(tmp_path):

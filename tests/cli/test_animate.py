@@ -97,8 +97,8 @@ def test_check_draws_what_cannot_be_assembled(cli, tmp_path):
 
 @pytest.mark.thorough
 def test_run_stores_poses_and_shows_them(cli, tmp_path):
-    status, _, _ = cli("run", "falling_stone.py")
-    assert status == 0
+    status, out, _ = cli("run", "falling_stone.py")
+    assert status == 0 and "motion   results/motion.nc\n" in out
     from uqmbd.results import load
 
     assert "motion" not in load(tmp_path / "results" / "results.nc").children

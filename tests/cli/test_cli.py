@@ -151,7 +151,8 @@ def test_run_writes_results_and_report(cli, study, tmp_path):
     assert "mean ± standard deviation at t = 1 s" in out
     assert "slider_x" in out and "100.000 ± 0.031" in out and "0 of 100" in out and "1.5 s" in out
     assert "angle [1]" in out  # square brackets are no markup here
-    assert "new/folder/report.html" in out
+    written = {path.name for path in (tmp_path / "new" / "folder").iterdir()} - {".uqmbd-manifest.json"}
+    assert "report.html" in written and all(f"new/folder/{name}\n" in out for name in written)
     assert "monte-carlo: 0 of 100" in err  # no terminal: progress by lines
     assert err.index("monte-carlo: 0 of 100") < err.index("writing the report ...")
     assert "Warning: the second crank hangs in the air" in err and "RedundantConstraintWarning" not in err
@@ -198,7 +199,7 @@ def test_options_reach_the_study(cli, study, tmp_path):
         (["--set", "monte-carlo.rule=halton"], ["rule cannot be 'halton'; expected 'random' or 'sobol'"]),
         (["--set", "samples=3"], ["expected LABEL.option=value, such as monte-carlo.samples=100"]),
         (["--set", "monte-carlo.samples=1"], ["--set monte-carlo.samples=1: samples is 1; at least 2 are needed"]),
-        (["--out", "my_study.py"], ["--out my_study.py is a file; a folder is expected"]),
+        (["--out", "my_study.py"], ["--out my_study.py is a file; expected a folder"]),
         (["--workers", "0"], ["--workers", "1"]),
         (["--workers", "2", "--dask", "tcp://x:1"], ["either --workers or --dask"]),
         (["--sampels", "3"], ["No such option", "--sampels"]),
@@ -234,7 +235,7 @@ def test_mistakes_in_the_script(cli, study, text, parts):
 def test_missing_script(cli):
     status, _, err = cli("run", "nowhere.py")
     assert status == 2
-    assert "\nError: There is no file nowhere.py" in err
+    assert "\nError: The file nowhere.py does not exist" in err
 
 
 @pytest.mark.parametrize("place", ["before", "after"])
@@ -450,7 +451,7 @@ def test_a_study_that_is_not_there_is_reported_before_anything_heavy_is_imported
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert not done.returncode, done.stderr
-    assert "There is no file no_such_study.py" in done.stderr
+    assert "The file no_such_study.py does not exist" in done.stderr
 
 
 def test_interrupt_from_the_keyboard(tmp_path):

@@ -107,11 +107,11 @@ WRONG = {
     "raise RuntimeError('no licence found')": "it cannot be loaded: RuntimeError: no licence found",
     "import uqmbd\n@uqmbd.hookimpl\ndef uqmbd_commands(): return 1 / 0": "raised ZeroDivisionError",
     "import uqmbd\n@uqmbd.hookimpl\ndef uqmbd_commands(): return [int]": "which has no method 'run'",
-    "import uqmbd\n@uqmbd.hookimpl\ndef uqmbd_components(): return []": "belongs into a module that the entry-point "
-    "group 'uqmbd' names",
+    "import uqmbd\n@uqmbd.hookimpl\ndef uqmbd_components(): return []": "belongs in a module of the entry-point "
+    "group 'uqmbd': in pyproject",
     GOOD.replace("fail-as", "check"): "whose name 'check' is that of a command of uqmbd",
-    GOOD.replace("fail-as", "Fail"): "whose name 'Fail' is no word",
-    GOOD.replace("fail-as", "--fail"): "whose name '--fail' is no word",
+    GOOD.replace("fail-as", "Fail"): "whose name 'Fail' is not a word of lower-case letters",
+    GOOD.replace("fail-as", "--fail"): "whose name '--fail' is not a word of lower-case letters",
     GOOD.replace('help = "Fail in some way."', "help = None"): "whose class attribute `help`",
     GOOD.replace("how: Annotated[str,", "how: Annotated[str | int,"): "omitted: AssertionError: Typer",
     GOOD.replace(
@@ -242,9 +242,9 @@ class Unmade(Count):
     ("command", "module", "said"),
     [
         (Silent, "", "'end' has no help"),
-        (Debug, "", "which uqmbd takes itself"),
-        (Unmade, "", "no command can be made of it: TypeError"),
-        (type("Named", (Count,), {"name": "Count", "__doc__": "x"}), "", "no word of small letters"),
+        (Debug, "", "which uqmbd reserves"),
+        (Unmade, "", "cannot be converted to a command of the command line: TypeError"),
+        (type("Named", (Count,), {"name": "Count", "__doc__": "x"}), "", "not a word of lower-case letters"),
         (type("Plain", (Count,), {"__doc__": None}), "", "no docstring"),
     ],
 )
@@ -256,7 +256,7 @@ def test_the_check_of_commands_says_what_is_wrong(command, module, said):
 @pytest.mark.thorough
 def test_the_check_of_commands_finds_modules_that_are_heavy():
     check_command(Count, "json")
-    with pytest.raises(AssertionError, match="module scipy imports numpy, scipy"):
+    with pytest.raises(AssertionError, match="module scipy also imports numpy, scipy"):
         check_command(Count, "scipy")
     with pytest.raises(AssertionError, match="cannot be imported"):
         check_command(Count, "no_such_module")

@@ -43,7 +43,7 @@ FAULTS = {
     ),
     "forgotten": (
         "PointForce('pull', rod, (0, 0), (1, 0))",
-        "warning", "PointForce 'pull' of body 'rod' was made and never added",
+        "warning", "PointForce 'pull' of body 'rod' was created but not added",
     ),
     "idle": (
         "weight = random('weight', chaospy.Uniform(1, 2), 'kg')\n"
@@ -94,11 +94,11 @@ FAULTS = {
         "ball = m.body('ball', mass=1, inertia=1, velocity=(speed, 0))\n"
         "m.add(SpringDamper('leash', m.ground, ball, (0, 0), (0, 0), stiffness=1))\n"
         "m.output('flight', ball.position[0], units='m')",
-        "warning", "do not exist, unless the quantity that grows with input 'speed' is bounded",
+        "warning", "do not exist, unless the output is a bounded function of input 'speed'",
     ),
     "units": (
         "m.output('wrong', rod.position[0], units='kg')",
-        "warning", "output 'wrong': rod.x is in m, and its units are to be kg",
+        "warning", "output 'wrong': rod.x is in m, but its declared units are kg",
     ),
     "redundant": (
         "m.add(Revolute('again', m.ground, rod, (0, 0), (-0.5, 0)))",
@@ -106,7 +106,7 @@ FAULTS = {
     ),
     "apart": (
         "m.body('lost', mass=1, inertia=1)",
-        "note", "body 'lost' is not connected: no component leads to another body or the ground",
+        "note", "body 'lost' is not connected: no component connects it to another body or to the ground",
     ),
     "deep": (
         "m.add(PlaneContact('floor', m.ground, rod, (0, 2), (0, 0), (0, 1), stiffness=10))",

@@ -174,7 +174,7 @@ def test_a_folder_on_whose_way_nothing_may_be_searched_is_refused(
 
     monkeypatch.setattr("os.stat", denied)
     monkeypatch.setattr("os.mkdir", denied)
-    with pytest.raises(StudyError, match=r"cannot be written \(Permission denied\)"):
+    with pytest.raises(StudyError, match=r"uqmbd cannot write to this folder \(Permission denied\)"):
         writable(tmp_path / "locked" / "out")
 
 
@@ -195,7 +195,7 @@ def test_a_second_command_keeps_what_the_first_one_wrote(tmp_path, capsys):
             save(xr.DataTree(xr.Dataset(attrs={"study": f"crank {k}"})), folder / "fit.nc")
     assert load(tmp_path / "fit.nc").attrs["study"] == "crank 2"
     assert load(tmp_path / "previous" / "fit.nc").attrs["study"] == "crank 1"
-    assert "are in" in capsys.readouterr().err
+    assert "were moved to" in capsys.readouterr().err
 
 
 def test_a_command_that_ends_early_takes_no_file_of_others_for_its_own(tmp_path):

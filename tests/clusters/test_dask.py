@@ -177,7 +177,7 @@ def test_what_is_finished_when_the_scheduler_is_killed_is_not_computed_again(clu
 
     with connected(cluster, workers=1) as client:
         executor = watched(client, told)
-        with pytest.raises(uqmbd.IntegrationError, match="has ended .* go on with --resume"):
+        with pytest.raises(uqmbd.IntegrationError, match="has ended .* continue with --resume"):
             monte_carlo().run(executor, folder=tmp_path / "run")
     rest, resumed = pieces(monte_carlo(), folder=tmp_path / "run", resume=True)
     assert 0 < rest <= alone()[0] - 5
@@ -291,7 +291,10 @@ def test_a_worker_without_uqmbd_is_reported(cluster: Any, command: Any, tmp_path
     (tmp_path / "helper.py").write_text("brake = -0.1\n")
     done = command("run", "study.py", "--out", "out", "--dask", cluster.address)
     assert done.returncode == 2
-    assert "a worker cannot import or write the files that it needs" in done.stderr and "no uqmbd here" in done.stderr
+    assert (
+        "a worker cannot import a module or write a file that it needs" in done.stderr
+        and "no uqmbd here" in done.stderr
+    )
 
 
 def test_a_cluster_that_is_started_here_is_reached_from_here_alone():

@@ -100,4 +100,4 @@ def test_what_cannot_be_done_is_reported_once(mpi) -> None:
     alone = mpi(1, "uqmbd", "run", "my_study.py", "--mpi")
     assert alone.returncode == 2 and "--mpi: there is one process" in alone.stderr
     missing = mpi(2, "uqmbd", "run", "nothing.py", "--mpi")
-    assert missing.returncode == 2 and missing.stderr.count("There is no file nothing.py") == 1
+    assert missing.returncode == 2 and missing.stderr.count("The file nothing.py does not exist") == 1

@@ -68,7 +68,7 @@ def test_an_executor_that_is_there_is_used_and_left_open():
         ({"count": 2, "mpi": True}, "mpiexec -n 3 "),
         ({"dask": "slurm", "mpi": True}, "--mpi with --dask slurm: give one of them"),
         ({"count": 2, "dask": "tcp://x:1"}, "either --workers or --dask"),
-        ({"count": 2, "executor": Executor()}, "give one of them"),
+        ({"count": 2, "executor": Executor()}, "give only one of them"),
     ],
 )
 def test_more_than_one_is_refused(fields: dict, expected: str):
@@ -115,7 +115,7 @@ class TestDask:
     @pytest.mark.parametrize("content", ["", "import numpy", "[1]", "{}", '{"address": 3}'])
     def test_a_file_without_an_address_is_named(self, content: str, tmp_path: Path):
         (tmp_path / "study.py").write_text(content)
-        with pytest.raises(uqmbd.StudyError, match=r"study\.py: there is no address of a scheduler in this file"):
+        with pytest.raises(uqmbd.StudyError, match=r"study\.py: this file contains no address of a scheduler"):
             _at_work(uqmbd.Workers(dask=str(tmp_path / "study.py")))()
 
     def test_a_queue_without_its_commands_is_named(self, monkeypatch: pytest.MonkeyPatch):

@@ -8,6 +8,7 @@ import pytest
 import sympy
 
 from uqmbd_collocation import Collocation
+from uqmbd_collocation.refinement import Limits, RefinementStep, UnmetWarning, warn_unmet
 
 UNIFORM = chaospy.Uniform(-1, 1)
 
@@ -54,7 +55,10 @@ def test_tolerance_is_met_against_the_truth(resting, options, tolerance):
     assert abs(node["statistics"]["std"][0, 0] - std) < tolerance * std
     assert distinct(node)
     steps = node["refinement"]
-    assert steps["realisations"].values[-1] == node.attrs["realisations"]
+    # two verification realisations at extremes follow the refinement, and two in gaps if the error is above 10 %
+    later = 2 + 2 * (tolerance == 1e-2 and options["adaptive"] == "order" and "method" in options)
+    assert steps["realisations"].values[-1] + later == node.attrs["realisations"]
+    assert node.attrs["verification"] == 14 + later
     assert steps["terms"].values[-1] == node.attrs["terms"]
     last = {name: float(steps[name][-1]) for name in ("change_mean", "change_std", "missed_std")}
     assert max(last.values()) < tolerance
@@ -105,7 +109,7 @@ def test_verification_contradicts_steps_that_agree_by_chance(resting):
     ("options", "reason"),
     [
         ({"adaptive": "order"}, "order 32 is the highest"),
-        ({"adaptive": "dimension"}, "no level is higher than 12"),
+        ({"adaptive": "dimension"}, "the level 12 is the highest possible one"),
         ({"adaptive": "order", "max_realisations": 60}, "max_realisations is 60"),
         ({"adaptive": "dimension", "max_realisations": 60}, "max_realisations is 60"),
     ],
@@ -115,7 +119,8 @@ def test_a_tolerance_that_cannot_be_met_is_reported(resting, warned, options, re
     study = resting(lambda a: sympy.Abs(a - sympy.Rational(1, 10)), UNIFORM)
     node, messages = warned(lambda: study.propagate(Collocation(tolerance=1e-7, **options)))
     (message,) = messages
-    assert f"the tolerance 1e-07 was not met with {node.attrs['realisations']} realisations" in message
+    # two verification realisations at extremes follow the refinement
+    assert f"the tolerance 1e-07 was not met with {node.attrs['realisations'] - 2} realisations" in message
     assert reason in message
     assert "try a smaller rtol" in message
     assert node.attrs["tolerance_met"] == "False"
@@ -161,3 +166,35 @@ def test_progress_is_one_piece_of_work(resting):
     assert told[-1] == ("finish", "collocation")
     assert {entry[0] for entry in told[1:-1]} == {"advance"}
     assert sum(entry[1] for entry in told[1:-1]) == node.attrs["realisations"]
+
+
+@pytest.mark.parametrize(
+    ("helpful", "change", "words"),
+    [
+        ("realisations", 0.5, "Monte Carlo needs no more realisations for this tolerance; use it instead"),
+        ("samples", 0.5, "Monte Carlo needs no more realisations for this tolerance; use it instead"),
+        ("neither", 0.5, ""),  # failures, or no further terms
+        ("realisations", 1e-5, ""),  # below a hundred relative tolerances: the noise of the integration
+        ("samples", 1e-5, ""),
+    ],
+)
+def test_samples_are_advised_only_where_they_would_help(helpful, change, words):
+    """Some changes that do not fall have causes that samples do not remove."""
+    limits = Limits(tolerance=1e-6, most=100, rtol=1e-6)
+    steps = [RefinementStep(n, n, change, change) for n in (10, 20, 40, 80)]
+    with pytest.warns(UnmetWarning) as seen:
+        warn_unmet("mine", limits, steps, "a reason", helpful)
+    said = str(seen[0].message)
+    assert "a reason. Changes of this size may be integration errors" in said
+    assert ("Monte Carlo" in said) == bool(words) and words in said
+    assert ("changes fell with the power" in said) == bool(words)
+
+
+@pytest.mark.parametrize("helpful", ["realisations", "samples", "neither"])
+def test_a_number_of_realisations_is_stated_only_where_they_are_the_limit(helpful):
+    """A refinement that ends at its highest order cannot use more of them."""
+    steps = [RefinementStep(n, n, 10 / n, 10 / n) for n in (10, 20, 40, 80)]
+    with pytest.warns(UnmetWarning) as seen:
+        warn_unmet("mine", Limits(tolerance=1e-2, most=100, rtol=1e-9), steps, "a reason", helpful)
+    assert ("about 1000 would meet" in str(seen[0].message)) == (helpful == "realisations")
+    assert "Monte Carlo" not in str(seen[0].message)

@@ -39,7 +39,7 @@ def test_a_mechanism_that_locks_for_some_lengths(locking, warned, chaos_of, opti
     (message,) = [m for m in messages if "verification" not in m]
     assert f"{(short & fit).sum()} of {fit.sum()}" in message
     assert nodes["message"].values[short & fit][0] in message
-    assert "extrapolation" in message
+    assert "extrapol" in message
     if (short & ~fit).any():
         assert any("of 16 verification realisations failed" in m for m in messages)
     assert node["chaos"].sizes["verification"] == node.attrs["verification"] == 16 - (short & ~fit).sum()
@@ -148,21 +148,19 @@ def test_a_refinement_ends_where_realisations_fail(resting, warned, adaptive):
 
 @pytest.mark.parametrize("adaptive", ["order", "dimension"])
 def test_failed_verification_does_not_end_a_refinement(resting, warned, adaptive):
-    """Beyond 0.98 in x1 a realisation fails: no node is there, but a verification point is."""
+    """Beyond 0.98 in x1 a realisation fails: no node is there, but a verification point is; seven have no extremes."""
     edge = sympy.Rational(98, 100)
     study = resting(lambda a, b: sympy.exp(a) + b, UNIFORM, UNIFORM, y2=lambda a, b: sympy.sqrt(edge - b))
     space = uqmbd.extend.GermSpace.of(study.mechanism.inputs)
     seed = next(
         k
         for k in range(99)
-        if (uqmbd.extend.VerificationPoints.drawn(space, 16, k, STREAM).germs[:, 1] > 0.98).sum() == 1
+        if (uqmbd.extend.VerificationPoints.drawn(space, 7, k, STREAM).germs[:, 1] > 0.98).sum() == 1
     )
-    options = Collocation(adaptive=adaptive, order=1, verify=16, seed=seed, tolerance=0.02)
+    options = Collocation(adaptive=adaptive, order=1, verify=7, seed=seed, tolerance=0.02)
     node, messages = warned(lambda: study.propagate(options))
-    assert messages[0].startswith(
-        "UserWarning: collocation: 1 of 16 verification realisations failed; the stated error"
-    )
+    assert messages[0].startswith("UserWarning: collocation: 1 of 7 verification realisations failed; the stated error")
     assert "not finite" in messages[0]
     assert len(messages) == 1
     assert node.attrs["tolerance_met"] == "True"
-    assert node.attrs["verification"] == 15
+    assert node.attrs["verification"] == 6

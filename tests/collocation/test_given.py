@@ -111,7 +111,7 @@ def test_what_does_not_belong_to_the_inputs_is_reported_or_refused(study):
     ).obstacle(study)
     one, by = chaospy.generate_quadrature(3, chaospy.Normal(1.0, 0.02), rule="gaussian")
     single = Collocation(expansion=chaospy.generate_expansion(2, chaospy.Normal(1.0, 0.02)), nodes=one, weights=by)
-    assert "nodes are of 1 inputs, and the mechanism has 2 (length, mass, in this order)" in single.obstacle(study)
+    assert "the nodes have 1 inputs, but the mechanism has 2 (length, mass, in this order)" in single.obstacle(study)
 
 
 def test_inputs_that_are_no_multiples_of_their_germs_are_refused():
@@ -120,13 +120,13 @@ def test_inputs_that_are_no_multiples_of_their_germs_are_refused():
     expansion = chaospy.generate_expansion(2, lognormal)
     method = Collocation(expansion=expansion, nodes=nodes, weights=weights)
     study = uqmbd.Study("oscillator", oscillator(uqmbd.RandomVariable("k", lognormal)), TIMES, [method])
-    assert "the expansion is no polynomial of the germs" in method.obstacle(study)
+    assert "the expansion is not a polynomial of the germs" in method.obstacle(study)
     pair = uqmbd.random_vector(["c", "k"], chaospy.MvNormal([0.1, 90], [[1e-4, 0.01], [0.01, 9]]))
     joint = chaospy.J(chaospy.Normal(0.1, 0.01), chaospy.Normal(90, 3))
     nodes, weights = chaospy.generate_quadrature(2, joint, rule="gaussian")
     method = Collocation(expansion=chaospy.generate_expansion(2, joint), nodes=nodes, weights=weights)
     study = uqmbd.Study("oscillator", oscillator(pair[1], damping=pair[0]), TIMES, [method])
-    assert "inputs depend on one another, for which expansion= is not made" in method.obstacle(study)
+    assert "expansion= requires independent inputs, but some inputs are dependent" in method.obstacle(study)
 
 
 JOINT = chaospy.J(chaospy.Normal(1.0, 0.02), chaospy.Uniform(0.8, 1.2))
@@ -135,16 +135,16 @@ NODES, WEIGHTS = chaospy.generate_quadrature(3, JOINT, rule="gaussian")
 
 WRONG = {
     "no polynomials": ({"expansion": 3, "nodes": NODES, "weights": WEIGHTS}, "expansion is '3'; expected polynomials of chaospy"),
-    "no rule": ({"expansion": EXPANSION, "nodes": NODES}, "is given without weights="),
-    "no nodes": ({"expansion": EXPANSION, "weights": WEIGHTS}, "is given without nodes="),
-    "nodes turned round": ({"expansion": EXPANSION, "nodes": NODES.T, "weights": WEIGHTS}, r"nodes have the shape \(16, 2\), weights \(16,\)"),
-    "weights of another sum": ({"expansion": EXPANSION, "nodes": NODES, "weights": 2 * WEIGHTS}, "weights sum to 2; expected"),
+    "no rule": ({"expansion": EXPANSION, "nodes": NODES}, "expansion= also requires weights="),
+    "no nodes": ({"expansion": EXPANSION, "weights": WEIGHTS}, "expansion= also requires nodes="),
+    "nodes turned round": ({"expansion": EXPANSION, "nodes": NODES.T, "weights": WEIGHTS}, r"nodes have the shape \(16, 2\), weights have the shape \(16,\)"),
+    "weights of another sum": ({"expansion": EXPANSION, "nodes": NODES, "weights": 2 * WEIGHTS}, "the sum of the weights is 2; expected"),
     "a matrix of polynomials": ({"expansion": chaospy.polynomial([[EXPANSION[1]]]), "nodes": NODES, "weights": WEIGHTS}, r"has the shape \(1, 1\)"),
-    "an order": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "order": 2}, "order=2 means nothing with expansion="),
-    "a rule": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "rule": "smolyak"}, "rule='smolyak' means nothing with expansion="),
-    "a regression": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "method": "regression"}, "method='regression' means nothing"),
-    "elements": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "elements": 2}, "elements=2 means nothing with expansion="),
-    "nodes alone": ({"nodes": NODES}, r"nodes is an array of the shape \(2, 16\); expected a whole number of 1 or more for each input, or its expansion"),
+    "an order": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "order": 2}, "order=2 cannot be combined with expansion="),
+    "a rule": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "rule": "smolyak"}, "rule='smolyak' cannot be combined with expansion="),
+    "a regression": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "method": "regression"}, "method='regression' cannot be combined"),
+    "elements": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "elements": 2}, "elements=2 cannot be combined with expansion="),
+    "nodes alone": ({"nodes": NODES}, r"nodes is an array of the shape \(2, 16\); expected a whole number of 1 or more for each input. An array of nodes or weights also requires expansion="),
     "text": ({"nodes": "many"}, "nodes is 'many'; expected a whole number, 1 or more for each input"),
 }  # fmt: skip
 

@@ -39,16 +39,16 @@ from uqmbd_collocation import Collocation
         ({"method": "regression", "rule": "gauss"}, ["fits samples, but rule='gauss' is a grid", "'sobol'"]),
         ({"adaptive": "dimension", "method": "omp"}, ["adaptive='dimension' refines a sparse grid"]),
         ({"adaptive": "dimension", "rule": "gauss"}, ["adaptive='dimension' refines a sparse grid"]),
-        ({"adaptive": "dimension", "level": 3}, ["level=3 means nothing with adaptive='dimension'"]),
-        ({"adaptive": "dimension", "weights": (1, 2)}, ["weights=(1.0, 2.0) means nothing"]),
+        ({"adaptive": "dimension", "level": 3}, ["level=3 cannot be combined with adaptive='dimension'"]),
+        ({"adaptive": "dimension", "weights": (1, 2)}, ["weights=(1.0, 2.0) cannot be combined"]),
         ({"adaptive": "dimension", "index_set": "tensor"}, ["index_set='tensor' contradicts"]),
-        ({"adaptive": "order", "nodes": 3}, ["nodes=(3,) means nothing with adaptive='order'"]),
-        ({"adaptive": "order", "method": "regression", "samples": 30}, ["samples=30 means nothing"]),
-        ({"adaptive": "order", "method": "regression", "rule": "latin-hypercube"}, ["cannot be extended"]),
-        ({"rule": "smolyak", "nodes": (3, 3)}, ["nodes=(3, 3) means nothing with rule='smolyak'", "rule='gauss'"]),
-        ({"level": 3}, ["level=3 means nothing with rule='gauss'", "'smolyak' or rule='clenshaw-curtis'"]),
-        ({"samples": 100}, ["samples=100 means nothing with rule='gauss'"]),
-        ({"method": "omp", "nodes": 4}, ["nodes=(4,) means nothing with rule='sobol'"]),
+        ({"adaptive": "order", "nodes": 3}, ["nodes=(3,) cannot be combined with adaptive='order'"]),
+        ({"adaptive": "order", "method": "regression", "samples": 30}, ["samples=30 cannot be combined"]),
+        ({"adaptive": "order", "method": "regression", "rule": "latin-hypercube"}, ["is not extendable"]),
+        ({"rule": "smolyak", "nodes": (3, 3)}, ["nodes=(3, 3) cannot be combined with rule='smolyak'", "rule='gauss'"]),
+        ({"level": 3}, ["level=3 cannot be combined with rule='gauss'", "'smolyak' or rule='clenshaw-curtis'"]),
+        ({"samples": 100}, ["samples=100 cannot be combined with rule='gauss'"]),
+        ({"method": "omp", "nodes": 4}, ["nodes=(4,) cannot be combined with rule='sobol'"]),
     ],
     ids=str,
 )
@@ -99,7 +99,7 @@ NORMAL, CAUCHY = chaospy.Normal(0, 1), chaospy.Cauchy()
             ["not resolve 1 of the 16 terms", "level=4"],
         ),
         ([NORMAL] * 8, {}, ["65536 nodes", "16 verification", "max_realisations = 5000", "smolyak"]),
-        ([NORMAL] * 8, {"rule": "clenshaw-curtis"}, ["takes 43046721 nodes", "smolyak"]),
+        ([NORMAL] * 8, {"rule": "clenshaw-curtis"}, ["needs 43046721 nodes", "smolyak"]),
         ([NORMAL] * 8, {"rule": "smolyak", "order": 5}, ["max_realisations = 5000", "method='regression'"]),
         ([NORMAL] * 2, {"method": "regression", "samples": 6000}, ["6000 nodes", "without samples="]),
         ([NORMAL] * 2, {"order": 4, "adaptive": "order", "max_realisations": 20}, ["25 nodes"]),
@@ -126,8 +126,8 @@ def test_nothing_random(resting):
     mechanism = uqmbd.Mechanism("certain", uqmbd.Translational())
     mechanism.output("y", mechanism.body("body", mass=1).position[1])
     study = uqmbd.Study("certain", mechanism, [0, 1])
-    assert Collocation().obstacle(study).startswith("nothing in mechanism 'certain' is random; declare a uqmbd.")
-    with pytest.raises(uqmbd.StudyError, match="nothing in mechanism 'certain' is random"):
+    assert Collocation().obstacle(study).startswith("mechanism 'certain' has no random variables; declare a uqmbd.")
+    with pytest.raises(uqmbd.StudyError, match="mechanism 'certain' has no random variables"):
         study.propagate(Collocation())
 
 

@@ -142,7 +142,7 @@ def test_without_a_clock_nothing_is_aligned():
     mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness=STIFFNESS, free_length=0, damping=40))
     mechanism.output("x", mass.position[0], units="m")
     study = uqmbd.Study("rest", mechanism, times=np.linspace(0, 5, 51), propagators=[])
-    with pytest.raises(uqmbd.StudyError, match="alignment='phase' needs a clock, and there is none: .*'x'"):
+    with pytest.raises(uqmbd.StudyError, match="alignment='phase' needs a clock, but there is none: .*'x'"):
         study.propagate(Collocation(order=2, alignment="phase"))
 
 

@@ -106,13 +106,14 @@ def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
     def error(option, times):
         study = resting(swinging, *[chaospy.Uniform(-1, 1)] * 8, times=times)
         node = study.propagate(Collocation(order=2, method=option, samples=128, verify=256))
-        return node["statistics"]["verification_error"].sel(output="y").values
+        found = node["statistics"].dataset.sel(output="y")
+        return found["verification_error"].values, found["std"].values
 
-    alone = error(method, early)
-    long = error(method, [*early, 0.5, 1.0, *np.linspace(1.5, 10, 18)])
+    _, alone = error(method, early)
+    long, std = error(method, [*early, 1.0, *np.linspace(1.5, 10, 18)])  # no step of 0.1 s to 1 s is small
     assert long.max() > 0.5
-    np.testing.assert_allclose(long[:3], alone, rtol=1e-6, atol=1e-12)
-    assert long[2] < 1.5 * error("regression", early)[2] < 0.015
+    np.testing.assert_allclose(std[:3], alone, rtol=1e-6, atol=1e-12)
+    assert long[2] < 1.5 * error("regression", early)[0][2] < 0.015
 
 
 @pytest.mark.thorough

@@ -148,8 +148,8 @@ def test_weights_of_nodes_are_those_of_the_mean():
 def test_an_order_beyond_the_level_is_refused(resting):
     study = resting(lambda a, b, c: a * b * c, *[chaospy.Uniform(-1, 1)] * 3)
     message = (
-        r"level=2 of rule='smolyak' does not resolve 1 of the 20 terms of order=3; use order=None \(all terms that "
-        r"the level resolves\), level=3, or no level"
+        r"level=2 of rule='smolyak' does not resolve 1 of the 20 terms of order=3. Use order=None \(all terms that "
+        r"the level resolves\), level=3, or omit level"
     )
     with pytest.raises(uqmbd.StudyError, match=message):
         study.propagate(Collocation(rule="smolyak", order=3, level=2))
@@ -161,7 +161,7 @@ def test_an_order_beyond_the_level_is_refused(resting):
 def test_a_grid_that_is_too_large_is_refused_before_it_is_built():
     space = space_of(*[chaospy.Uniform(-1, 1)] * 10)
     for options in ({"level": 40}, {"order": 7}):
-        with pytest.raises(uqmbd.StudyError, match="takes at least [0-9]+ nodes"):
+        with pytest.raises(uqmbd.StudyError, match="needs at least [0-9]+ nodes"):
             plans(Collocation(rule="smolyak", **options)).plan(space, options.get("order"))
     with pytest.raises(uqmbd.StudyError, match="level is 100000000; expected .* at most 1000"):
         Collocation(rule="smolyak", level=10**8)

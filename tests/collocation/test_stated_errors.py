@@ -62,9 +62,11 @@ def ratios(case, chaos_of):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*looks discontinuous:UserWarning")  # low orders of an exponential
 def test_verification_error_of_projections(ratios):
     verified, _ = ratios()
-    assert 0.6 < np.median(verified) < 1.6
+    # points at extremes state more for outputs that grow fast in the tails
+    assert 0.6 < np.median(verified) < 2.0
     assert 0.2 < verified.min() and verified.max() < 4
 
 
@@ -120,3 +122,18 @@ def test_error_over_time_of_a_mechanism(chaos_of):
     horizon = chaos.horizon(0.01)["x"]
     assert horizon == pytest.approx(times[np.argmax(true > 0.01)], abs=0.3)
     assert f"{horizon:.3g} s" in chaos.verdicts(0.01)[0]
+
+
+def test_a_time_far_away_does_not_change_the_stated_error():
+    """At 1 s the phase has hardly drifted; that the error at 30 s is larger than the spread says nothing of it."""
+    stiffness = uqmbd.RandomVariable("k", chaospy.Uniform(90, 110), units="N/m")
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    mass = mechanism.body("mass", mass=1, position=0.1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness=stiffness, free_length=0))
+    mechanism.output("x", mass.position[0], units="m")
+
+    def stated(times):
+        node = uqmbd.Study("oscillator", mechanism, times, rtol=1e-9).propagate(Collocation(order=2, verify=7))
+        return node["statistics"]["verification_error"].sel(time=1.0).item()
+
+    assert stated([0.0, 1.0, 30.0]) == pytest.approx(stated([0.0, 1.0]), rel=1e-4)

@@ -73,8 +73,8 @@ def test_shapes_that_do_not_fit_are_refused():
     }
     sum_harmonics(**numbers)
     for name, wrong, message in (
-        ("found", np.zeros((5, 2, 4)), "were given room"),
-        ("found", np.zeros((5, 1, 8))[..., ::2], "were given room"),
+        ("found", np.zeros((5, 2, 4)), "do not fit into the array"),
+        ("found", np.zeros((5, 1, 8))[..., ::2], "do not fit into the array"),
         ("rows", np.arange(1, 6), "were given rows"),
         ("rows", np.arange(4), "were given rows"),
         ("lattice", np.ones((3, 1), dtype=np.int64), "samples of 2 frequencies were given"),

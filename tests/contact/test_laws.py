@@ -96,7 +96,10 @@ def test_a_law_passes_the_conformance_kit():
     ("make", "told"),
     [
         (lambda: ContactLaw("stiff"), "force is 'stiff'; expected an expression in uqmbd_contact.depth, "),
-        (lambda: ContactLaw(depth, friction=sympy.Symbol("mu")), "friction is mu, with the unknown symbol 'mu'"),
+        (
+            lambda: ContactLaw(depth, friction=sympy.Symbol("mu")),
+            "friction is mu, which contains the unknown symbol 'mu'",
+        ),
         (lambda: dropped(law="hetz"), "law is the text 'hetz'; expected one of 'linear', .*, ContactLaw"),
         (lambda: dropped(law=ContactLaw(depth, acts=sympy.Symbol("u") > 0)), "PlaneContact 'floor': .*symbol 'u'"),
     ],

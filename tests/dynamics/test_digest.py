@@ -58,7 +58,7 @@ def test_a_resumed_study_with_another_table_is_computed_anew(tmp_path: Any) -> N
         return float(result["monte-carlo/statistics"]["mean"].values.ravel()[-1])
 
     once = mean(study(1.0).run(folder=tmp_path, resume=True))
-    with pytest.warns(uqmbd.StudyWarning, match="is that of another study"):
+    with pytest.warns(uqmbd.StudyWarning, match="belong to another study"):
         resumed = mean(study(100.0).run(folder=tmp_path, resume=True))
     # the cart is at rest at the start, and the motion linear in its force
     assert resumed == pytest.approx(100 * once, rel=1e-5)

@@ -150,7 +150,7 @@ def test_many_numbers_are_reported_in_one_sentence():
         mechanism.body(f"b{k}", mass=m)
     (found,) = range_findings(find_risks(mechanism), 100)
     said = found.text
-    assert said.count("is outside of its range") == 4 and "3 more numbers alike: these fail" in said
+    assert said.count("is outside of its range") == 4 and "3 similar numbers: these fail" in said
     assert said.count("m = Normal(mu=1, sigma=0.5)") == 1
 
 
@@ -161,4 +161,7 @@ def test_limits_and_signs_of_one_study_are_two_sentences():
     mechanism.add(RotationalFriction("seal", mechanism.ground, mechanism.bodies["body"], friction=0, damping=x))
     fails, runs = (found.text for found in range_findings(find_risks(mechanism), 100))
     assert "'seal' is outside of its range (0 or more) in 2.3 % of the realisations: these fail" in fails
-    assert "'spring' is negative in 2.3 % of the realisations, and positive at the means: these run" in runs
+    assert (
+        "'spring' is negative in 2.3 % of the realisations, and positive at the means: these realisations succeed"
+        in runs
+    )

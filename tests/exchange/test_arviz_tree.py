@@ -108,13 +108,13 @@ def test_what_is_refused(tree):
     for arguments, words in (
         ((tree,), r"the results of 2 methods are given \('monte-carlo', 'collocation'\); expected one, as to_arviz"),
         ((tree["monte-carlo"], 0), "draws is 0; expected a whole number, 1 or more"),
-        ((tree["monte-carlo"], 5, 1), "has samples, which no seed draws; leave seed= out"),
-        (({},), "dict is given; expected the node of a method or a calibration"),
+        ((tree["monte-carlo"], 5, 1), "already has samples, so a seed has no effect; omit seed="),
+        (({},), "the type of results is dict; expected the node of a method or a calibration"),
     ):
         with pytest.raises(uqmbd.StudyError, match=words):
             uqmbd.to_arviz(*arguments)
     axes = uqmbd.extend.labels(["x"], ["k"], [0.0])
     bare = uqmbd.extend.statistics_dataset(axes, mean=[[0.0]], std=[[1.0]])
     node = uqmbd.results.propagator_node("mine", bare, propagator="p", realisations=2, wall_time=0.0)
-    with pytest.raises(uqmbd.StudyError, match="'mine' holds neither samples nor a surrogate"):
+    with pytest.raises(uqmbd.StudyError, match="'mine' contains neither samples nor a surrogate"):
         uqmbd.to_arviz(node)

@@ -107,12 +107,15 @@ def test_failures_are_rows_with_a_word():
 def test_what_is_refused(tree, monkeypatch):
     monkeypatch.setattr(frames, "MOST", 1000)
     for call, words in (
-        (lambda: uqmbd.to_frame(tree, "z"), "to_frame: there is no output 'z'"),
+        (lambda: uqmbd.to_frame(tree, "z"), "to_frame: the results have no output 'z'"),
         (lambda: uqmbd.to_frame(3), "to_frame: results is 3; expected an xarray.DataTree"),
         (lambda: uqmbd.to_frame(tree, []), "outputs is empty"),
-        (lambda: uqmbd.samples_to_frame(tree["collocation"]), "samples of one method are expected, none are given"),
-        (lambda: uqmbd.samples_to_frame(tree, times=1.0), "times=1.0 means nothing without outputs="),
-        (lambda: uqmbd.samples_to_frame(tree, "x", times=0.33), r"0.33 s is no output time; the nearest is 0.4 s"),
+        (lambda: uqmbd.samples_to_frame(tree["collocation"]), "expected the samples of one method, but none are given"),
+        (lambda: uqmbd.samples_to_frame(tree, times=1.0), "times=1.0 has no effect without outputs="),
+        (
+            lambda: uqmbd.samples_to_frame(tree, "x", times=0.33),
+            r"0.33 s is not an output time; the nearest output time is 0.4 s",
+        ),
         (
             lambda: uqmbd.samples_to_frame(tree, ["x", "y"]),
             r"50 realisations of 2 outputs at 6 times are 1.2e\+03 numbers",

@@ -88,7 +88,9 @@ def test_an_event_that_does_not_always_happen_is_refused_as_by_collocation(optio
     """Of the highest throws no ball is down again by the last time: a surrogate of the others would go on there."""
     study = falling([0, 0.5, 0.78])
     for method in (Galerkin(order=3, **options), Collocation(order=3, **options)):
-        with pytest.warns(uqmbd.StudyWarning, match=r"'when' has no statistics: it does not happen in \d+ of \d+"):
+        with pytest.warns(
+            uqmbd.StudyWarning, match=r"'when' has no statistics: its event does not occur in \d+ of \d+"
+        ):
             node = study.propagate(method)
         assert list(json.loads(node["scalars"].attrs["refused"])) == ["when"]
         assert np.isnan(float(node["scalars/statistics"]["mean"].sel(output="when")))

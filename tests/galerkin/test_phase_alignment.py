@@ -219,16 +219,14 @@ def test_a_clock_that_stands_in_some_realisations_is_refused_with_the_reason():
     )
     mechanism.add(Revolute("pin", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
     mechanism.output("angle", rod.angle, units="rad")
-    with pytest.raises(
-        uqmbd.StudyError, match="in all realisations, .* stands or turns back in . of 16, the first at len"
-    ):
+    with pytest.raises(uqmbd.StudyError, match="in all realisations, .* stops or turns back in . of 16, first at len"):
         run(mechanism, 8, Galerkin(order=2, alignment="phase", clock="angle"), rtol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"clock": "theta"}, "means nothing without alignment='phase'"),
+        ({"clock": "theta"}, "clock='theta' requires alignment='phase'"),
         ({"alignment": "phase", "elements": 2}, "elements=2 contradicts alignment='phase'"),
         ({"alignment": "phase", "stop_at": 0.1}, "stop_at=0.1 contradicts alignment=.phase."),
         ({"alignment": "phase", "linear_solver": "dense"}, "linear_solver='dense' contradicts alignment=.phase."),
@@ -242,7 +240,7 @@ def test_options_without_effect_are_refused(options, message):
 
 
 def test_a_study_with_an_implicit_integrator_is_refused():
-    with pytest.raises(uqmbd.StudyError, match="the study's integrator is 'ida'"):
+    with pytest.raises(uqmbd.StudyError, match="the integrator of the study is 'ida'"):
         run(pendulum(), 1, Galerkin(alignment="phase"), integrator="ida")
 
 
@@ -255,7 +253,10 @@ def test_an_unknown_clock_is_refused():
 def test_a_clock_whose_rate_is_not_known_is_refused():
     mechanism = pendulum()
     mechanism.output("pull", mechanism.components["pin"].reaction_force[1], units="N")
-    with pytest.raises(uqmbd.StudyError, match="whose rate at a state is known, and the oscillation of 'pull'"):
+    with pytest.raises(
+        uqmbd.StudyError,
+        match="whose rate is a function of the state, but for the oscillation of 'pull', its .* contains",
+    ):
         run(mechanism, 4, Galerkin(order=1, alignment="phase", clock="pull"), rtol=1e-6)
 
 

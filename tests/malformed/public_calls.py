@@ -13,7 +13,7 @@ from typing import Any
 import uqmbd
 
 from .right_calls import EXAMPLES
-from .test_text_is_not_run import CORE, PLUGINS, kind, public_names
+from .test_text_is_not_run import CORE, PLUGINS, kind, owners, public_names
 
 __all__ = ["LEFT_OUT", "METHODS", "MODULES", "NOT_TRIED", "called", "examples_of", "targets", "unreached"]
 
@@ -48,6 +48,7 @@ IPYTHON = "IPython calls it with its own shell"
 
 NOT_TRIED = {
     **dict.fromkeys(("Ensemble.rates", "Ensemble.outputs", "PhaseMotion.at", "PhaseMotion.rates"), STEPS),
+    "Verification.of": MADE,
     **dict.fromkeys(("load_ipython_extension", "unload_ipython_extension"), IPYTHON),
 }
 """Functions and methods that are not tried although examples call them, and why."""
@@ -55,7 +56,7 @@ NOT_TRIED = {
 
 def examples_of(thing: Any) -> Iterator[tuple[Any, str]]:
     """Yield a public object and its public methods and properties that have examples, with these."""
-    own = vars(thing).items() if isinstance(thing, type) else ()
+    own = [x for owner in owners(thing) for x in vars(owner).items()] if isinstance(thing, type) else ()
     for owner in (thing, *(x for k, x in own if not k.startswith("_") and isinstance(x, (*METHODS, property)))):
         text = inspect.cleandoc(getattr(owner, "__doc__", "") or "")
         if ">>>" in text:

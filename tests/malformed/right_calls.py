@@ -68,10 +68,15 @@ EXAMPLES: dict[str, str] = {
 >>> _ = uqmbd.extend.GermSpace(space.inputs, space.germs, space.groups)
 >>> _ = space.to_germs([[2.0]])
 >>> _ = space.from_uniform([[0.5]])
+>>> inputs = uqmbd.extend.JointInput((speed,))
+>>> _ = inputs.from_uniform(np.array([[0.5]]))
+>>> _ = inputs.replaced([speed])
+>>> _ = uqmbd.extend.JointInput.of([speed])
 >>> _ = uqmbd.extend.Quadrature(np.zeros((1, 1)), np.ones(1), 1, "gauss")
 >>> points = uqmbd.extend.VerificationPoints(np.zeros((2, 1)), np.full(2, 0.5))
 >>> _ = points.share(np.array([True, False]))
 >>> _ = uqmbd.extend.VerificationPoints.of_elements([box], 0, 4, 0, 1)
+>>> _ = uqmbd.extend.VerificationPoints.further(40)
 >>> verified = uqmbd.extend.Verification(space, points, np.zeros((2, 1, 1)), asked=2)
 >>> _ = uqmbd.extend.Verification.failed_share([verified], [1.0], 4, 0)
 """,
@@ -129,6 +134,54 @@ EXAMPLES: dict[str, str] = {
 >>> _ = Path("model.xml").write_text(f'<mujoco model="model"><worldbody>{ball}</worldbody></mujoco>')
 >>> _ = uqmbd.from_mjcf("model.xml")
 >>> _ = MJCF().read("model.xml")
+""",
+    "results": _STONE
+    + """
+>>> from uqmbd import report
+>>> from uqmbd_collocation import Collocation
+>>> from uqmbd_contact import PlaneImpact
+>>> from uqmbd_montecarlo import MonteCarlo
+>>> methods = [MonteCarlo(samples=8, seed=1), *(Collocation(order=k, label=f"order-{k}") for k in (1, 2))]
+>>> tree = uqmbd.Study("stone", mechanism, [0.0, 0.5], methods).run(progress=False)
+>>> nodes = {label: tree[label] for label in ("monte-carlo", "order-1", "order-2")}
+>>> _ = results.validate(tree)
+>>> _ = results.choose_reference(nodes, rtol=1e-6)
+>>> _ = report.order_convergence(tree, "x", reference="order-2")
+>>> _ = extend.Moments.of(np.array([[1.0], [2.0], [4.0]])).statistics(independent=False)
+>>> _ = report.Curve("c", [1.0, 2.0, 3.0]).at(np.array([0, 2]))
+>>> dense = extend.Dense(np.linspace(0, 1, 9), np.ones((1, 1, 9)), error=0.0)
+>>> _ = dense.through(np.ones(9))
+>>> ball = uqmbd.Mechanism("ball", uqmbd.Line(gravity=-9.81))
+>>> body = ball.body("ball", mass=1, position=1, velocity=speed)
+>>> _ = ball.add(PlaneImpact("floor", ball.ground, body, 0, 0, 1))
+>>> ball.output("height", body.position[0], units="m")
+>>> aligned = Collocation(order=1, alignment="events")
+>>> bounced = uqmbd.Study("ball", ball, [0.0, 0.5, 1.0], [aligned]).run(progress=False)
+>>> _ = report.event_times(bounced)
+""",
+    "controllers": """
+>>> import numpy as np, uqmbd
+>>> from uqmbd import extend
+>>> from uqmbd_springs import PointForce
+>>> mechanism = uqmbd.Mechanism("carts", uqmbd.Planar())
+>>> cart, other = (mechanism.body(name, mass=1, inertia=1) for name in ("cart", "other"))
+>>> mechanism.output("x", cart.position[0])
+>>> def count(time, measured, state):
+...     return -measured[:, 0], state + 1
+>>> controller = uqmbd.Controller("counter", [cart.position[0]], ["force"], 100.0, count, state={"count": 0})
+>>> _ = controller.state("count")
+>>> _ = mechanism.add(PointForce("motor", cart, (0, 0), (controller.command("force"), 0)))
+>>> _ = mechanism.add(controller)
+>>> class Coupling(uqmbd.Component):
+...     bodies, spaces = ("body_i", "body_j"), (uqmbd.Planar,)
+...     def prepare(self):
+...         return {"drawn": self.drawn_quaternion()}
+...     def terms(self, p):
+...         turn, term = extend.counted_angle(p, "turn", p.body_i, p.body_j, (1, 0), axis_j=(0, 0, 1))
+...         yield term
+...         yield uqmbd.Constraint(turn)
+>>> _ = mechanism.add(Coupling("coupling", cart, other))
+>>> _ = uqmbd.simulate(mechanism, [0, 0.01])
 """,
     "records": """
 >>> import chaospy, uqmbd

@@ -20,7 +20,7 @@ import uqmbd
 from uqmbd.testing.components.cases import component_cases
 
 from .hostile import HOSTILE, hostile, used
-from .public_calls import MODULES, examples_of, targets
+from .public_calls import LEFT_OUT, MODULES, examples_of, targets
 from .right_calls import EXAMPLES
 from .test_text_is_not_run import PLUGINS, adding, kind, public_names
 from .texts import SHARE, Probe, probes, variants
@@ -183,6 +183,28 @@ def test_a_component_refuses_hostile_values_or_can_be_simulated(component, tmp_p
         )
         assert len(found) == len(named) * max(1, math.ceil(SHARE * len(HOSTILE)))
         assert not _raw(found)
+
+
+@pytest.mark.slow
+def test_the_sweep_calls_each_public_name_or_leaves_it_out_with_a_reason(tmp_path, monkeypatch):
+    """By full names: methods of several classes may share a name."""
+    monkeypatch.chdir(tmp_path)
+    found = set()
+
+    def seen(name: str) -> bool:
+        found.add(name)
+        return False
+
+    for module in MODULES:
+        for thing in public_names(module).values():
+            if kind(thing) != "data":
+                for _, text in examples_of(thing):
+                    probes(text, dict(vars(sys.modules[thing.__module__])), tmp_path, seen)
+    for text in EXAMPLES.values():
+        probes(text, {}, tmp_path, seen)
+    wanted = targets()
+    assert len(wanted) > 500
+    assert not [full for full, (owner, _) in wanted.items() if full not in found and owner not in LEFT_OUT]
 
 
 @pytest.mark.slow

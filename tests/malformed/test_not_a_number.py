@@ -46,7 +46,7 @@ def test_a_sample_with_an_output_that_is_not_finite_has_a_reason():
 def test_a_run_of_which_everything_fails_gives_the_reason(method):
     mechanism, body = rod()
     mechanism.output("level", sympy.sqrt(uqmbd.RandomVariable("width", chaospy.Uniform(-3, -1))) * body.position[0])
-    with pytest.raises(uqmbd.IntegrationError, match="an output is not finite: 'level' is nan at t = 0 s; look in its"):
+    with pytest.raises(uqmbd.IntegrationError, match="an output is not finite: 'level' is nan at t = 0 s; check its"):
         uqmbd.Study("study", mechanism, TIMES, [method]).run()
 
 
@@ -72,7 +72,7 @@ DRIVERS = {
 def test_a_driver_that_is_not_a_number_is_named(angle, kind, words, integrator):
     mechanism, body = rod()
     mechanism.add(RotationDriver("drive", mechanism.ground, body, angle=angle))
-    with pytest.raises(kind, match=words + ".*'drive' is given"):
+    with pytest.raises(kind, match=words + ".*an argument of 'drive'"):
         uqmbd.simulate(mechanism, TIMES, integrator=integrator)
 
 
@@ -114,7 +114,7 @@ def test_an_event_that_does_not_happen_costs_its_own_output_only():
     mechanism, floor = ball()
     mechanism.output("y", mechanism.bodies["ball"].position[1], units="m")
     mechanism.output("first", floor.event_time("impact"), units="s")
-    with pytest.warns(UserWarning, match="the event 'floor: impact 1' does not happen until the last output time"):
+    with pytest.warns(UserWarning, match="the event 'floor: impact 1' does not occur until the last output time"):
         found = uqmbd.simulate(mechanism, TIMES)
     assert np.isnan(found["first"])
     np.testing.assert_allclose(found["y"], 1 - 9.81 * found["time"] ** 2 / 2, atol=1e-6)
@@ -135,7 +135,7 @@ def test_times_between_which_there_are_no_steps_are_refused(times):
 @pytest.mark.parametrize("size", [10**400, 1e300, -1e300, 1e150, sympy.Integer(10) ** 200])
 def test_numbers_beyond_arithmetic_are_refused_by_name(size):
     mechanism = uqmbd.Mechanism("rod", uqmbd.Planar())
-    with pytest.raises(uqmbd.StudyError, match="body 'bar': position is .*too large to compute with"):
+    with pytest.raises(uqmbd.StudyError, match="body 'bar': position is .*too large: its square exceeds"):
         mechanism.body("bar", mass=1, inertia=1, position=(size, 0))
 
 
@@ -246,7 +246,7 @@ TERMS = {
     "value", [np.nan, np.inf, -np.inf, sympy.oo, -sympy.oo, sympy.zoo, 10**400, -(10**400)], ids=str
 )
 def test_a_term_of_a_component_is_finite(term, value):
-    with pytest.raises(uqmbd.StudyError, match=r"terms\(\) holds"):
+    with pytest.raises(uqmbd.StudyError, match=r"terms\(\) contains"):
         uqmbd.simulate(_yielding(lambda p: TERMS[term](p, value)), TIMES)
 
 
@@ -270,5 +270,5 @@ def test_terms_with_ordinary_numbers_are_accepted():
 )
 def test_a_number_in_an_expression_fits_into_64_bits(give, value):
     mechanism, body = rod()
-    with pytest.raises(uqmbd.StudyError, match="a number of 64 bits cannot hold it"):
+    with pytest.raises(uqmbd.StudyError, match="exceeds the range of 64-bit numbers"):
         give(mechanism, body, value)

@@ -43,6 +43,7 @@ OWN_BOUNDS = {
     "workers": "`pool` takes executors, too",
     "count": "`Workers` names the options of commands",
     "keyframe": "the file says how many there are",
+    "power": "units may have any power, negative ones too",
     "reason": "the results say which there are",
     **dict.fromkeys(("dimension", "order", "level", "counts"), "the function names the germ in its message"),
     "germ": "the space says how many there are",
@@ -205,11 +206,11 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a path with a null": (lambda: results.load("a\0b"), "path is"),
     "a broken status": (
         lambda: extend.sample_dataset([[[1.0]]], np.zeros((1, 0)), AXES, status=[0.5]),
-        "Status 0.5 has no meaning",
+        "The status 0.5 is unknown",
     ),
     "probabilities of two axes": (
         lambda: extend.statistics_dataset(AXES, mean=[[0.0]], std=[[0.0]], probability=[[0.5]]),
-        "'probability' is .*; expected a row of numbers between 0 and 1",
+        "'probability' is .*; expected a sequence of numbers between 0 and 1",
     ),
     "a level of two": (lambda: results.clopper_pearson(1, 2, level=2), "level is 2; expected a number between 0 and 1"),
     "a number for a figure": (lambda: report.bands(5, "x"), "results is 5; expected"),
@@ -217,7 +218,7 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "the germ before the first": (lambda: uqmbd.extend.GermBox.whole(_space()).divisible(-1), "germ is -1; expected"),
     "elements without probabilities": (
         lambda: uqmbd.extend.Verification.failed_share([], [1.0], 4, 0),
-        "expected as many",
+        "expected one for each element",
     ),
     "units of two lines": (lambda: uqmbd.RandomVariable("a", chaospy.Normal(), units="m\ns"), "ends of lines"),
     "a bias that is too large": (lambda: Bias(1, length=10**400), "length is .*; expected a finite number above zero"),
@@ -252,14 +253,14 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a time in digits": (lambda: uqmbd.eigenfrequencies(_mechanism(), time="5"), "time is '5'; expected a number"),
     "a command of an array": (
         lambda: uqmbd.Controller(commanded=["u"], measured=["x"], function=max).command(np.zeros(2)),
-        "there is no command array",
+        "the controller has no command array",
     ),
     "a factor without an end": (lambda: _arm().randomise("*.mass", relative=1e307), "relative is 1e.307; expected"),
     "a distribution of an array": (lambda: _arm().randomise("*.mass", distribution=np.zeros(2)), "distribution is"),
     "a law of no symbol": (lambda: uqmbd.laws.law_values(1.0, [1]), "law_values: symbols is .*; expected a"),
     "levels without an end": (
         lambda: uqmbd.Study("s", _mechanism(), [0, 1]).converge(HOSTILE["huge"], order=[1]),
-        "converge: an array of the shape .* is no propagator",
+        "converge: an array of the shape .* is not a propagator",
     ),
     "an accuracy of NaN": (
         lambda: results.StatedAccuracy(float("nan"), "mean"),
@@ -278,8 +279,8 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a default of a text": (lambda: uqmbd.Parameter("m", default="5"), "default is '5'; expected finite numbers"),
     "an infinite example": (lambda: uqmbd.Parameter("m", example=math.inf), "example is inf; expected finite numbers"),
     "bounds of NaN": (lambda: extend.Bounds(math.nan), "Bounds: least is nan"),
-    "bounds in descending order": (lambda: extend.Bounds(2, 1), "expected two numbers in ascending order"),
-    "bounds of a text": (lambda: extend.Bounds("0"), "expected two numbers"),
+    "bounds in descending order": (lambda: extend.Bounds(2, 1), "expected numbers with least <= most"),
+    "bounds of a text": (lambda: extend.Bounds("0"), "expected numbers with least <= most"),
     "limits that enclose nothing": (lambda: extend.Toleranced(1.0, 1.0, 1.0, 1.33, False, ""), "lower limit below"),
     "a probability of two": (
         lambda: results.Answer("m", "r", "", "", 2.0, 0.0, 1.0, ""),
@@ -294,7 +295,7 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a surrogate without parts": (lambda: results.ComposedChaos({}, ("x",)), "parts is empty; expected at least one"),
     "parts without their times": (
         lambda: results.ComposedChaos({"a": _chaos()}, ("x",), {}),
-        "used has no entry for the part 'a'; expected truth values of the shape",
+        "the argument 'used' has no entry for the part 'a'; expected truth values of the shape",
     ),
     "ten to the 400th germs": (lambda: extend.index_set(10**400, 1), "dimension is .*; expected a whole number up to"),
     "elements that are a number": (
@@ -314,7 +315,10 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
         "times is given without violated_by; expected both",
     ),
     "a plan that is a number": (lambda: _study().run(planned=5), "planned is 5; expected a function"),
-    "a check of a number": (lambda: extend.typechecked(5), "called is 5; expected a function or a class written in"),
+    "a check of a number": (
+        lambda: extend.typechecked(5),
+        "the argument 'called' is 5; expected a function or a class written in",
+    ),
     "a check of a function of C": (lambda: extend.typechecked(len), "expected a function or a class written in Python"),
     "a reader of a number": (lambda: URDF().read(5), "URDF.read: path is 5; expected a text or a path"),
     "a reader with a number": (lambda: MJCF().read("a", fuse=2), "MJCF.read: fuse is 2; expected True or False"),
@@ -334,7 +338,7 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a germ that there is not": (lambda: _space().evaluate_derivative([[0.5]], [[1]], 7), "germ is 7; expected the"),
     "times that do not increase": (
         lambda: _problem().watching(np.array([0.0, 1.0, 0.5])),
-        "times is .*; expected increasing times",
+        "times is .*; expected an array of increasing times",
     ),
     "a sequence without an end": (
         lambda: report.histograms(xr.DataTree(), "x", HOSTILE["huge"]),
@@ -346,7 +350,7 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: extend.regress_on_nodes(np.zeros((3, 1)), np.ones((3, 1)), [0.5]),
         "regress_on_nodes: multi_index is .*; expected whole degrees",
     ),
-    "no replicates": (lambda: extend.replicate_errors([]), "there are no replicates"),
+    "no replicates": (lambda: extend.replicate_errors([]), "no replicates are given"),
     "a sample without axes": (lambda: extend.Moments.of(5.0), "Moments.of: samples is 5.0; expected samples"),
     "angles of a number": (lambda: extend.watched_angles(5), "watched_angles: mechanism is 5; expected"),
     "propagators of an array": (lambda: uqmbd.Study("s", _mechanism(), [0, 1], HOSTILE["huge"]), "expected a list"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import os
 import sys
 import types
 import warnings
@@ -29,6 +30,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs" / "_ext"))
 try:
     from uqmbd_site.names import CORE, PLUGINS, kind, public_names
+    from uqmbd_site.names import owners as owners
 finally:
     sys.path.remove(str(ROOT / "docs" / "_ext"))
 
@@ -115,6 +117,52 @@ def test_the_search_finds_texts_that_are_executed(tmp_path):
     found = probes(">>> _ = naive(1)", {"naive": naive}, tmp_path, lambda name: name.startswith("uqmbd.naive"))
     assert len(found) == 2 * len(payloads(tmp_path))
     assert {(x.argument, x.payload) for x in found if x.fate != "executed"} <= {("0", "set"), ("start", "set")}
+
+
+class _Mute(Exception):
+    """Has no text."""
+
+    def __str__(self) -> str:
+        raise UnicodeError
+
+
+def test_a_child_ends_with_its_variants_and_makes_no_variants_of_the_calls_in_it(tmp_path):
+    def inner(value=0):
+        return value
+
+    def outer(then, value=0):
+        then()
+        if value != 0:
+            raise _Mute
+        return value
+
+    calls = []
+
+    def wanted(name):
+        calls.append(name)
+        return name.startswith("uqmbd.naive") and "outer" in name
+
+    inner.__module__ = outer.__module__ = "uqmbd.naive"
+    text = ">>> class C:\n...     def f(self):\n...         return inner(1)\n>>> _ = outer(C().f, 0)"
+    for fate, values in {"_Mute": {"one": 1}, "accepted": {"zero": 0}, "died": {"end": _End()}}.items():
+        found = probes(text, {"inner": inner, "outer": outer}, tmp_path, wanted, lambda _, given=values: given, _used)
+        assert [(x.argument, x.fate) for x in found] == [("0", "TypeError"), ("1", fate)]
+    # the parent asks about the call of the example and about the one inside of it
+    assert [name.rpartition(".")[2] for name in calls] == ["outer", "inner"] * 3
+
+
+class _End(int):
+    """Ends the process when it is compared."""
+
+    def __new__(cls) -> _End:
+        return super().__new__(cls, 0)
+
+    def __ne__(self, other: object) -> bool:
+        os._exit(3)
+
+
+def _used(made, names):
+    """Do nothing with what a call returns."""
 
 
 def _told(found: list[Probe]) -> list[str]:

@@ -130,10 +130,12 @@ def probes(
     """
     found: list[Probe] = []
     mark = folder / "mark"
+    parent = os.getpid()
 
     def call(function: Any, /, *given: Any, **named: Any) -> Any:
         name = _name_of(function)
-        if name and wanted(name):
+        # classes and functions of an example make calls in the children, too: only those of the parent have variants
+        if name and os.getpid() == parent and wanted(name):
             found.extend(variants(name, function, given, named, mark, names, values, use, share))
         return function(*given, **named)
 
@@ -204,8 +206,11 @@ def variants(
                 warnings.simplefilter("ignore", DeprecationWarning)  # of threads: the child uses none
                 child = os.fork()
             if not child:
-                os.setpgid(0, 0)
-                _try_in_child(function, given, named, cases, mark, names, file.fileno(), values, use)
+                try:
+                    os.setpgid(0, 0)
+                    _try_in_child(function, given, named, cases, mark, names, file.fileno(), values, use)
+                finally:  # an error would make the child run the tests that follow
+                    os._exit(1)
             os.waitpid(child, 0)
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(child, signal.SIGKILL)
@@ -218,6 +223,14 @@ def variants(
             yield Probe(name, str(cases[tried][0]), cases[tried][1], "died", "")
             tried += 1
         cases = cases[tried:]
+
+
+def _text(error: BaseException) -> str:
+    """Return what an error says; text of foreign objects in it may raise another one."""
+    try:
+        return str(error)
+    except Exception as other:  # noqa: BLE001 - str() of any object may raise anything
+        return f"without a text: {type(other).__name__}"
 
 
 def _try_in_child(
@@ -255,7 +268,7 @@ def _try_in_child(
         except uqmbd.UqmbdError as error:
             fate, message = "refused", str(error)
         except BaseException as error:  # noqa: BLE001 - it is reported
-            fate, message = type(error).__name__, str(error)
+            fate, message = type(error).__name__, _text(error)
         fate = "executed" if mark.exists() else fate
         os.write(write, (json.dumps([fate, message[:200]]) + "\n").encode())
         if fate in ("accepted", "executed"):

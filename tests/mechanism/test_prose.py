@@ -133,7 +133,7 @@ def test_a_parameter_belongs_to_what_there_is(stated):
 
 
 def test_axes_belong_to_vectors_only():
-    with pytest.raises(uqmbd.StudyError, match="axes='body' is for vectors and moments"):
+    with pytest.raises(uqmbd.StudyError, match="axes='body' applies only to vectors and moments"):
         uqmbd.Parameter("m", "a point", kind="point", axes="body")
 
 

@@ -64,9 +64,9 @@ def test_it_is_the_same_as_separate_studies():
     ("law", "words"),
     [
         (chaospy.Uniform(0, 2), "whose values are not whole numbers; expected the number of a record, such as"),
-        (chaospy.DiscreteUniform(1, 3), "whose values are from 1 to 3; expected those from 0 to 2"),
-        (chaospy.DiscreteUniform(0, 3), "whose values are from 0 to 3; expected those from 0 to 2"),
-        (chaospy.DiscreteUniform(0, 1), "whose values are from 0 to 1; expected those from 0 to 2"),
+        (chaospy.DiscreteUniform(1, 3), "whose values are from 1 to 3; expected whole numbers from 0 to 2"),
+        (chaospy.DiscreteUniform(0, 3), "whose values are from 0 to 3; expected whole numbers from 0 to 2"),
+        (chaospy.DiscreteUniform(0, 1), "whose values are from 0 to 1; expected whole numbers from 0 to 2"),
     ],
 )
 def test_numbers_of_other_records_are_refused(law, words):

@@ -45,7 +45,7 @@ def test_a_component_that_was_made_and_never_added_is_reported():
     spring = SpringDamper("spring", mechanism.ground, ball, (0, 0), (0, 0), 100)
     (said,) = told(mechanism)
     assert said == (
-        "SpringDamper 'spring' of body 'ball' was made and never added, so that it has no effect. "
+        "SpringDamper 'spring' of body 'ball' was created but not added to the mechanism, so it has no effect. "
         "Call mechanism.add(...) with it."
     )
     mechanism.add(spring)
@@ -56,7 +56,7 @@ def test_a_component_that_nobody_holds_is_reported_as_well():
     """The usual form of the slip: a line by itself."""
     mechanism, ball = ball_on()
     PointForce("push", ball, (0, 0), (1, 0))
-    assert told(mechanism)[0].startswith("PointForce 'push' of body 'ball' was made and never added")
+    assert told(mechanism)[0].startswith("PointForce 'push' of body 'ball' was created but not added")
 
 
 def test_a_component_that_was_replaced_by_one_of_its_name_is_not_reported():

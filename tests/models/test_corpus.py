@@ -20,13 +20,13 @@ pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 TIMES = [0.0, 0.05, 0.1]
 
 REFUSED = {
-    "example-robot-data/hector_description/robots/quadrotor_base.urdf": "nothing in it can move",
-    "example-robot-data/iris_description/robots/iris_simple.urdf": "nothing in it can move",
-    "example-robot-data/ur_description/urdf/ur3.urdf": "it has no <link>",
+    "example-robot-data/hector_description/robots/quadrotor_base.urdf": "the model cannot move",
+    "example-robot-data/iris_description/robots/iris_simple.urdf": "the model cannot move",
+    "example-robot-data/ur_description/urdf/ur3.urdf": "the robot has no <link>",
     "example-robot-data/icub_description/robots/icub.urdf": "body 'head' can be accelerated without any force",
     "example-robot-data/romeo_description/urdf/romeo.urdf": "body 'LFinger23Link' can be accelerated without any force",
     "example-robot-data/romeo_description/urdf/romeo_laas_small.urdf": "a principal moment of inertia is negative",
-    "dm_control/lqr.xml": "nothing in it can move",
+    "dm_control/lqr.xml": "the model cannot move",
 }
 """Files that are refused, with a part of the message: bodies without a joint, a scene without a body, a mass at a point
 that turns about all axes and hands without mass (Pinocchio's mass matrix is singular there), and inertia whose energy
@@ -70,7 +70,7 @@ def test_model_moves_as_in_other_programs(name):
         pytest.importorskip("pinocchio", reason="the extra corpus is not installed")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        # some files have inertia that no body has, which Pinocchio takes as stated
+        # some files have physically impossible inertia, which Pinocchio takes as stated
         read = (lambda path: uqmbd.from_urdf(path, inertia="as stated")) if urdf else uqmbd.from_mjcf
         if name in REFUSED:
             with pytest.raises(uqmbd.StudyError, match=REFUSED[name]):

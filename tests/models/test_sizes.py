@@ -16,7 +16,7 @@ ABSURD = {
     "replicate": (WORLD('<replicate count="1000000000"><body><joint/><geom size="0.1"/></body></replicate>'), "<replicate> requires 1e+09 copies"),
     "replicates in replicates": (WORLD('<replicate count="2000">\n<replicate count="2000"><geom size="1"/></replicate></replicate>'), "line 2: <replicate> requires 4e+06 copies"),
     "a count that is no integer of the machine": (WORLD(f'<replicate count="{10**30}"/>'), "<replicate> requires 1e+30 copies"),
-    "bodies in replicates": (WORLD('<replicate count="9000"><body/><body/></replicate>'), "<body> requires 1.8e+04 bodies so far"),
+    "bodies in replicates": (WORLD('<replicate count="9000"><body/><body/></replicate>'), "<body> requires 1.8e+04 bodies in total"),
     "flexible grid": (WORLD('<flexcomp type="grid" count="100000 100000 100" name="f"/>'), "<flexcomp> requires 1e+12 bodies"),
     "composite": (WORLD('<body><composite type="cable" count="1000000000 1 1"/></body>'), "<composite> requires 1e+09 bodies"),
     "height field": ('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>' + WORLD(""), "<hfield> requires 1e+10 entries"),
@@ -26,7 +26,7 @@ ABSURD = {
     "numbers of each body": ('<size nuser_body="20000000"/>' + WORLD(""), "<size>: nuser_body requires 2e+07 entries"),
     "numbers of a user": ('<size nuserdata="1e18"/>' + WORLD(""), "<size>: nuserdata requires 1e+18 entries"),
     "sensor": (WORLD("") + '<sensor><user dim="2000000000"/></sensor>', "<user> requires 2e+09 entries"),
-    "elements in elements": (WORLD("<body>" * 20000 + "</body>" * 20000), "nested more than 500 deep"),
+    "elements in elements": (WORLD("<body>" * 20000 + "</body>" * 20000), "nested more than 500 levels deep"),
 }  # fmt: skip
 
 
@@ -100,7 +100,7 @@ def test_files_that_include_each_other_twice_are_looked_at_once(tmp_path, monkey
     require_sizes(path, parse("test", path, "mjcf").root)
     assert len(read) == levels
     (tmp_path / f"{levels}.xml").write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
-    with pytest.raises(uqmbd.StudyError, match="bodies so far"):
+    with pytest.raises(uqmbd.StudyError, match="bodies in total"):
         require_sizes(path, parse("test", path, "mjcf").root)
 
 

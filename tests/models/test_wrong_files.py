@@ -92,14 +92,14 @@ def test_a_changed_file_is_read_or_refused(reader, text, ending, tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "is no XML"),
+        ("", "is not valid XML"),
         ("<mujoco/>", "it is MJCF: use uqmbd.from_mjcf"),
-        ("<sdf/>", "its root is <sdf>, expected <robot>"),
+        ("<sdf/>", "the root element is <sdf>; expected <robot>"),
         (
             '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="y"/></robot>',
             "is a xacro template (line 1: <xacro:include>); expand it first",
         ),
-        ("\x00\x01\x02", "is no XML"),
+        ("\x00\x01\x02", "is not valid XML"),
     ],
 )
 def test_what_is_no_urdf_is_reported_without_mujoco(text, said, tmp_path):
@@ -149,7 +149,7 @@ def test_a_keyframe_that_is_not_there(tmp_path):
     pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
     path = tmp_path / "model.xml"
     path.write_text(MODEL, encoding="utf-8")
-    with pytest.raises(uqmbd.StudyError, match="there is no keyframe 'home'; the file has: 'k'"):
+    with pytest.raises(uqmbd.StudyError, match="the file has no keyframe 'home'; its keyframes are: 'k'"):
         MJCF().read(str(path), keyframe="home")
 
 
@@ -235,19 +235,22 @@ HINGE = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/></joint
     [
         (
             BASE + ARM.format("arm") + HINGE.format("f", "floating", "odom", "arm"),
-            "line 1: <joint> 'f': it floats under link 'odom'; expected a floating joint under a link called world alone. Leave this joint "
-            "and link 'odom' out and use floating=True, or call that link world.",
+            "line 1: <joint> 'f': the floating joint has the parent link 'odom'; expected a link called world. Delete this joint "
+            "and link 'odom' and pass floating=True, or rename that link to world.",
         ),
-        (BASE + 2 * ARM.format("arm"), "line 1: <link> 'arm': line 1 has a link of this name; expected each name once"),
+        (
+            BASE + 2 * ARM.format("arm"),
+            "line 1: <link> 'arm': line 1 already defines a link of this name; expected unique names",
+        ),
         (
             BASE + ARM.format("a") + ARM.format("b") + HINGE.format("j", "continuous", "odom", "a") * 2,
-            "line 1: <joint> 'j': line 1 has a joint of this name; expected each name once",
+            "line 1: <joint> 'j': line 1 already defines a joint of this name; expected unique names",
         ),
         (
             BASE + ARM.format("arm").replace('"1"', '"${mass}"', 1) + HINGE.format("j", "continuous", "odom", "arm"),
-            "line 1: <mass> of link 'arm': value is '${mass}', which xacro fills in; expand the template first: xacro FILE.xacro",
+            "line 1: <mass> of link 'arm': value is '${mass}', a xacro expression. Expand the template first: xacro FILE.xacro",
         ),
-        (BASE + ARM.format("arm"), "nothing in it can move: none of its links, 2 beside the ground, has a joint"),
+        (BASE + ARM.format("arm"), "the model cannot move: none of its links (2 without the ground) has a joint"),
     ],
 )
 def test_what_is_no_robot_is_refused_with_what_to_do(inside, said, tmp_path):
@@ -261,9 +264,9 @@ def test_a_robot_in_pieces_is_reported(tmp_path):
     path = tmp_path / "robot.urdf"
     pieces = BASE + ARM.format("arm") + ARM.format("loose") + HINGE.format("j", "continuous", "odom", "arm")
     path.write_text(f'<robot name="r">{pieces}</robot>', encoding="utf-8")
-    assert told(path)["robots in pieces"] == ("odom", "loose")
+    assert told(path)["robots of several parts"] == ("odom", "loose")
     path.write_text(f'<robot name="r">{pieces.replace(ARM.format("loose"), "")}</robot>', encoding="utf-8")
-    assert "robots in pieces" not in told(path)
+    assert "robots of several parts" not in told(path)
 
 
 def test_a_name_that_is_there_twice_in_mjcf_is_refused(tmp_path):

@@ -45,7 +45,20 @@ def study() -> uqmbd.Study:
 def holds(few: xr.Dataset, whole: xr.Dataset) -> None:
     """Every statistic of all samples, as those have it that are all kept."""
     assert set(whole.data_vars) <= set(few.data_vars)
-    for name in set(whole.data_vars) - {"quantile"}:
+    intervals = (one["quantile_interval"].transpose("bound", ...) for one in (few, whole))
+    (low, high), (lower, upper) = (one.values for one in intervals)
+    if "unknown" in few["quantile_interval"].attrs:
+        # those of a design follow from its replicates: all samples must be stored
+        assert np.isnan(low).all() and np.isnan(high).all()
+    elif "quantile_error" in few.data_vars:
+        assert (low <= lower).all() and (upper <= high).all()
+    else:
+        np.testing.assert_array_equal((low, high), (lower, upper))
+    # the realisations that are integrated again are chosen among the stored samples
+    again = {"integration_error", "integration_error_rms", "integration_error_factor"}
+    for name in again & set(whole.data_vars):
+        np.testing.assert_allclose(few[name], whole[name], rtol=0.5, atol=1e-12, err_msg=str(name))
+    for name in set(whole.data_vars) - {"quantile", "quantile_interval"} - again:
         np.testing.assert_allclose(few[name], whole[name], rtol=1e-7, atol=1e-12, err_msg=str(name))
     if "quantile_error" in few.data_vars:
         assert np.all(np.abs(few["quantile"] - whole["quantile"]) <= few["quantile_error"])
@@ -67,6 +80,7 @@ def test_statistics_are_those_of_all_samples(study: uqmbd.Study, tmp_path: Path,
     tree = method.run(folder=tmp_path) if folder else method.run()
     validate(tree)
     few = tree["monte-carlo/statistics"].to_dataset()
+    assert ("unknown" in few["quantile_interval"].attrs) == (sampling != "random")
     assert {"circular_mean", "circular_std"} <= set(few.data_vars)
     assert ("quantile_error" in few) != folder
     holds(few, whole)
@@ -123,5 +137,5 @@ def test_a_full_disk_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(tempfile, "TemporaryFile", Full)
     passing = Passing(uqmbd.extend.labels(["x"], ["k"], [0.0]), again=True)
-    with pytest.raises(uqmbd.StudyError, match="No space left on device.*Run in a folder, or set TMPDIR"):
+    with pytest.raises(uqmbd.StudyError, match="No space left on device.*Run the study in a run folder, or set TMPDIR"):
         passing.add(0, np.ones((2, 1, 1)), np.ones(2, dtype=bool))

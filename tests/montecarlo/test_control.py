@@ -397,17 +397,19 @@ def test_bad_options_are_explained(options: dict, words: list[str]) -> None:
 
 
 def test_control_that_does_not_fit_is_explained(curved: uqmbd.Study) -> None:
-    with pytest.raises(uqmbd.StudyError, match="'quadrature' gives no polynomial chaos; .*Collocation"):
+    with pytest.raises(uqmbd.StudyError, match="'quadrature' computes no polynomial chaos; .*Collocation"):
         curved.propagate(MonteCarlo(samples=50, control=Quadrature(chaos=False)))
     chaos, _ = Quadrature(order=1).fit(curved.problem(Quadrature()))
     other = uqmbd.Study("other", curved.mechanism, [0.0, 2.0])
-    with pytest.raises(uqmbd.StudyError, match="other times"):
+    with pytest.raises(uqmbd.StudyError, match="the output times of the control differ"):
         other.propagate(MonteCarlo(samples=50, control=chaos))
     axes = dataclasses.replace(chaos.labels, outputs=chaos.labels.outputs[::-1])
     turned = PolynomialChaos(chaos.coefficients, chaos.multi_index, chaos.space, axes)
-    with pytest.raises(uqmbd.StudyError, match="outputs are fixed, linear, skewed; expected .*skewed, linear, fixed"):
+    with pytest.raises(
+        uqmbd.StudyError, match="outputs of the control are fixed, linear, skewed; expected .*skewed, linear, fixed"
+    ):
         curved.propagate(MonteCarlo(samples=50, control=turned))
     c = uqmbd.RandomVariable("c", chaospy.Normal(0, 1))
     stranger = resting({"skewed": c, "linear": c, "fixed": None})
-    with pytest.raises(uqmbd.StudyError, match="inputs are a, b; expected those of the study, c"):
+    with pytest.raises(uqmbd.StudyError, match="inputs of the control are a, b; expected those of the study, c"):
         stranger.propagate(MonteCarlo(samples=50, control=chaos))

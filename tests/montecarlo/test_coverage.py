@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from uqmbd.extend import Moments, replicate_errors
 from uqmbd.results import sample_statistics
-from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
+from uqmbd_montecarlo.gathering import replicate_sizes, uniform_samples
 
 SEEDS = 200
 LEAST = 0.92

@@ -15,7 +15,7 @@ import uqmbd
 from uqmbd.extend import Moments, replicate_errors
 from uqmbd.results import sample_statistics, validate
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
+from uqmbd_montecarlo.gathering import replicate_sizes, uniform_samples
 
 from .conftest import resting
 

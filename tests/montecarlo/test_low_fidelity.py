@@ -232,11 +232,11 @@ def test_many_seeds_of_a_study_whose_control_fails_at_some_inputs() -> None:
 def test_control_that_does_not_help_is_reported_and_leaves_the_samples(curved: uqmbd.Study) -> None:
     b = variable("b", chaospy.Uniform(-1, 1))
     useless = resting({"skewed": sympy.cos(40 * b), "linear": sympy.cos(50 * b), "fixed": None})
-    with pytest.warns(UserWarning, match=r"variance reduction 1\.0, plain Monte Carlo would do"):
+    with pytest.warns(UserWarning, match=r"variance reduction 1\.0, no advantage over Monte Carlo"):
         node = curved.propagate(MonteCarlo(samples=200, seed=3, control=useless))
     plain = curved.propagate(MonteCarlo(samples=200, seed=3))
     xr.testing.assert_identical(node["statistics"].to_dataset(), plain["statistics"].to_dataset())
-    assert "plain Monte Carlo would do" in node.attrs["control_summary"]
+    assert "no advantage over Monte Carlo without control" in node.attrs["control_summary"]
     assert node.attrs["control_realisations"] == 200
 
 
@@ -293,15 +293,18 @@ def test_bad_options_are_explained(options: dict, words: list[str]) -> None:
 @pytest.mark.parametrize(
     ("control", "words"),
     [
-        (resting({"skewed": A, "linear": A, "fixed": None}, [0.0, 2.0]), "other times"),
-        (resting({"skewed": A, "fixed": None}), "has no output 'linear'; it needs .* skewed, linear, fixed"),
+        (resting({"skewed": A, "linear": A, "fixed": None}, [0.0, 2.0]), "different output times"),
+        (
+            resting({"skewed": A, "fixed": None}),
+            "has no output 'linear'; expected all outputs of .* skewed, linear, fixed",
+        ),
         (
             resting({"skewed": A, "linear": variable("c", chaospy.Uniform(0, 1)), "fixed": None}),
-            "has the input 'c'; expected none but those of the study, a, b",
+            "has the input 'c'; expected only inputs of the controlled study, a, b",
         ),
         (
             resting({"skewed": variable("a", chaospy.Uniform(0, 1), "m"), "linear": None, "fixed": None}),
-            "has the input 'a' in 'm'; expected ''",
+            "has the input 'a' in 'm'; expected the units ''",
         ),
     ],
 )
@@ -320,7 +323,7 @@ def test_outputs_of_another_kind_are_refused() -> None:
     mechanism.output("angle", uqmbd.maximum(stone.position[0]), units="m")
     control = uqmbd.Study("turned", mechanism, other.times)
     with pytest.raises(
-        uqmbd.StudyError, match="output 'angle' of its control, .* another kind; expected one over time"
+        uqmbd.StudyError, match="output 'angle' of the control study .* the wrong kind; expected an output over time"
     ):
         other.propagate(MonteCarlo(samples=50, control=control))
 

@@ -10,8 +10,8 @@ import uqmbd
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_montecarlo.gathering import paired_samples
 from uqmbd_montecarlo.pickfreeze import PickFreeze, mixed_inputs
-from uqmbd_montecarlo.replicates import paired_samples
 
 SEEDS = 200
 

@@ -26,10 +26,10 @@ def files():
 
 
 def test_every_hook_has_a_kind_and_every_kind_a_page():
-    # a check and a contact law are one class with one method, which the page shows in full; the model of a surrogate
-    # belongs to a propagator
-    others = {"checks": "check.md", "contact_laws": "contact_law.md", "surrogates": "surrogate.md"}
-    assert {kind.registry for kind in PLUGIN_KINDS.values()} - {""} == set(plugins.KINDS) - set(others)
+    # a check is one class with one method, which the page shows in full
+    others = {"checks": "check.md"}
+    written = {kind.registry for kind in PLUGIN_KINDS.values()} | {kind.fitted for kind in PLUGIN_KINDS.values()} - {""}
+    assert written == set(plugins.KINDS) - set(others)
     pages = {path.name for path in (ROOT / "docs" / "how-to" / "plugins").glob("*.md")}
     assert {"index.md", *others.values()} <= pages
     pages -= {"index.md", *others.values()}
@@ -89,9 +89,15 @@ def test_nothing_is_overwritten_unasked(command):
         ("lambda", "contact-law", "lambda is a reserved word"),
         ("uqmbd-true", "component", "True is a reserved word"),
         ("uqmbd-exception", "component", "would be named Exception, which is a built-in name"),
-        ("uqmbd-any", "law", "would be named Any, like typing.Any, which it uses"),
-        ("uqmbd-path", "command", "would be named Path, like pathlib.Path, which it uses"),
-        ("uqmbd-friction", "contact-law", "would be named friction, like uqmbd_contact.friction, which it uses"),
+        ("uqmbd-any", "law", "would be named Any, like typing.Any, which the example uses"),
+        ("uqmbd-path", "command", "would be named Path, like pathlib.Path, which the example uses"),
+        (
+            "uqmbd-contact-law",
+            "contact-law",
+            "would be named ContactLaw, like uqmbd_contact.ContactLaw, which the example uses",
+        ),
+        ("hertz", "contact-law", "the contact law 'hertz' belongs to plugin 'contact' of uqmbd"),
+        ("collocation", "surrogate", "the propagator 'collocation' belongs to plugin 'collocation' of uqmbd"),
         ("test-rig", "component", "pytest treats functions of this name as tests"),
         ("revolute", "component", "the component 'Revolute' belongs to plugin 'joints' of uqmbd"),
         ("galerkin", "propagator", "the propagator 'galerkin' belongs to plugin 'galerkin' of uqmbd"),

@@ -18,12 +18,10 @@ def test_they_are_found_by_their_entry_points(python):
     run = python("-m", "uqmbd", "plugins", "--json")
     found = {info["distribution"]: info for info in json.loads(run.stdout)}
     for name, kind in PLUGIN_KINDS.items():
-        if kind.registered:
-            info = found[name_of(name)]
-            assert (info["status"], info["errors"], info["hooks"]) == ("loaded", [], [kind.registered.hook])
-            assert len(info[kind.registry]) == 1
-        else:
-            assert name_of(name) not in found
+        info = found[name_of(name)]
+        hooks = {kind.registered.hook, kind.fitted_hook} - {""}
+        assert (info["status"], info["errors"], set(info["hooks"])) == ("loaded", [], hooks)
+        assert all(len(info[registry]) == 1 for registry in {kind.registry, kind.fitted} - {""})
 
 
 def test_their_own_tests_pass(python, written):
@@ -75,6 +73,7 @@ import uqmbd
 from sample_component import SampleComponent
 from sample_law import SampleLaw
 from sample_propagator import SamplePropagator
+from sample_surrogate import SampleSurrogate
 from uqmbd.laws import length
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
@@ -95,6 +94,7 @@ methods = [
     Collocation(order=2),
     Galerkin(order=2),
     SamplePropagator(),
+    SampleSurrogate(nodes=12),
     Reliability(max_realisations=500),
 ]
 study = uqmbd.Study("forces", mechanism, np.linspace(0, 1, 6), methods)
@@ -103,8 +103,9 @@ study = uqmbd.Study("forces", mechanism, np.linspace(0, 1, 6), methods)
 import chaospy
 import numpy as np
 import uqmbd
-from sample_contact_law import sample_contact_law
+from sample_contact_law.contact_law import loss_factor
 from sample_propagator import SamplePropagator
+from sample_surrogate import SampleSurrogate
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneContact
 from uqmbd_montecarlo import MonteCarlo
@@ -112,10 +113,11 @@ from uqmbd_montecarlo import MonteCarlo
 height = uqmbd.RandomVariable("height", chaospy.Uniform(0.19, 0.21), units="m")
 mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
 ball = mechanism.body("ball", mass=1, position=(0, height))
-law = sample_contact_law(restitution=0.9, impact_speed=2)
-mechanism.add(PlaneContact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), law=law, stiffness=1e4))
+points, damping = ((0, 0), (0, 0), (0, 1)), loss_factor(0.9, 2)
+law = "sample-contact-law"
+mechanism.add(PlaneContact("floor", mechanism.ground, ball, *points, law=law, stiffness=1e4, damping=damping))
 mechanism.output("height", ball.position[1], units="m")
-methods = [MonteCarlo(samples=16, seed=1), Collocation(order=2), SamplePropagator()]
+methods = [MonteCarlo(samples=16, seed=1), Collocation(order=2), SamplePropagator(), SampleSurrogate(nodes=12)]
 study = uqmbd.Study("contact", mechanism, np.linspace(0, 0.15, 6), methods)
 """,
     "integrator": """

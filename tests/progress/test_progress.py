@@ -14,6 +14,7 @@ from rich.console import Console
 
 import uqmbd
 from uqmbd.progress import Board, Lines, expected, failed
+from uqmbd.wording import format_duration
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute
@@ -218,3 +219,27 @@ def test_parts_of_a_method_add_up_to_what_was_announced(parts):
     board.ended("a", "done", 9.0)
     assert board.works["a"].count() == str(sum(parts)) and board.works["a"].begin == 0.0
     assert board.whole().total == sum(parts) + 5 and board.whole().done == sum(parts)
+
+
+@pytest.mark.parametrize("kinds", [(True, True, True), (False, False, True)])
+def test_the_last_line_states_the_wall_time_of_the_results(kinds):
+    """It is that of outputs, scalar outputs and requirements, with what is computed from them; each method ends once."""
+    methods = [MonteCarlo(samples=20, seed=1), Collocation(order=2)]
+    stream = io.StringIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        tree = uqmbd.Study("s", swinging(*kinds), np.linspace(0, 1, 11), methods).run(progress=Lines(stream))
+    for method in methods:
+        label = method.node_name
+        (said,) = re.findall(rf"^{label}: done after ([0-9.]+ s)", stream.getvalue(), re.MULTILINE)
+        assert said == format_duration(tree.children[label].attrs["wall_time"], rough=True)
+    stated = [0.0, 0.0]
+    for k, seconds in enumerate((3.0, None)):
+        board = Board()
+        board.begun("a", 4, 1.0)
+        if seconds is not None:
+            board.costs("a", seconds)
+        board.costs("unknown", 1.0)
+        board.ended("a", "done", 2.0)
+        stated[k] = board.works["a"].spent(9.0)
+    assert stated == [3.0, 1.0]

@@ -22,9 +22,9 @@ def test_it_is_refused(method):
     mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness=stiffness, free_length=0))
     mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
     study = uqmbd.Study("oscillator", mechanism, times=np.linspace(0, 20, 101), propagators=[method])
-    with pytest.raises(uqmbd.StudyError, match=r"alignment='\w+' is about outputs over time"):
+    with pytest.raises(uqmbd.StudyError, match=r"alignment='\w+' applies to outputs over time"):
         study.propagate(method)
-    assert "is about outputs over time" in method.obstacle(study)
+    assert "applies to outputs over time" in method.obstacle(study)
     mechanism.output("x", mass.position[0], units="m")
     both = uqmbd.Study("oscillator", mechanism, times=np.linspace(0, 20, 101), propagators=[method])
     assert "scalars" in both.propagate(method).children

@@ -152,6 +152,16 @@ def test_same_bits_for_any_number_of_workers_and_after_a_resume(springs, tmp_pat
             assert other[f"{label}/statistics/integration_error"].values.tobytes() == first.tobytes()
 
 
+@pytest.mark.parametrize(("samples", "repeated"), [(40, 0), (160, 8)])
+def test_workers_integrate_again_where_there_are_several(springs, samples, repeated):
+    """The workers that compute the samples also repeat some of them; for three no workers are started."""
+    workers = RecordingExecutor()
+    node = uqmbd.Study("s", springs, TIMES).propagate(MonteCarlo(samples=samples, seed=1), workers)
+    assert node.attrs["realisations"] == samples
+    assert node["statistics/integration_error"].attrs["realisations"] == max(repeated, 3)
+    assert workers.realisations == samples + repeated
+
+
 def test_angles_are_compared_up_to_whole_turns():
     """A crank that is driven: its angle is that of the driver, whatever number of turns a realisation counts."""
     found = uqmbd.Study("s", crank(), TIMES, [MonteCarlo(samples=5, seed=1)]).run()["monte-carlo/statistics"]
@@ -267,8 +277,8 @@ def test_what_does_not_vary_beyond_the_error_is_reported_over_its_size():
 
     found = uqmbd.Study("s", crank(), TIMES, [MonteCarlo(samples=5, seed=1)]).run()["monte-carlo/statistics"]
     heading, tip = integration_shares(found.to_dataset())
-    assert not heading.varies and heading.of_what == "of the mean"
-    assert tip.varies and tip.of_what == "of the standard deviation" and 0 <= tip.share < 1e-3
+    assert not heading.varies and heading.whole == "the mean"
+    assert tip.varies and tip.whole == "the standard deviation" and 0 <= tip.share < 1e-3
 
 
 def taken(counts):

@@ -110,21 +110,21 @@ def test_pickling_keeps_identity_within_an_expression():
 
 
 WRONG = {
-    "a class": (lambda: uqmbd.RandomVariable("x", chaospy.Normal), "is the class chaospy.Normal; give it its parameters"),
+    "a class": (lambda: uqmbd.RandomVariable("x", chaospy.Normal), "is the class chaospy.Normal; expected an object with parameters"),
     "a number": (lambda: uqmbd.RandomVariable("x", 3.0), "the distribution is 3.0 (float); expected a chaospy distribution"),
     "a kernel density of scipy": (lambda: uqmbd.RandomVariable("x", scipy.stats.gaussian_kde([1.0, 2.0, 4.0])), "expected a chaospy distribution"),
     "none": (lambda: uqmbd.RandomVariable("x", None), "the distribution is None"),
-    "joint": (lambda: uqmbd.RandomVariable("x", chaospy.MvNormal([0, 0], np.eye(2))), "has 2 dimensions, expected 1; for dependent variables use uqmbd.random_vector"),
+    "joint": (lambda: uqmbd.RandomVariable("x", chaospy.MvNormal([0, 0], np.eye(2))), "has 2 dimensions; expected 1: for dependent variables use uqmbd.random_vector"),
     "no name": (lambda: uqmbd.RandomVariable("", chaospy.Normal()), "the name is empty"),
     "slash": (lambda: uqmbd.RandomVariable("a/b", chaospy.Normal()), "cannot contain '/'"),
-    "time": (lambda: uqmbd.RandomVariable("time", chaospy.Normal()), "taken by the time axis"),
-    "turned round": (lambda: uqmbd.RandomVariable(chaospy.Normal(), "x"), "expected a text. The name is the first argument"),
+    "time": (lambda: uqmbd.RandomVariable("time", chaospy.Normal()), "reserved for the time axis"),
+    "turned round": (lambda: uqmbd.RandomVariable(chaospy.Normal(), "x"), "expected a string as the first argument"),
     "units": (lambda: uqmbd.RandomVariable("x", chaospy.Normal(), units=3), "random variable 'x': units is 3"),
     "vector of too many": (lambda: uqmbd.random_vector(["a"], chaospy.MvNormal([0, 0], np.eye(2))), "use uqmbd.random_vector|has 2 dimensions, expected 1"),
-    "vector of too few": (lambda: uqmbd.random_vector(["a", "b", "c"], chaospy.MvNormal([0, 0], np.eye(2))), "expected 3; give one name for each dimension"),
-    "vector of one name": (lambda: uqmbd.random_vector("ab", chaospy.MvNormal([0, 0], np.eye(2))), "names is the text 'ab'"),
+    "vector of too few": (lambda: uqmbd.random_vector(["a", "b", "c"], chaospy.MvNormal([0, 0], np.eye(2))), "expected 3: give one name for each dimension"),
+    "vector of one name": (lambda: uqmbd.random_vector("ab", chaospy.MvNormal([0, 0], np.eye(2))), "names is the string 'ab'"),
     "vector with a name twice": (lambda: uqmbd.random_vector(["a", "a"], chaospy.MvNormal([0, 0], np.eye(2))), "the name 'a' occurs twice"),
-    "vector with units": (lambda: uqmbd.random_vector(["a", "b"], chaospy.MvNormal([0, 0], np.eye(2)), ["m"]), "1 units given for 2 names"),
+    "vector with units": (lambda: uqmbd.random_vector(["a", "b"], chaospy.MvNormal([0, 0], np.eye(2)), ["m"]), "1 units are given for 2 names"),
     "vector of a class": (lambda: uqmbd.random_vector(["a", "b"], chaospy.MvNormal), "is the class chaospy.MvNormal"),
 }  # fmt: skip
 

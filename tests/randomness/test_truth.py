@@ -1,11 +1,14 @@
-"""A relation between quantities has no truth value: the error says so, wherever it is used as a condition."""
+"""A quantity is no number: conditions, comparisons with NaN and conversions of Python report it and its replacement."""
 
 from __future__ import annotations
 
+import math
+import operator
 import subprocess
 import sys
 
 import chaospy
+import numpy as np
 import pytest
 import sympy
 
@@ -45,6 +48,59 @@ def test_relations_of_others_and_decided_ones_are_as_before():
     assert sympy.Integer(2) > 1 and LENGTH == LENGTH and (LENGTH - LENGTH >= 0)
     # SymPy expects a TypeError of itself, and goes on
     assert sympy.Max(LENGTH, 1).has(LENGTH) and sympy.Piecewise((1, LENGTH > 1), (0, True)).has(LENGTH)
+
+
+QUANTITIES = [LENGTH, 2 * LENGTH, BODY.position[0], LENGTH + BODY.velocity[0], sympy.sin(uqmbd.t)]
+UNREAL = [math.nan, np.float64("nan"), sympy.nan, sympy.zoo, 1j, sympy.sqrt(-2)]
+
+
+@pytest.mark.parametrize("value", UNREAL, ids=repr)
+@pytest.mark.parametrize("compare", [operator.lt, operator.le, operator.gt, operator.ge], ids=lambda x: x.__name__)
+def test_a_comparison_with_a_value_that_is_not_real_names_both(compare, value):
+    for quantity in QUANTITIES:
+        for use in (
+            lambda x: compare(x, value),
+            lambda x: compare(value, x),
+            lambda x: sympy.Piecewise((1, compare(x, value)), (0, True)),
+            lambda x: uqmbd.first_time(compare(x, value)),
+            lambda x: sympy.Max(x, value),
+            lambda x: sympy.Min(1, value, x),
+        ):
+            with pytest.raises(
+                uqmbd.StudyError, match=r"because .* is not (a number|real)\. Compare with a real"
+            ) as caught:
+                use(quantity)
+            given = {str(value), str(sympy.sympify(value))}
+            assert str(quantity) in str(caught.value) and any(x in str(caught.value) for x in given)
+
+
+CONVERSIONS = {
+    "float": float, "int": int, "complex": complex, "round": round, "trunc": math.trunc, "floor": math.floor,
+    "sin": math.sin, "two places": lambda x: round(x, 2), "format": lambda x: f"{x:.3f}", "percent": lambda x: f"{x:%}",
+    "array": lambda x: np.array([x, 1], dtype=float), "fill": lambda x: np.zeros(2).__setitem__(0, x),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("convert", CONVERSIONS.values(), ids=CONVERSIONS)
+def test_a_conversion_to_a_number_names_the_quantity_and_the_replacement(convert):
+    for quantity in QUANTITIES:
+        with pytest.raises(uqmbd.StudyError, match="needs a number") as caught:
+            convert(quantity)
+        message = str(caught.value)
+        assert message.startswith(f"{quantity} differs") and isinstance(caught.value, TypeError)
+        assert (f"uqmbd.nominal({quantity})" in message) == (quantity.free_symbols == {LENGTH})
+
+
+def test_numbers_and_symbols_of_others_convert_and_compare_as_before():
+    x = sympy.Symbol("x")
+    for use in (float, int, complex, round, math.trunc, lambda y: y > sympy.nan, lambda y: sympy.Max(y, sympy.nan)):
+        with pytest.raises((TypeError, ValueError)) as caught:
+            use(x)
+        assert not isinstance(caught.value, uqmbd.StudyError)
+    assert float(LENGTH - LENGTH + sympy.pi) == math.pi and int(sympy.pi) == 3 and f"{sympy.pi:.2f}" == "3.14"
+    assert (
+        f"{LENGTH}" == "length" and (LENGTH < sympy.oo) is not None and sympy.Max(LENGTH, 1, 2) == sympy.Max(LENGTH, 2)
+    )
 
 
 @pytest.mark.thorough

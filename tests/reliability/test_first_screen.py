@@ -8,6 +8,7 @@ import re
 import chaospy
 import numpy as np
 import pytest
+import xarray as xr
 
 import uqmbd
 from uqmbd.report import with_motion, write_report
@@ -65,6 +66,18 @@ def test_time_index_and_inputs_are_the_closed_form_and_those_of_the_file(stored)
     drawn = dict(zip(figure.charts[0].places, figure.charts[0].curves[0].values, strict=True))
     known = one["design_points_standard"]
     assert drawn == {name: float(known.sel(input=name)) for name in drawn}
+
+
+@pytest.mark.parametrize(
+    ("units", "shown"), [("kg*m^2", "kg·m²"), ("m/s^2", "m/s²"), ("1", ""), ("N m s", "N\u202fm\u202fs")]
+)
+def test_units_of_the_inputs_are_typeset(stored, units, shown):
+    changed = stored.copy(deep=True)
+    data = changed["reliability/requirements"].to_dataset()
+    names = data["input_units"].copy(data=np.full(data.sizes["input"], units))
+    changed["reliability/requirements"] = xr.DataTree(data.assign_coords(input_units=names))
+    for row in ReliabilitySection().first_screen(changed).rows:
+        assert all(re.fullmatch(rf".* = \S+ {shown}".rstrip(), one) for one in row[-1].split("; "))
 
 
 def test_the_pose_is_that_of_the_design_point(stored, tmp_path):

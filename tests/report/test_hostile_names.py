@@ -62,7 +62,7 @@ REFUSED = {
     "no character": "\ufffe",
     "null": "a\0b",
     "null at the end": "a\0",
-    "half a character": "a\ud800b",
+    "half of a Unicode surrogate pair": "a\ud800b",
     "empty": "",
     "blank": " \t ",
     "slash": "a/b",
@@ -126,7 +126,7 @@ def squeezed(text: str) -> str:
 
 def hostile_study() -> uqmbd.Study:
     """Make the study; that its units are none is told, and they are kept."""
-    with pytest.warns(uqmbd.UnitsWarning, match="no unit that is known here"):
+    with pytest.warns(uqmbd.UnitsWarning, match="not a known unit"):
         return made_of_hostile_names()
 
 

@@ -18,6 +18,7 @@ study = uqmbd.Study("fall", mechanism, [0.0, 0.5, 1.0], [MonteCarlo(samples=40, 
     "uqmbd.report.show(tree)",
     "%load_ext uqmbd.report",
     "tree",
+    "study.mechanism.inputs.variables[0]",
 )
 
 
@@ -27,9 +28,12 @@ def test_a_notebook_runs():
     pytest.importorskip("ipykernel", reason="ipykernel is not installed: a real notebook is not verified")
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS])
     nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
-    _, run, study, shown, _, tree = (cell.outputs for cell in notebook.cells)
+    _, run, study, shown, _, tree, variable = (cell.outputs for cell in notebook.cells)
     (progress,) = run
     assert "all methods" in progress["data"]["text/html"] and "90" in progress["data"]["text/html"]
     for outputs in (study, shown, tree):
         (one,) = outputs
         assert one["data"]["text/html"].count('<figure class="charted">') == 1
+    assert "Reliability of the results" in tree[0]["data"]["text/html"]
+    (one,) = variable
+    assert "Uniform(lower=1, upper=2)" in one["data"]["text/html"] and "Density of mass" in one["data"]["text/html"]

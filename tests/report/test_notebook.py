@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import chaospy
 import numpy as np
 import pytest
+import scipy.stats
 import xarray as xr
 
 import uqmbd
@@ -22,6 +23,8 @@ from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
+
+from .test_hostile_names import HOSTILE
 
 VOID = {"img", "br", "meta"}
 
@@ -142,6 +145,77 @@ def test_results_are_shown(study):
         report.show(1.0)
     with pytest.raises(uqmbd.StudyError, match="no result of a method"):
         report.show(xr.DataTree())
+
+
+def test_a_result_shows_the_first_screen_of_its_report(study, tmp_path):
+    """Results, main contributors, reliability and the recommended method are those of the page, word for word."""
+    tree, problem = report.with_motion(study.run(), study)
+    assert not problem
+    shown = report.show(tree).html
+    written = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    screen = written[written.index('<section id="summary"') : written.index("<nav ")]
+    said = [
+        re.sub("<[^>]*>", " ", part) for part in re.findall("<t[dh].*?</t[dh]>|<li>.*?</li>", STATIC.sub("", screen))
+    ]
+    words = [" ".join(text.replace("\N{NO-BREAK SPACE}", " ").split()) for text in said]
+    assert len(words) > 10
+    text = " ".join(re.sub("<[^>]*>", " ", STATIC.sub("", shown)).replace("\N{NO-BREAK SPACE}", " ").split())
+    assert [one for one in words if one not in text] == []
+    still = STATIC.sub("", shown)
+    assert '<svg class="still"' in still and not re.search(r'(?:src|href)="(?!data:|#)', still)
+
+
+NAMES = [*HOSTILE.values(), "crank length"]
+
+
+@pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
+def test_a_random_variable_shows_its_name_units_and_density(name):
+    variable = uqmbd.RandomVariable(name, scipy.stats.norm(0.15, 0.003), units="N*m")
+    page = Page(variable._repr_html_())
+    assert f"{name} – random variable" in "".join(page.texts) and "N·m" in page.texts
+    assert "Normal(mu=0.15, sigma=0.003)" in page.texts and "0.1500 N·m" in page.texts
+    (image,) = page.images
+    assert image["src"].startswith("data:image/svg+xml;base64,") and image["alt"].startswith(f"Density of {name}: ")
+    assert ElementTree.fromstring(base64.b64decode(image["src"].partition(",")[2])).tag.endswith("svg")
+
+
+DISTRIBUTIONS = {
+    "normal": (chaospy.Normal(-3, 1e-4), scipy.stats.norm(-3, 1e-4)),
+    "uniform": (chaospy.Uniform(1e5, 3e5), scipy.stats.uniform(1e5, 2e5)),
+    "gamma": (scipy.stats.gamma(3, scale=2.0), scipy.stats.gamma(3, scale=2.0)),
+    "weibull": (scipy.stats.weibull_min(1.5, scale=7.0), scipy.stats.weibull_min(1.5, scale=7.0)),
+    "discrete": (chaospy.Binomial(40, 0.3), scipy.stats.binom(40, 0.3)),
+    "dependent": (chaospy.MvNormal([5.0], [[4.0]]), scipy.stats.norm(5, 2)),
+}
+
+
+def number_of(text):
+    """Read a number with a power of ten."""
+    superscripts = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+    return float(text.replace("\N{MINUS SIGN}", "-").replace(" × 10", "e").translate(superscripts))
+
+
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
+def test_the_interval_is_that_of_scipy(name):
+    given, known = DISTRIBUTIONS[name]
+    variable = uqmbd.random_vector([name], given)[0] if name == "dependent" else uqmbd.RandomVariable(name, given)
+    (image,) = Page(variable._repr_html_()).images
+    words = image["alt"].removeprefix(f"Density of {name}: mean ").removesuffix(".")
+    mean, low, high = map(number_of, words.replace(", 95 % of the values from ", " to ").split(" to "))
+    width = known.ppf(0.975) - known.ppf(0.025)
+    np.testing.assert_allclose(
+        [mean, low, high], [known.mean(), *known.ppf([0.025, 0.975])], rtol=0, atol=0.005 * width
+    )
+
+
+def test_a_variable_that_depends_on_another_one_is_drawn_from_realisations():
+    """Of Y = X + e, X uniform in [1, 2]: the ends of the interval are within three standard errors."""
+    first = chaospy.Uniform(1, 2)
+    _, second = uqmbd.random_vector(["x", "y"], chaospy.J(first, chaospy.Normal(first, 0.1)))
+    (image,) = Page(second._repr_html_()).images
+    low, high = map(float, re.search(r"from (\S+) to (\S+)\.$", image["alt"]).groups())
+    drawn = np.random.default_rng(5).uniform(1, 2, 400_000) + np.random.default_rng(6).normal(0, 0.1, 400_000)
+    np.testing.assert_allclose([low, high], np.quantile(drawn, [0.025, 0.975]), atol=0.03)
 
 
 def test_what_went_wrong_is_shown(study):

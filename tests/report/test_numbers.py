@@ -14,7 +14,10 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd import extend, report, results
-from uqmbd.wording import format_cells, format_interval, format_interval_ends
+from uqmbd.cli.tables import show_summary
+from uqmbd.report.sections.about_results.output_words import numbers
+from uqmbd.report.view import StudyResult
+from uqmbd.wording import format_at_most, format_cells, format_interval, format_interval_ends, format_part
 from uqmbd_montecarlo import MonteCarlo
 
 
@@ -125,9 +128,85 @@ def test_ends_of_an_interval_differ_in_their_digits(one, other):
     assert shown[0] < value < shown[1]
 
 
+@settings(max_examples=400, deadline=None)
+@given(st.floats(-12, -1), st.floats(0.01, 3.99))
+def test_ends_of_an_interval_have_one_power_of_ten(size, decades):
+    """A probability, as both of its ends: in per cent, or with one power of ten; a millionth of a per cent is no such."""
+    low, high = 10.0**size, min(10.0 ** (size + decades), 0.9)
+    value = math.sqrt(low * high)
+    assume(high < 1e-4 or low >= 1e-6)
+    texts = [*format_interval_ends(low, high).split(" to "), format_interval(value, low, high).partition(" (")[0]]
+    assert len({text.partition(" × ")[2] or text[-1] for text in texts}) == 1, texts
+    assert [number_of(text) for text in texts] == pytest.approx([low, high, value], rel=0.06)
+
+
+def test_the_smallest_numbers_are_probabilities():
+    for low, high in ((5e-324, 1e-320), (5e-324, 0.5), (2.2e-308, 3e-307), (1e-20, 5e-5)):
+        assert [number_of(text) for text in format_interval_ends(low, high).split(" to ")] == pytest.approx(
+            [low, high], rel=0.06, abs=1e-323
+        )
+
+
+def test_an_error_above_one_hundred_per_cent_is_a_factor():
+    for words in (format_at_most(30.91, "the standard deviation"), format_part(30.91, "the standard deviation")):
+        assert "31 times" in words and "the standard deviation" in words and "%" not in words
+    for share in (1e-9, 0.3, 1.0):
+        assert "%" in format_at_most(share, "x") and "%" in format_part(share, "x")
+
+
 def number_of(text):
     """The number of a text such as 12.3 % or 1.5 × 10⁻⁷."""
     if text.endswith(" %"):
         return float(text.removesuffix(" %")) / 100
     mantissa, _, power = text.partition(" × 10")
     return float(f"{mantissa}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}")
+
+
+@pytest.mark.parametrize(("samples", "bounded"), [(60, False), (400, True)])
+def test_quantiles_are_shown_with_their_stored_intervals(tmp_path, samples: int, bounded: bool) -> None:
+    """Below the quantiles at chosen times, and next to those of scalar outputs; an end that is unknown is infinite."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    mechanism = uqmbd.Mechanism("throw", uqmbd.Line())
+    stone = mechanism.body("stone", mass=1, velocity=speed)
+    mechanism.output("height", stone.position[0], units="m")
+    mechanism.output("last", uqmbd.final(stone.position[0]), units="m")
+    tree = uqmbd.Study("s", mechanism, [1.0, 2.0], [MonteCarlo(samples=samples, seed=1)]).run()
+    result = StudyResult.of(tree)
+    data = tree["monte-carlo/statistics"].to_dataset().isel(output=0)
+    rows = numbers(result.methods["monte-carlo"], "height")
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    read = [float(x.replace("∞", "inf").replace("−", "-")) for x in rows[-1]["within0.025"].split(" to ")]
+    stored = data["quantile_interval"].sel(probability=0.025, time=2.0).transpose("bound").values
+    assert read == pytest.approx(stored.tolist(), rel=1e-3) and np.isfinite(read[0]) == bounded
+    for row in rows:
+        for level in ("0.025", "0.5", "0.975"):
+            assert f'{row[f"q{level}"]} <span class="soft within">{row[f"within{level}"]}</span>' in page
+    ends = tree["monte-carlo/scalars/statistics/quantile_interval"].sel(probability=0.95).isel(output=0)
+    low, high = format_cells(ends.transpose("bound").values.tolist(), scale=7.0)
+    assert f"m ({low} to {high})" in page and np.isfinite(float(ends[1])) == bounded
+
+
+def test_quantiles_of_narrow_distributions_have_digits_that_differ() -> None:
+    """The standard deviation is 3e-4 of the mean; four digits would be equal."""
+    inputs = np.random.default_rng(1).normal(0.1, 3e-5, (400, 1))
+    axes = extend.labels([("x", "m")], [("a", "m")], [0.0, 1.0])
+    data = extend.statistics_of_samples(extend.sample_dataset(inputs[:, :, None] * np.ones(2), inputs, axes))
+    node = results.propagator_node("mc", data, propagator="p", realisations=400, wall_time=1.0)
+    result = StudyResult.of(results.study_tree([node], study="s", mechanism="m"))
+    for row in numbers(result.methods["mc"], "x"):
+        assert len({row[f"q{level}"] for level in ("0.025", "0.5", "0.975")}) == 3
+        for level in ("0.025", "0.5", "0.975"):
+            low, high = row[f"within{level}"].split(" to ")
+            assert float(low) < float(row[f"q{level}"]) < float(high) and len(low) == len("0.100000")
+
+
+def test_a_coupled_system_explains_its_realisations(make_chaos, capsys, tmp_path) -> None:
+    """The console and the page say what the realisations are; methods of separate realisations have no such sentence."""
+    coupled, separate = make_chaos("together", 2), make_chaos("apart", 3)
+    coupled.attrs["unknowns"] = 24
+    tree = results.study_tree([coupled, separate], study="s", mechanism="m")
+    show_summary(tree, files={})
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    for text in (" ".join(capsys.readouterr().out.split()), page):
+        assert text.count("together integrates a system of 24 unknowns instead of single realisations. Its") == 1
+        assert "realisations are the nodes of this system, and separate ones" in text and "apart integrates" not in text

@@ -225,11 +225,11 @@ def test_names_that_are_wrong_are_reported_with_the_nearest():
             output(statistics, wrong[0], input=wrong[1] if len(wrong) > 1 else None)
     with pytest.raises(uqmbd.StudyError, match="did you mean 'force'"):
         output(statistics.assign_coords(output=["x", "force"]), "forse")
-    with pytest.raises(uqmbd.StudyError, match="no variable 'means' along 'output'"):
+    with pytest.raises(uqmbd.StudyError, match="no variable 'means' with the dimension 'output'"):
         by_output(statistics, "means")
     with pytest.raises(uqmbd.StudyError, match="expected an xarray.DataTree or an xarray.DataArray"):
         statistics.uqmbd.surrogate()
-    with pytest.raises(uqmbd.StudyError, match=r"A DataArray holds no surrogate; expected .* tree\['LABEL'\]"):
+    with pytest.raises(uqmbd.StudyError, match=r"A DataArray contains no surrogate; expected .* tree\['LABEL'\]"):
         surrogate(statistics["mean"])
 
 

@@ -323,7 +323,7 @@ def test_a_road_may_be_random_and_of_time(close):
     ("x", "z"), [([0, 1, 1], [0, 0, 0]), ([0], [1]), ([0, 1], [0, np.nan]), ([0, 1, 2], [0, 1]), ([[0, 1]], [[0, 1]])]
 )
 def test_samples_that_make_no_road(x, z):
-    with pytest.raises(uqmbd.StudyError, match="expected two lists of equal length, two numbers at least"):
+    with pytest.raises(uqmbd.StudyError, match="expected two lists of equal length with at least two finite numbers"):
         sampled_road(x, z)
 
 

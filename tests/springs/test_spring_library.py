@@ -132,7 +132,7 @@ def test_bushing_with_a_full_matrix_conserves_energy(energy):
     ("given", "message"),
     [
         ({"stiffness": (1, 2)}, "stiffness has 2 entries; expected one number, 6"),
-        ({"stiffness": np.eye(6) + np.eye(6, k=1)}, "no symmetric matrix"),
+        ({"stiffness": np.eye(6) + np.eye(6, k=1)}, "is not a symmetric matrix"),
     ],
 )
 def test_a_bushing_says_what_it_expects(given, message):

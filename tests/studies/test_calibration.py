@@ -43,7 +43,7 @@ def test_friction_that_is_left_out_is_noticed_with_the_times(made):
         found = made["calibrated"]("double_pendulum_with_friction")
     said = [str(one.message) for one in told if issubclass(one.category, uqmbd.StudyWarning)]
     for output in ("upper angle", "joint angle"):
-        assert any(f"{output!r}: the model does not give such values" in x and "above all at" in x for x in said)
+        assert any(f"{output!r}: the model does not explain these values" in x and "above all at" in x for x in said)
     assert all(one["doubted"] and one["where"] for one in found.checks["model"])
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import runpy
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,6 +29,7 @@ ALIGNED = {
 INTEGRATED = {
     "damped chain": (),
     "spring with a kink": (),
+    "pendulum that may turn": (),
     "bouncing ball": (pytest.mark.slow,),
     "hardening spring": (pytest.mark.slow,),
     "disc, normal torque": (pytest.mark.slow,),
@@ -83,7 +89,9 @@ def test_error_of_an_aligned_chaos_is_the_true_one(name, table):
     ratio = found.stated / found.true
     agree = (np.maximum(found.true, found.stated) < FLOOR) | ((ratio >= 0.5) & (ratio <= 2.0))
     stated, true = found.stated.max(), found.true.max()
-    assert agree.mean() >= 0.9 and 0.5 <= stated / true <= 2.0, (agree.mean(), stated, true)
+    # where no phase helps, errors many times the spread move from time to time, and their largest is no number to meet
+    most = 2.0 if reference.tested.helps else 5.0
+    assert agree.mean() >= 0.9 and 0.5 <= stated / true <= most, (agree.mean(), stated, true)
     assert (stated < 0.02 and true < 0.02) if reference.tested.helps else stated > 0.1
 
 
@@ -111,6 +119,13 @@ def test_surrogate_errors_of_some_mechanisms_are_the_true_ones(name, table):
     assert found.holds == "yes", found
 
 
+@pytest.mark.slow
+def test_surrogate_errors_next_to_a_separatrix_are_not_missed(table):
+    """In all of 20 repetitions, at all times: a layer of one percent of the probability has most of the error."""
+    (found,) = table.rows_of("surrogate", "Kraichnan-Orszag")
+    assert found.holds == "yes" and found.lowest > 0.2, found
+
+
 @pytest.mark.thorough
 def test_posterior_of_a_mechanism_contains_the_true_inputs(table):
     (found,) = table.rows_of("posterior", "sampled controller", seeds=2)
@@ -129,6 +144,48 @@ def test_rows_that_hold_in_the_stored_table_hold_with_fewer_seeds(error, table):
         if row.holds == "no" and (row.error, row.mechanism) not in known
     ]
     assert not wrong, wrong
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["disc, normal torque", "bouncing ball", "two frequencies"])
+def test_auto_needs_hardly_more_realisations_than_its_costliest_family(name, table):
+    """With phases, with events, and with two frequencies; families share nodes and verification realisations."""
+    tested = table.MECHANISMS[name]
+    study = table.Reference(tested).study(tested.times, 1e-8)
+
+    def node_of(family):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return study.propagate(Collocation(alignment=table.MEMBERS.get(family, family), **tested.options))
+
+    node = node_of("auto")
+    families = node["families"]["family"].values.tolist()
+    counts = [node_of(family).attrs["realisations"] for family in families]
+    assert len(families) > 1 and node.attrs["realisations"] <= 1.1 * max(counts), (families, counts)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("method", [Collocation(order=3), Galerkin(order=3)], ids=["collocation", "galerkin"])
+def test_force_of_the_slider_crank_where_it_hardly_varies(method):
+    """At 1.96 s the deviation is 0.004 N, a hundredth of the largest one; the true error is about 9 % of it.
+
+    It is that at 12 x 12 points of a Gauss rule, which is 9.1 % at 24 x 24.
+    """
+    study = runpy.run_path(str(ROOT / "studies" / "slider_crank.py"))["study"]
+    nodes, weights = np.polynomial.hermite_e.hermegauss(12)
+    germs = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+    weights = np.outer(weights, weights).ravel() / weights.sum() ** 2
+    values = [0.15, 0.35] + germs * [0.003, 0.007]
+    run = study.problem(method).realise(values)
+    assert run.good.all()
+    node = study.propagate(method)
+    wrong = node.uqmbd.surrogate().evaluate(values) - run.response
+    variance = weights @ (run.response[:, 2] - weights @ run.response[:, 2]) ** 2
+    true = np.sqrt(weights @ wrong[:, 2] ** 2 / variance)
+    stated = node["statistics"]["verification_error"].sel(output="pin_force").values
+    at = int(np.argmin(np.abs(study.times - 1.96)))
+    assert 0.05 < true[at] < 0.15 and 0.5 < stated[at] / true[at] < 2
+    assert np.mean((stated > 0.5 * true) & (stated < 2 * true) | (true < FLOOR)) >= 0.9
 
 
 def test_the_stored_table_covers_thirty_mechanisms_of_all_kinds(table):

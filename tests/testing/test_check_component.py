@@ -168,18 +168,18 @@ class Exemplary(Base):
 
 
 FAULTS = {
-    OneSided: "what it exerts on its bodies does not cancel",
-    Elsewhere: "what it exerts on its bodies does not cancel",
-    Compass: "its forces change by .* when everything is moved and turned as a whole",
-    Anchored: "its reactions do not cancel; a constraint changes if all bodies move as one",
-    Impossible: "no state was found at which its constraints hold",
-    IdleExample: "parameter 'rate' is declared, and enters no term",
-    Idle: "parameter 'rate' is declared, and enters no term",
+    OneSided: "its forces and torques on the bodies do not cancel",
+    Elsewhere: "its forces and torques on the bodies do not cancel",
+    Compass: "its forces change by .* when the whole mechanism is translated and rotated",
+    Anchored: "its reactions do not cancel: a rigid motion of all bodies changes a constraint",
+    Impossible: "the check found no state that satisfies its constraints",
+    IdleExample: "no term contains the declared parameter 'rate'",
+    Idle: "no term contains the declared parameter 'rate'",
     Unitless: "Unitless.rate has no units",
     Undescribed: "Undescribed.rate has no description",
-    Ratchet: "energy is not conserved: a potential feeds in a power of",
-    Escapement: "energy is not conserved: constraint 0 feeds in a power of",
-    Optional: "parameter 'law' is an option without choices",
+    Ratchet: "energy is not conserved: a potential contributes a power of",
+    Escapement: "energy is not conserved: constraint 0 contributes a power of",
+    Optional: "parameter 'law' is an option without declared choices",
 }
 
 
@@ -202,7 +202,7 @@ def test_values_may_be_given():
 
 @pytest.mark.thorough
 def test_values_for_what_there_is_not_are_reported():
-    with pytest.raises(AssertionError, match="given names 'lw', which is no parameter of Optional"):
+    with pytest.raises(AssertionError, match="the argument 'given' contains 'lw'; expected parameters of Optional"):
         check_component(Optional, given={"lw": "whatever"}, propagators=())
 
 
@@ -242,7 +242,7 @@ class Helpless(Collocation):
 def test_methods_that_disagree():
     with pytest.raises(
         AssertionError,
-        match="Sound in Planar space, in a study with Biased.*: its mean of .* at .* is .*, that of Coll",
+        match="Sound in Planar space, in a study with Biased.*: the mean of .* at .* is .*; the reference method Coll.* gives",
     ):
         studied(Sound, "collocation", Biased(order=1, verify=2, label="biased"))
 
@@ -254,7 +254,10 @@ def test_method_that_fails():
 
 @pytest.mark.thorough
 def test_component_without_a_possible_motion():
-    with pytest.raises(AssertionError, match="none of 20 random poses can be assembled and moves: .*length"):
+    with pytest.raises(
+        AssertionError,
+        match="the check found no random pose, out of 20, that can be assembled and that moves: .*length",
+    ):
         studied(Impossible, "collocation")
 
 
@@ -309,7 +312,7 @@ class Sundial(Needle):
     ("component", "words"),
     [
         (Needle, "its angle changes by"),
-        (Tachometer, "the stated rate of its angle is"),
+        (Tachometer, "the declared rate of its angle is"),
         (Talker, "displacement 'displacement' contains t; expected coordinates of the bodies"),
     ],
 )
@@ -343,9 +346,9 @@ def test_units_of_a_parameter_that_fit_its_terms_pass():
 
 
 MISTAKES = {
-    "another dimension": (magnet("N/m"), r"Magnet in Planar space, .*: force times velocity of a VirtualWork: .* to be W.* strength in N/m"),
-    "no units": (magnet("Newton square"), "Magnet.strength: units is 'Newton square', which is no unit"),
-    "a root of a negative number": (magnet("N", lambda d: sympy.sqrt(0.01 - d / (d + 0.1))), "a term is not finite .* outside of its range"),
+    "another dimension": (magnet("N/m"), r"Magnet in Planar space, .*: force times velocity of a VirtualWork: .* declared units are W.* strength in N/m"),
+    "no units": (magnet("Newton square"), "Magnet.strength: units is 'Newton square', which is not a known unit"),
+    "a root of a negative number": (magnet("N", lambda d: sympy.sqrt(0.01 - d / (d + 0.1))), "a term is not finite .* outside its domain"),
 }  # fmt: skip
 
 

@@ -40,18 +40,21 @@ def variant(points, **attributes):
 @pytest.mark.parametrize(
     ("design", "told"),
     [
-        (variant(lambda *_: np.zeros((3, 1))), "gave points of shape"),
+        (variant(lambda *_: np.zeros((3, 1))), "returned points of shape"),
         (variant(lambda s, d, n, seed: 1.1 * Shifted().points(d, n, seed)), "outside the unit cube"),
-        (variant(lambda s, d, n, seed: np.random.default_rng().random((len(n), d))), "the same seed gives other"),
-        (variant(lambda s, d, n, seed: Shifted().points(d, n, 1)), "another seed gives the same"),
-        (variant(lambda s, d, n, seed: Shifted().points(d, n, seed) ** 2), "is not uniform"),
+        (
+            variant(lambda s, d, n, seed: np.random.default_rng().random((len(n), d))),
+            "two calls with the same seed return different points",
+        ),
+        (variant(lambda s, d, n, seed: Shifted().points(d, n, 1)), "two different seeds return the same points"),
+        (variant(lambda s, d, n, seed: Shifted().points(d, n, seed) ** 2), "is not uniformly distributed"),
         (
             variant(lambda s, d, n, seed: np.repeat(Shifted().points(1, n, seed), d, axis=1)),
-            "coordinates 0 and 1 are alike",
+            "coordinates 0 and 1 are correlated",
         ),
         (
             variant(lambda s, d, n, seed: np.tile(np.random.default_rng(seed).random(d), (len(n), 1))),
-            "coordinate 0 is the same for all points of a seed",
+            "coordinate 0 has the same value in all points of a seed",
         ),
         (variant(Shifted.points, name=None), "`name` is not a string"),
         (variant(Shifted.points, name="a/b"), "`name` is not a string without '/'"),

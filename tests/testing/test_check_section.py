@@ -79,26 +79,26 @@ MUTANTS = {
     "names in an attribute": (
         lambda t: "".join(f'<p title="{html.escape(x, quote=False)}">x</p>' for x in _outputs(t)), "a name is not escaped"),
     "names in single quotes": (lambda t: "".join(f"<p title='{x.replace('<', '')}'>x</p>" for x in _outputs(t)), "not escaped"),
-    "script from a network": (lambda t: table(t) + '<script src="https://cdn.org/d3.js"></script><svg></svg>', "loads something"),
+    "script from a network": (lambda t: table(t) + '<script src="https://cdn.org/d3.js"></script><svg></svg>', "loads an external resource"),
     "style from a network": (lambda t: "<link rel='stylesheet' href='https://x.org/a.css'>" + table(t), "contains <link>"),
-    "font by @import": (lambda t: "<style>@import 'https://x.org/a.css';</style>" + table(t), "a style loads something"),
-    "background by url()": (lambda t: table(t) + "<p style=\"background: url('//x.org/a.png')\">x</p>", "a style loads"),
-    "picture in another file": (lambda t: table(t) + '<img alt="a chart" src="costs.png">', "loads something from elsewhere"),
-    "request by a script": (lambda t: drawn(t) + "<script>fetch('/costs.json')</script>", "a script loads something"),
+    "font by @import": (lambda t: "<style>@import 'https://x.org/a.css';</style>" + table(t), "a style loads an external resource"),
+    "background by url()": (lambda t: table(t) + "<p style=\"background: url('//x.org/a.png')\">x</p>", "a style loads an external resource with @import or url"),
+    "picture in another file": (lambda t: table(t) + '<img alt="a chart" src="costs.png">', "loads an external resource; use a data URL"),
+    "request by a script": (lambda t: drawn(t) + "<script>fetch('/costs.json')</script>", "a script loads an external resource"),
     "picture without a text": (lambda t: table(t) + f'<img src="{RED}">', "has no alt= text"),
-    "canvas alone": (lambda t: table(t) + "<canvas></canvas><script>draw()</script>", "without scripts, and on paper"),
-    "a whole page": (lambda t: f"<html><body>{table(t)}</body></html>", "which is no part of a fragment"),
+    "canvas alone": (lambda t: table(t) + "<canvas></canvas><script>draw()</script>", "is invisible without scripts and in print"),
+    "a whole page": (lambda t: f"<html><body>{table(t)}</body></html>", "which is not allowed in a self-contained fragment"),
     "an element not closed": (lambda t: f"<div>{table(t)}", "<div> is not closed"),
-    "an end too many": (lambda t: f"{table(t)}</div>", "the end </div> has no beginning"),
+    "an end too many": (lambda t: f"{table(t)}</div>", "the end tag </div> has no start tag"),
     "the same id for each output": (lambda t: "".join('<p id="cost">x</p>' for _ in _outputs(t)), "occurs more than once"),
-    "the time of the day": (lambda t: table(t) + f"<p>{next(CALLS)}</p>", "gives another fragment the second time"),
-    "attributes changed": (changed, "render\\(\\) changed the result"),
-    "data changed": (with_data, "render\\(\\) changed the result"),
+    "the time of the day": (lambda t: table(t) + f"<p>{next(CALLS)}</p>", "two calls of render\\(\\) with the same result return different fragments"),
+    "attributes changed": (changed, "render\\(\\) modified the result"),
+    "data changed": (with_data, "render\\(\\) modified the result"),
     "every node a method": (of_every_child, "render\\(\\) raised"),
     "rates of one time": (lambda t: table(t) + "".join(f"{np.gradient(n['statistics']['mean'].values, axis=1).sum()}" for n in methods(t).values()), "one time: render\\(\\) raised"),
     "samples that are not there": (lambda t: "".join(str(n["samples"].sizes) for n in methods(t).values()), "raised"),
     "None for nothing": (lambda t: None, "returned a NoneType"),
-    "nothing at all": (lambda t: "", "shows nothing for any result"),
+    "nothing at all": (lambda t: "", "returned an empty string for every result"),
 }  # fmt: skip
 
 
@@ -129,7 +129,7 @@ def test_sound_sections_pass(name):
     ("section", "words"),
     [
         (made(table, title="<b>Costs</b>"), "its title '<b>Costs</b>' contains HTML"),
-        (made(table, title=None), "its title is None; expected a text"),
+        (made(table, title=None), "its title is None; expected a non-empty string"),
         (made(table, doc=None), "has no docstring"),
         (type("Bare", (), {"title": "x", "__doc__": "x"}), "has no method 'render'"),
         (
@@ -155,5 +155,5 @@ def test_sections_of_special_results_are_given_one():
     tree = study_tree([node], study="study", mechanism="arm")
     tree.attrs["author"] = "Euler"
     check_section(made(special), trees=[tree])
-    with pytest.raises(AssertionError, match="shows nothing for any result"):
+    with pytest.raises(AssertionError, match="returned an empty string for every result"):
         check_section(made(special))

@@ -21,8 +21,9 @@ QUICK = [*REPRESENTATIVES, ("Distance", "Translational"), ("RotationDriver", "Pl
 
 
 def marked(name, space):
-    """By default some of each kind; all others take longer together than they should."""
-    marks = () if (name, space.__name__) in QUICK else pytest.mark.thorough
+    """By default some of each kind; each component in its first space takes longer, and in all others longer still."""
+    first = plugins.components()[name].spaces[0] is space
+    marks = () if (name, space.__name__) in QUICK else pytest.mark.thorough if first else pytest.mark.slow
     return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=marks)
 
 

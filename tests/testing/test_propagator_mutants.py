@@ -131,28 +131,28 @@ class Fitted(Collocation):
 
 
 SAMPLED = {
-    "half stated": r"costs: \d+ realisations were computed; the attribute 'realisations' is",
-    "twice stated": r"costs: \d+ realisations were computed and integrated; the attribute 'realisations' is",
-    "half predicted": "costs: estimate predicts 300 realisations; 600 were computed",
-    "bound too small": "costs: estimate predicts at most 200 realisations; 600 were computed",
+    "half stated": r"costs: the method computed \d+ realisations, but the attribute 'realisations' is",
+    "twice stated": r"costs: the method integrated \d+ realisations, but the attribute 'realisations' is",
+    "half predicted": "costs: the method 'estimate' predicts 300 realisations, but 600 were computed",
+    "bound too small": "costs: the method 'estimate' predicts at most 200 realisations, but 600 were computed",
     "errors of the mean over the number": "moments: the mean of|stated errors: the mean of",
     "errors of the deviation over the number": "moments: the standard deviation|stated errors: the standard deviation",
     "verification error that nothing verifies": "stated errors: the mean of .* allows",
-    "stated error of another scale": "moments: the mean of .*by its own statement|stated errors: the mean of .* allows",
-    "quantiles of a normal distribution": "quantiles: that of probability",
+    "stated error of another scale": "moments: the mean of .*the sum of the stated error|stated errors: the mean of .* allows",
+    "quantiles of a normal distribution": "quantiles: the .* quantile of",
     "quantiles of the other tail": "found a quantile that falls with the probability",
-    "quantiles about zero": "quantiles: that of probability",
-    "quantiles of the last time": "quantiles: that of probability .* at 0 s",
-    "percent for probability": "quantiles: that of probability",
+    "quantiles about zero": "quantiles: the .* quantile of",
+    "quantiles of the last time": "quantiles: the .* quantile of .* at 0 s",
+    "percent for probability": "quantiles: the .* quantile of",
     "training points for samples": "samples: the values of the input .* do not have its distribution",
-    "inputs in another order": "samples: the response of sample .* with its inputs it is",
+    "inputs in another order": "samples: the response of sample .* but its inputs give",
     "responses of other outputs": "samples: the response of sample",
-    "one number for all inputs": "samples: two inputs of .* have a correlation of 1",
+    "one number for all inputs": "samples: two independent inputs have a correlation of 1",
 }
 FITTED = {
     "errors at the nodes of the fit": "stated errors: the (mean|surrogate|standard deviation) of .* allows",
     "variance for the error": "stated errors: the (mean|surrogate|standard deviation) of .* allows",
-    "a coefficient lost": "stated errors: the surrogate of .* is off by",
+    "a coefficient lost": "stated errors: the surrogate of .* has the error",
 }
 
 

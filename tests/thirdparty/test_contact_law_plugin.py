@@ -77,7 +77,7 @@ wrong = ContactLaw(stiffness * depth * (1 - damping * depth_rate))  # it pushes 
 try:
     check_component(PlaneContact, spaces=(uqmbd.Line,), given={**given, "law": wrong}, propagators=())
 except AssertionError as error:
-    assert "its virtual work makes energy" in str(error), error
+    assert "its virtual work generates energy" in str(error), error
     print("found")
 """
 

@@ -18,7 +18,7 @@ import chaospy
 import numpy as np
 
 import uqmbd
-from lankarani import lankarani
+from lankarani.contact_law import loss_factor
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneContact
 from uqmbd_montecarlo import MonteCarlo
@@ -29,7 +29,8 @@ mechanism = uqmbd.Mechanism("ball", uqmbd.Translational())
 ball = mechanism.body("ball", mass=1, position=(0, 0), velocity=(0, -2))
 mechanism.add(
     PlaneContact(
-        "floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), law=lankarani(restitution, 2), stiffness=stiffness
+        "floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), law="lankarani",
+        stiffness=stiffness, damping=loss_factor(restitution, 2)
     )
 )
 mechanism.output("rebound", ball.velocity[1], units="m/s")

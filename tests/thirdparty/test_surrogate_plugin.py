@@ -69,19 +69,23 @@ print(json.dumps({
 ABSENT = """
 import json
 import sys
+import warnings
 import uqmbd
 from uqmbd.report import write_report
 from uqmbd.results import load, surrogate, validate
 
-tree = load(sys.argv[1] + "/results.nc")
-validate(tree)
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    tree = load(sys.argv[1] + "/results.nc")
+    validate(tree)
+warned = [str(one.message) for one in caught]
 numbers = float(tree["gaussian-process/surrogate"]["model_weights"].values.size)
 try:
     surrogate(tree["gaussian-process"])
 except uqmbd.StudyError as error:
     said = str(error)
 write_report(tree, sys.argv[1] + "/other.html")
-print(json.dumps([said, numbers, "uqmbd_gaussian_process" in sys.modules]))
+print(json.dumps([said, numbers, "uqmbd_gaussian_process" in sys.modules, warned]))
 """
 
 CONFORMANCE = """
@@ -162,15 +166,19 @@ def test_the_sliders_of_the_report_evaluate_it(found):
     page = (folder / "report.html").read_text()
     assert "contain samples, but no surrogate" not in page
     assert '"method": "gaussian-process"' in page or '"method":"gaussian-process"' in page
+    assert "evaluates polynomials that are fitted to the stored surrogate" in page
+    assert "A page cannot evaluate the model &#39;gaussian-process&#39;" in page
 
 
 @pytest.mark.thorough
 def test_without_the_plugin_the_numbers_load(found, monkeypatch, python):
-    """The message names the model and the hook; no code of the package runs."""
+    """The message names the model, its package and the hook, once; no code of the package runs."""
     _, folder = found
     monkeypatch.setenv("UQMBD_DISABLE_PLUGINS", "gaussian-process")
-    said, numbers, imported = json.loads(python("-W", "error::UserWarning", "-c", ABSENT, str(folder)))
+    said, numbers, imported, (warned,) = json.loads(python("-W", "error::UserWarning", "-c", ABSENT, str(folder)))
     assert "'gaussian-process'" in said and "uqmbd_surrogates" in said
+    assert said.partition(": ")[2] in warned and "results.nc" in warned
+    assert "of uqmbd-gaussian-process-plugin 0.1.0, which no installed plugin registers" in said
     assert numbers > 0
     assert not imported
 

@@ -1,6 +1,6 @@
-"""What public functions are given: arguments that exist, of the kinds that their annotations declare.
+"""Check of the names and values of arguments of public functions against their annotations.
 
-One judgement of values by annotations, for arguments of functions and classes and for options of methods.
+Arguments of functions and classes and options of methods are checked by the same rules.
 """
 
 from uqmbd.arguments.annotations import (
@@ -18,12 +18,13 @@ from uqmbd.arguments.annotations import (
     Size,
     bounded,
     each,
+    fits,
+    is_one,
     members,
     several,
 )
 from uqmbd.arguments.expected import refusal, returned, shown
 from uqmbd.arguments.gate import typechecked
-from uqmbd.arguments.kinds import fits, is_one
 
 __all__ = [
     "Axis",

@@ -1,4 +1,4 @@
-"""Which value is refused, and what is expected instead, in words."""
+"""Messages on refused values and on the expected values."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from uqmbd.arguments.annotations import LARGE, MANY, Numbers, beyond, bounded, each, marks, members, several
-from uqmbd.arguments.kinds import fits
+from uqmbd.arguments.annotations import LARGE, MANY, Numbers, beyond, bounded, each, fits, marks, members, several
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 
@@ -24,7 +23,7 @@ Returned = TypeVar("Returned")
 
 
 def refusal(name: str, value: Any, annotation: Any) -> str:
-    """Say which value an argument is, and what is expected.
+    """State the value of an argument, and the expected values.
 
     >>> from typing import Annotated
     >>> from uqmbd.arguments import Bounds
@@ -43,7 +42,7 @@ def refusal(name: str, value: Any, annotation: Any) -> str:
 
 
 def returned(function: str, value: Returned, annotation: Any) -> Returned:
-    """Return what a function of a user or of a plugin returned; raise StudyError unless it is as declared.
+    """Return the return value of a user's or plugin's function; raise StudyError unless it fits the annotation.
 
     >>> returned("mine: weight", 2, int)
     2
@@ -57,7 +56,7 @@ def returned(function: str, value: Returned, annotation: Any) -> Returned:
 
 
 def _finite(value: Any) -> bool:
-    """Return whether a number, and each number of a row or a mapping, is neither NaN nor infinite."""
+    """Return whether a number, or each number of a sequence or a mapping, is finite."""
     entries = list(value.values()) if isinstance(value, Mapping) else each(value)
     floats = [float(x) for x in entries[:MANY] if isinstance(x, (float, np.floating))]
     return all(map(math.isfinite, floats))
@@ -70,7 +69,7 @@ def _literals(annotation: Any) -> list[Any]:
 
 
 def _passed(value: Any, annotation: Any) -> float:
-    """Return the upper bound that a number, or one of a row, passes; 0: it is not for that that it does not fit."""
+    """Return the upper bound of at least 1000 that a number, or one of a sequence, exceeds; 0 if there is none."""
     for base, bounds in map(bounded, members(annotation)):
         kind = Integral if base is int or (typing.get_origin(base) is tuple and int in typing.get_args(base)) else Real
         if bounds is not None and any(isinstance(x, kind) and beyond(x, bounds.most) for x in each(value)):
@@ -81,7 +80,7 @@ def _passed(value: Any, annotation: Any) -> float:
 
 
 def _describe_annotation(annotation: Any, words: list[str]) -> str:
-    """Say what an annotation allows."""
+    """Describe the values that an annotation allows."""
     kinds = []
     for member in members(annotation):
         base, bounds = bounded(member)
@@ -104,7 +103,7 @@ _NAMED = {int: "a whole number", float: "a number", complex: "a number", bool: "
 
 
 def _named(base: Any) -> str:
-    """Return the name of a kind of object, with that of its entries."""
+    """Return the name of a type of objects, with the type of the entries."""
     origin, arguments = typing.get_origin(base), typing.get_args(base)
     kind = origin or base
     if kind is Numbers:
@@ -140,7 +139,7 @@ def _named(base: Any) -> str:
 
 
 def _entries(annotation: Any) -> str:
-    """Return the kind of the entries of a sequence, as a plural."""
+    """Return the type of the entries of a sequence, in the plural."""
     plural = {int: "whole numbers", float: "numbers", bool: "truth values", str: "texts"}
     found = []
     for member in members(annotation):
@@ -151,7 +150,7 @@ def _entries(annotation: Any) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: short, and an array by its shape.
+    """Return a short text of a value for a message; an array is described by its shape.
 
     >>> shown(0.5), shown(np.zeros((2, 3)))
     ('0.5', 'an array of the shape (2, 3)')
@@ -162,13 +161,13 @@ def shown(value: object) -> str:
         return f"the class {value.__name__}"
     try:
         text = repr(value)
-    except ValueError:  # Python writes no whole number of more than 4300 digits
+    except ValueError:  # Python converts whole numbers of at most 4300 digits to texts
         return f"a {type(value).__name__} of more than 4300 digits"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _shown_array(array: np.ndarray[Any, Any]) -> str:
-    """Return what is wrong with an array in itself, and where; its shape if nothing is."""
+    """Describe an array by its first masked or complex entry, or by its kind of entries and its shape."""
     if np.ma.is_masked(array):
         mask = np.ma.getmaskarray(array)
         at = tuple(int(k) for k in np.argwhere(mask)[0])

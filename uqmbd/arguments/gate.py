@@ -1,4 +1,4 @@
-"""The gate of public functions: their arguments are what their annotations declare."""
+"""Decorator that checks the arguments of public functions by their annotations."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from uqmbd.arguments.annotations import is_array_type
+from uqmbd.arguments.annotations import fits, is_array_type
 from uqmbd.arguments.expected import refusal, shown
-from uqmbd.arguments.kinds import fits
 from uqmbd.errors import StudyError
 from uqmbd.names import check_arguments
 
@@ -26,15 +25,15 @@ __all__ = ["typechecked"]
 F = TypeVar("F", bound=Callable[..., Any])
 
 _HEAP = 1 << 9
-"""Flag of classes that Python code defines, ``Py_TPFLAGS_HEAPTYPE``."""
+"""Flag ``Py_TPFLAGS_HEAPTYPE`` of classes defined in Python code."""
 
 
 def typechecked(called: F) -> F:
     """Check the arguments of a function, or of a class and its public methods, by their annotations.
 
     The check covers texts, numbers with their `Bounds`, truth values, words of a ``Literal``, paths and functions.
-    It also covers instances of classes, sequences and mappings with their entries, and arrays.  It leaves shapes, and
-    arguments declared as ``Any``, to the function.  A sequence in place of an array of NumPy becomes an array.
+    It also covers instances of classes, sequences and mappings with their entries, and arrays.  It does not cover
+    shapes and arguments declared as ``Any``.  A sequence is converted if the annotation is an array of NumPy.
 
     A ``float`` is a finite number.  ``Annotated[float, "or NaN"]`` also allows NaN, and
     ``Annotated[float, "or infinite"]`` infinity.
@@ -42,17 +41,18 @@ def typechecked(called: F) -> F:
     Parameters
     ----------
     called : function or class
-        Written in Python.  A dataclass has this decorator above ``@dataclass``.
+        Function or class written in Python.  For a dataclass, place this decorator above ``@dataclass``.
 
     Returns
     -------
     function or class
-        With the same signature; a class is changed in place.
+        Checked function or class with the same signature.  A class is changed in place.
 
     Raises
     ------
     uqmbd.StudyError
-        If `called` is neither.  A call raises it, with the argument, its value and what is expected.
+        If `called` is not a function or class written in Python.  A call of the result raises this error if an argument
+        does not fit.  The message states the argument, its value and the expected values.
 
     Examples
     --------
@@ -69,7 +69,9 @@ def typechecked(called: F) -> F:
     else:
         written = isinstance(called, types.FunctionType)
     if not written:
-        raise StudyError(f"typechecked: called is {shown(called)}; expected a function or a class written in Python.")
+        raise StudyError(
+            f"typechecked: the argument 'called' is {shown(called)}; expected a function or a class written in Python."
+        )
     if not isinstance(called, type):
         return typing.cast("F", _of_function(called))
     one: Any = called
@@ -103,7 +105,7 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
             if name not in given:
                 continue
             if isinstance(given[name], (list, tuple)) and is_array_type(declared):
-                with contextlib.suppress(TypeError, ValueError):  # rows of different lengths are none
+                with contextlib.suppress(TypeError, ValueError):  # rows of different lengths are not an array
                     given[name] = np.asarray(given[name])
             value = given[name]
             if value is parameter.default:
@@ -121,9 +123,9 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
             raise StudyError(f"{what}: axis is {given['axis']}; {error}.") from None
         except MemoryError:
             sizes = [f"{k} is {shown(x)}" for k, x in given.items() if isinstance(x, np.ndarray)]
-            told = f" with what it is given: {'; '.join(sizes)}" if sizes else ""
+            told = f" ({'; '.join(sizes)})" if sizes else ""
             raise StudyError(
-                f"{what}: the computer has less memory than this takes{told}. Give fewer values."
+                f"{what}: the call needs more memory than is available{told}. Pass smaller arrays."
             ) from None
 
     call.__kinds__ = kinds  # type: ignore[attr-defined]
@@ -131,23 +133,23 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
 
 
 class _Absent:
-    """In place of a class of a package that is not loaded: no value is one."""
+    """Class without instances; replaces a class of a package that is not loaded."""
 
 
 def _annotations(
     function: Any, signature: inspect.Signature, owner: type | None
 ) -> list[tuple[str, Any, inspect.Parameter]]:
-    """Return the arguments of a function whose annotations say something, with these."""
+    """Return names, annotations and parameters of the annotated arguments of a function."""
     found = []
     names: dict[str, Any] | None = None
-    known = inspect.unwrap(function).__globals__  # a context manager, for one, is defined elsewhere
+    known = inspect.unwrap(function).__globals__  # the wrapper, as of a context manager, is from another module
     if owner is not None:
         known = {**known, "Self": owner}
     for name, parameter in signature.parameters.items():
         declared = parameter.annotation
         if isinstance(declared, str):
             try:
-                # an annotation is code of a module that is imported already; nothing that users give is evaluated
+                # the annotation is code of an imported module; no input of a user is evaluated
                 declared = eval(declared, known)  # noqa: S307 - text of this package
             except NameError:
                 names = _for_checkers(function) if names is None else names
@@ -164,10 +166,10 @@ def _annotations(
 
 
 def _for_checkers(function: Any) -> dict[str, Any]:
-    """Return what a module imports for checkers of types only, as far as others have loaded it."""
+    """Return the imports of a module under ``TYPE_CHECKING``; modules that are not loaded have a placeholder."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(sys.modules[function.__module__])))
-    except (KeyError, OSError, TypeError):  # there is no file of code, as in a notebook
+    except (KeyError, OSError, TypeError):  # there is no source file, for example in a notebook
         return {}
     found: dict[str, Any] = {}
     for block in tree.body:

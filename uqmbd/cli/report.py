@@ -16,25 +16,25 @@ if TYPE_CHECKING:
 __all__ = ["FIGURES", "MOTION", "POSES", "write_motion", "open_report", "rewrite_report", "write"]
 
 MOTION = "motion.nc"
-"""Poses of the mechanism, from which the report draws its motion."""
+"""Name of the file of poses, from which the report draws the motion of the mechanism."""
 
 
 POSES = "pose_surrogate.nc"
-"""Surrogates of these poses, with which the mechanism follows chosen inputs.
+"""Name of the file of pose surrogates, with which the mechanism follows chosen inputs.
 
-They have a file of their own, since parts of one tree lose the coordinates that they share with what is above them.
+The surrogates have a separate file, because a part of a tree loses coordinates that it shares with its parents.
 """
 
 
 def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -> None:
     """Write ``report.html`` into a folder from the ``results.nc`` in it.
 
-    `folder`: that of a run; `figures`: whether its figures are written as files, too; `show`: whether it is opened in
-    the browser.
+    `folder` is the folder of a run. `figures` states whether to write the figures also as files, and `show` whether to
+    open the report in the browser.
     """
     from uqmbd.results import load
 
-    # Someone who names the file itself means its folder.
+    # the path of the file denotes its folder
     source = folder if folder.is_file() else folder / "results.nc"
     if not source.exists():
         raise StudyError(f"{source} does not exist; expected the folder that `uqmbd run STUDY.py --out DIR` wrote.")
@@ -53,20 +53,22 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
         open_report(path)
 
 
-def write_motion(tree: xr.DataTree, folder: Path) -> None:
-    """Write the poses from which the report draws the motion, and their surrogates, if there are any."""
+def write_motion(tree: xr.DataTree, folder: Path) -> dict[str, Path]:
+    """Write the poses from which the report draws the motion, and their surrogates, if there are any; return paths."""
     from uqmbd.results import save
 
-    for name, file in (("motion", MOTION), ("pose_surrogate", POSES)):
+    written = {}
+    for kind, name, file in (("motion", "motion", MOTION), ("poses", "pose_surrogate", POSES)):
         path = folder / file
         if name in tree.children:
-            save(tree.children[name].copy(), path)
+            written[kind] = save(tree.children[name].copy(), path)
         elif is_ours(folder, file):
             path.unlink()
+    return written
 
 
 def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
-    """Write a report with the sections that plugins add, and return its path; `figures`: as files beside it, too."""
+    """Write a report with the sections of plugins, and return its path; `figures`: also as separate files."""
     from uqmbd.report import installed_sections, write_report
 
     run, folder = path.parent, path.parent / FIGURES
@@ -78,7 +80,7 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
             flush=True,
         )
     try:
-        # what is there is replaced where uqmbd wrote it, and else left
+        # replace existing files of uqmbd only
         previous = move_unlisted(run, [path.name, *([FIGURES] if figures else [])])
         if previous is not None:
             print(f"Note: the earlier report in {run} was moved to {previous}.", file=sys.stderr, flush=True)
@@ -91,7 +93,7 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
 
 
 def open_report(path: Path) -> None:
-    """Open a report in the browser; where there is none, say so."""
+    """Open a report in the browser, or report that there is none."""
     import webbrowser
 
     address = path.resolve().as_uri()

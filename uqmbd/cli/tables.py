@@ -1,4 +1,4 @@
-"""Tables for the terminal: numbers with as many digits as they deserve, and outputs beside their units."""
+"""Tables for the terminal: numbers with significant digits only, and outputs next to their units."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 __all__ = ["console", "plain_table", "show_summary", "units_of", "with_spread"]
 
-RELIABILITY = 5  # lines on reliability, the least reliable quantities first; the report has all of them
-LINES = 20  # outputs in a table on the terminal; the report has all of them
+RELIABILITY = 5  # maximum number of lines on reliability, the least reliable first; the report has all
+LINES = 20  # maximum number of outputs in a table on the terminal; the report has all outputs
 
 
 def console() -> Console:
-    """Return a console for the standard output; a pipe or file gets lines that are not cut at 80 columns."""
+    """Return a console for the standard output; lines in a pipe or file are not cut at 80 columns."""
     return Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else 160)
 
 
 def plain_table(*columns: str, right: int = 0) -> Table:
-    """Return an empty table without a frame; the last `right` columns hold numbers."""
+    """Return an empty table without a frame; the last `right` columns contain numbers."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for number, column in enumerate(columns):
         table.add_column(Text(column), justify="right" if number >= len(columns) - right else "left")
@@ -37,7 +37,7 @@ def plain_table(*columns: str, right: int = 0) -> Table:
 
 
 def with_spread(mean: float, std: float) -> str:
-    """Write a mean and its standard deviation, the latter with two digits, the former to the same place.
+    """Return mean and standard deviation as text with equal decimal places; the latter has two digits.
 
     >>> with_spread(0.349613, 0.003121), with_spread(-12345.6, 250.0), with_spread(1.5, 0.0)
     ('0.3496 ± 0.0031', '-12346 ± 250', '1.5 ± 0')
@@ -61,8 +61,9 @@ def with_spread(mean: float, std: float) -> str:
 
 
 def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "") -> None:
-    """Print each output at the end time, failures, wall times and where the files are."""
+    """Print each output at the end time, failures, wall times and paths of the files."""
     from uqmbd.results import propagator_nodes, scalar_nodes
+    from uqmbd.results.assessment import coupled_systems
 
     nodes = propagator_nodes(tree)
     still = scalar_nodes(nodes)
@@ -90,23 +91,25 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
         table.add_row("clock", "", *(Text(_clock(node)) for node in nodes.values()))
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
+    if said := coupled_systems(nodes):
+        screen.print(Text(said))
     if len(names) > LINES:
         screen.print(f"... and {len(names) - LINES} more outputs, which the report contains.")
     _show_assessment(screen, tree)
     width = max(map(len, files), default=0)
     for kind, path in files.items():
-        # Not through rich, which would wrap a long path where it cannot be copied any more.
+        # without rich, which would wrap a long path so that it cannot be copied
         print(f"{kind:<{width}}  {path}")
 
 
 def _clock(node: xr.DataTree) -> str:
-    """Name what tells the phase at which realisations were compared."""
+    """Describe the clock of the comparison of realisations at equal phase."""
     known = node.attrs
     return f"{known['clock']} ({known.get('clock_kind', '')})" if "clock" in known else "–"
 
 
 def _integration(node: xr.DataTree) -> str:
-    """Say how large the error of the time integration is, of the output with the largest."""
+    """State the largest error of the time integration, with its output."""
     from uqmbd.results.assessment import worst_integration_share
 
     worst = worst_integration_share(node)
@@ -114,7 +117,7 @@ def _integration(node: xr.DataTree) -> str:
 
 
 def _failed(nodes: Iterable[xr.DataTree | None]) -> list[Text]:
-    """Count the realisations of each method that failed; empty where it has none at all."""
+    """Describe the failed realisations of each method; empty if there are none."""
     counts = [
         [0 if node is None else int(node.attrs.get(n, 0)) for n in ("failures", "realisations")] for node in nodes
     ]
@@ -122,7 +125,7 @@ def _failed(nodes: Iterable[xr.DataTree | None]) -> list[Text]:
 
 
 def _show_assessment(screen: Console, tree: xr.DataTree) -> None:
-    """Print how reliable outputs are, the least reliable first, which method to use, and what speaks against others."""
+    """Print the reliability of outputs, the least reliable first, the recommended method, and drawbacks of others."""
     from uqmbd.results import assess
 
     found = assess(tree)
@@ -142,7 +145,7 @@ def _show_assessment(screen: Console, tree: xr.DataTree) -> None:
 
 
 def _add_scalars(table: Table, labels: list[str], still: Mapping[str, xr.DataTree]) -> None:
-    """Add rows of the outputs without a time, which not every method need have."""
+    """Add rows of the scalar outputs, which some methods may lack."""
     if not still:
         return
     first = next(iter(still.values()))["statistics"].to_dataset()
@@ -155,7 +158,7 @@ def _add_scalars(table: Table, labels: list[str], still: Mapping[str, xr.DataTre
 
 
 def _add_requirements(table: Table, nodes: Mapping[str, xr.DataTree]) -> None:
-    """Add rows of the probabilities that requirements are violated, with their 95 % intervals."""
+    """Add rows of the probabilities of violation, with their 95 % intervals."""
     from uqmbd.results import answers
 
     found = answers(nodes)
@@ -169,7 +172,7 @@ def _add_requirements(table: Table, nodes: Mapping[str, xr.DataTree]) -> None:
 
 
 def units_of(statistics: xr.Dataset) -> list[str]:
-    """Return the units of the outputs as they are shown; empty where none are stated."""
+    """Return the units of the outputs as they are displayed; empty if none are stated."""
     if "output_units" not in statistics.coords:
         return [""] * statistics.sizes["output"]
     return [typeset_units(str(unit)) for unit in statistics["output_units"].values]

@@ -1,4 +1,4 @@
-"""Dask clusters: one that runs, one of this machine, or one whose workers are jobs of a queue."""
+"""Dask clusters: an existing cluster, a cluster of this machine, or a cluster of jobs of a queue."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ QUEUES = {
 """Classes of ``dask-jobqueue``, by the names of their sections in Dask's configuration."""
 
 STARTED_HERE = ("local", *QUEUES)
-"""Clusters that are started for a run, and end with it."""
+"""Clusters that uqmbd starts for a run and stops at its end."""
 
 PATIENCE = 10
-"""Seconds within which a scheduler has to answer."""
+"""Time limit for the answer of a scheduler, s."""
 
 
 @contextmanager
 def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Iterator[Executor]:
     """Yield the executor of a Dask cluster.
 
-    `asked`: one of `STARTED_HERE`, an address, or a scheduler file; `count`: worker processes of a cluster that is
-    started; `files`: scripts that workers may need. Raise StudyError if Dask is missing, nobody answers, or a cluster
-    cannot be started. Warn by StudyWarning if a cluster that runs has no workers yet.
+    `asked` is one of `STARTED_HERE`, an address, or a scheduler file. `count` is the number of worker processes of a
+    cluster that is started. `files` are scripts that workers may need. Raise StudyError if Dask is missing, no
+    scheduler answers, or a cluster cannot be started. Warn by StudyWarning if an existing cluster has no workers yet.
     """
     distributed = require_package("distributed", "--dask", "uqmbd[distributed]")
     with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
         if asked not in STARTED_HERE and not client.nthreads():
             warnings.warn(
-                f"--dask {asked}: the cluster has no workers; the work begins when the first of them has come.",
+                f"--dask {asked}: the cluster has no workers; the computation starts when the first worker has joined.",
                 StudyWarning,
                 stacklevel=2,
             )
@@ -57,17 +57,17 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
 
             try:
                 client.register_plugin(StudyFiles.of(files).plugin())
-            except Exception as error:  # that of a worker, whose type does not always come along
+            except Exception as error:  # an error of a worker, whose type is not always transmitted
                 raise StudyError(
-                    f"--dask {asked}: a worker cannot import or write the files that it needs ({error}). Workers start "
-                    "in an environment where this version of uqmbd, and the plugins of the study, are installed."
+                    f"--dask {asked}: a worker cannot import a module or write a file that it needs ({error}). Start "
+                    "the workers in an environment with this version of uqmbd and the plugins of the study."
                 ) from error
-        # the same piece again, after its worker was lost, is new work and no result of before
+        # not pure: a task that is submitted again after the loss of its worker is computed again
         yield client.get_executor(pure=False)
 
 
 def _client(distributed: Any, asked: str, scheduler: Any) -> Any:
-    """Connect with a scheduler."""
+    """Connect to a scheduler."""
     try:
         if isinstance(scheduler, Path):
             return distributed.Client(scheduler_file=str(scheduler), timeout=PATIENCE)
@@ -82,7 +82,7 @@ def _client(distributed: Any, asked: str, scheduler: Any) -> Any:
 
 @contextmanager
 def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
-    """Yield an address, a scheduler file, or a cluster that uqmbd starts, for a client."""
+    """Yield an address, a scheduler file, or a started cluster, to which a client connects."""
     if asked == "local":
         import distributed
 
@@ -98,8 +98,8 @@ def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
         file = Path(asked)
         if ":" not in asked and not file.is_file():
             raise StudyError(
-                f"--dask {asked}: expected an address such as tcp://host:8786, a scheduler file (there is none of this "
-                f"name), or one of {', '.join(sorted(STARTED_HERE))}."
+                f"--dask {asked}: expected an address such as tcp://host:8786, an existing scheduler file (there is "
+                f"no file of this name), or one of {', '.join(sorted(STARTED_HERE))}."
             )
         yield _scheduler_file(file) if file.is_file() else asked
 
@@ -112,13 +112,13 @@ def _scheduler_file(file: Path) -> Path:
     except (OSError, ValueError, LookupError, TypeError):
         pass
     raise StudyError(
-        f"--dask {file}: there is no address of a scheduler in this file. Expected the file that "
-        "`dask scheduler --scheduler-file` writes, when it is complete."
+        f"--dask {file}: this file contains no address of a scheduler. Expected the complete file that `dask "
+        "scheduler --scheduler-file` writes."
     )
 
 
 def _queue(asked: str) -> Any:
-    """Start a scheduler here, whose workers are jobs of a queue; no job yet."""
+    """Start a scheduler on this machine for workers in jobs of a queue; submit no job yet."""
     dask_jobqueue = require_package("dask_jobqueue", f"--dask {asked}", "uqmbd[cluster]")
     cluster = getattr(dask_jobqueue, QUEUES[asked])
     submit = cluster.job_cls.submit_command.split()[0]
@@ -135,16 +135,16 @@ def _queue(asked: str) -> Any:
 
 
 def _folders() -> str:
-    """Name the folders in which Dask looks for its configuration."""
+    """Return the names of the folders in which Dask searches for its configuration."""
     import dask.config
 
     return ", ".join(map(str, dask.config.paths))
 
 
 def _scale(asked: str, cluster: Any, count: int | None) -> None:
-    """Ask for a number of workers, or for as many as there is work for, between the limits of the configuration."""
+    """Request `count` workers, or adapt their number to the load within the limits of the configuration."""
     if count is not None:
-        # jobs that end before the work does, as those at the end of their time, are replaced
+        # replace jobs that end before the computation, for example at their time limit
         _submit(asked, cluster, count)
         cluster.adapt(minimum=count, maximum=count)
         return
@@ -153,16 +153,16 @@ def _scale(asked: str, cluster: Any, count: int | None) -> None:
     least, most = (dask.config.get(f"distributed.adaptive.{limit}") for limit in ("minimum", "maximum"))
     if most == float("inf"):
         raise StudyError(
-            f"--dask {asked}: how many workers? Give their number (--workers N), or limits between which the cluster "
-            f"grows and shrinks: distributed, adaptive, minimum and maximum in a file of Dask's configuration, in one "
-            f"of these folders (DASK_CONFIG names another file or folder): {_folders()}"
+            f"--dask {asked}: the number of workers is unknown. Give it by --workers N, or set limits for an adaptive "
+            "cluster. The limits are distributed, adaptive, minimum and maximum in a file of Dask's configuration. "
+            f"Dask reads it from these folders (DASK_CONFIG names another file or folder): {_folders()}"
         )
     _submit(asked, cluster, max(least, 1))
     cluster.adapt(minimum=least, maximum=most)
 
 
 def _submit(asked: str, cluster: Any, count: int) -> None:
-    """Submit the first jobs; otherwise only a log would report a queue that refuses them, and the run would wait."""
+    """Submit the first jobs, and report a refusal by the queue, which Dask writes only to a log."""
     from distributed.core import Status
 
     log = logging.getLogger("tornado.application")
@@ -180,7 +180,7 @@ def _submit(asked: str, cluster: Any, count: int) -> None:
         except RuntimeError as error:
             for one in refused:
                 one.status = Status.failed
-            raise StudyError(f"--dask {asked}: the queue takes no jobs: {_answer(error)}") from error
+            raise StudyError(f"--dask {asked}: the queue accepts no jobs: {_answer(error)}") from error
 
 
 def _answer(error: RuntimeError) -> str:

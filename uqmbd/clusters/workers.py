@@ -1,4 +1,4 @@
-"""Workers as the options of commands select them."""
+"""Selection of workers by the options of commands."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ __all__ = ["Workers"]
 
 @dataclass(frozen=True)
 class Workers:
-    """Workers, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command select them.
+    """Workers selected by the options ``--workers``, ``--dask`` and ``--mpi`` of a command.
 
-    A parameter of this type, of a command, is replaced by these three options: see `uqmbd.extend.Command`.
+    These three options replace a command's parameter of this type: see `uqmbd.extend.Command`.
 
     Attributes
     ----------
     count : int, optional
-        Number of threads or processes of this machine, or of processes of a Dask cluster that uqmbd starts. None: one
-        on this machine; for a cluster the number in its configuration.
+        Number of threads or processes of this machine, or of processes of a Dask cluster that uqmbd starts. None means
+        one worker on this machine, and for a cluster the number in its configuration.
     dask : str
-        Address of a Dask scheduler (``tcp://host:8786``), or the scheduler file that it writes. ``"local"`` starts
+        Address of a Dask scheduler (``tcp://host:8786``), or a scheduler file that it writes. ``"local"`` starts
         processes of this machine. ``"slurm"``, ``"pbs"``, ``"sge"``, ``"lsf"``, ``"oar"``, ``"moab"`` and
         ``"htcondor"`` start jobs of a queue as Dask's configuration describes them (docs/how-to/cluster.md).
     mpi : bool
-        Whether to use the processes that ``mpiexec`` has started.
+        Whether to use the processes started by ``mpiexec``.
     executor : concurrent.futures.Executor, optional
         An existing executor; it stays open.
 
     Raises
     ------
     uqmbd.StudyError
-        If more than one of them is given, or a number of workers for workers that already have a number.
+        If more than one of `dask`, `mpi` and `executor` is given, or `count` is given for a fixed number of workers.
 
     Examples
     --------
@@ -65,10 +65,10 @@ class Workers:
         if self.mpi and self.dask:
             raise StudyError(f"--mpi with --dask {self.dask}: give one of them, not both.")
         if self.executor is not None and (self.mpi or self.dask or self.count is not None):
-            raise StudyError("Workers was given an executor and further workers; give one of them.")
+            raise StudyError("Workers: both an executor and other workers are given; give only one of them.")
         if self.mpi and self.count is not None:
             raise StudyError(
-                f"--mpi with --workers {self.count}: mpiexec states the number of processes, as in "
+                f"--mpi with --workers {self.count}: with MPI, mpiexec sets the number of processes, as in "
                 f"mpiexec -n {self.count + 1} uqmbd ... --mpi (one of them distributes the tasks)."
             )
         if self.dask and self.count is not None and self.dask not in STARTED_HERE:
@@ -79,7 +79,7 @@ class Workers:
 
     @property
     def awaited(self) -> str:
-        """Stage of the progress while the workers start; empty: none."""
+        """Stage of the progress display while the workers start; empty if they start without delay."""
         if self.mpi:
             return "waiting for the processes of MPI"
         if self.dask in STARTED_HERE:
@@ -99,7 +99,7 @@ class Workers:
         Yields
         ------
         int or concurrent.futures.Executor
-            A number of workers, or an executor.
+            Number of workers, or executor.
 
         Raises
         ------
@@ -130,28 +130,28 @@ class Workers:
         Returns
         -------
         context manager of int or concurrent.futures.Executor
-            Workers.
+            Context of the workers.
 
         Warns
         -----
         DeprecationWarning
-            Always.
+            At every call.
 
         Examples
         --------
         >>> import pytest
-        >>> with pytest.warns(DeprecationWarning, match="is Workers.start now"), Workers(count=2).at_work() as workers:
+        >>> with pytest.warns(DeprecationWarning, match="Workers.start"), Workers(count=2).at_work() as workers:
         ...     print(workers)
         2
         """
-        text = "Workers.at_work is Workers.start now; the old name is removed in version 0.2."
+        text = "Workers.at_work was renamed to Workers.start; version 0.2 removes the old name."
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.start(*files)
 
 
 def _require_kind(where: str, name: str, value: Any, declared: Any) -> None:
     """Refuse a value that does not fit an annotation."""
-    # imported here, since commands name `Workers` in their parameters, and `uqmbd --help` would wait for NumPy
+    # imported here: all commands import `Workers`, and the import of NumPy would delay `uqmbd --help`
     if type(value) in typing.get_args(declared) or type(value) is declared:
         return
     from uqmbd.arguments import fits, refusal

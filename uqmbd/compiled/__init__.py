@@ -1,4 +1,4 @@
-"""What is compiled: kernels of eight realisations at once, and the store that keeps them."""
+"""Compilation of kernels for eight realisations at once, and the store of compiled code."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Program, ProgramPart, ProgramWriter
+from uqmbd.compiled.ranks import order_statistics
 from uqmbd.compiled.recording import (
     FINE,
     PLACES,
@@ -77,6 +78,7 @@ __all__ = [
     "compile_operations",
     "host",
     "object_code",
+    "order_statistics",
     "replaced",
     "source_digest",
     "sum_harmonics",

@@ -1,6 +1,6 @@
-"""The driver: loops over kernels that are compiled ahead of time, from ``source/*.c``, and know no mechanism.
+"""Driver of kernels: loops that are compiled ahead of time from ``source/*.c``, independent of any mechanism.
 
-Its structures are those of the headers, field by field.  Calls release the interpreter's lock.
+Its structures agree with the headers in every field. Calls release the interpreter lock.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 SOURCES = 16
-"""Most arrays of arguments of a program: as in program.h."""
+"""Maximum number of argument arrays of a program, as in program.h."""
 
 _from_buffer: Any = ctypes.c_char.from_buffer
 
@@ -117,7 +117,7 @@ POOL = (
 """Arrays of a pool."""
 
 RECORDED = ("path", "path_ends", "path_kept", "path_owner", "recorded")
-"""Arrays of a pool with the steps that were recorded."""
+"""Arrays of a pool with recorded steps."""
 
 
 class PoolStruct(ctypes.Structure):
@@ -142,7 +142,7 @@ ENCOUNTERS = (
     *("mode", "heading", "internal", "resting", "rise", "length", "slow"),
     *("happened", "noted", "mark", "mark_times"),
 )
-"""Arrays of what happens to contacts."""
+"""Arrays with events of contacts."""
 
 
 class EncountersStruct(ctypes.Structure):
@@ -222,7 +222,7 @@ PARTS = (
     *("step", "depth", "next", "whole", "beside", "low", "high", "begin", "end", "values", "coefficients"),
     *("error", "most", "least", "highest", "lowest", "mean", "first", "open", "allowed", "known"),
 )
-"""Arrays of what is known of parts of steps."""
+"""Arrays with data of parts of steps."""
 
 
 class PartsStruct(ctypes.Structure):
@@ -269,13 +269,14 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "least_so_far": (None, [_POINTER, _INT, _POINTER, _POINTER, _INT, _POINTER, _POINTER]),
     "list_parts": (_INT, [_POINTER, _POINTER]),
     "wave_values": (None, [*[_INT] * 8, *[_POINTER] * 11]),
+    "order_statistics": (None, [_POINTER, _INT, _INT, _POINTER, _INT, _POINTER, _POINTER, _POINTER]),
     "sizes": (None, [_POINTER]),
 }
-"""Results and arguments of the functions."""
+"""Result and argument types of the functions."""
 
 
 def _object_code() -> bytes:
-    """Object code of the driver for this processor."""
+    """Return the object code of the driver for this processor."""
     bitcode = files("uqmbd.compiled").joinpath("source/driver.bc").read_bytes()
     found: bytes = cached(("driver", hashlib.sha256(bitcode).hexdigest(), host().digest), lambda: object_code(bitcode))
     return found
@@ -306,7 +307,9 @@ class _Driver:
         )
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))
-        assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"
+        assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], (
+            "driver.bc was compiled from other sources than those installed"
+        )
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(name)
@@ -314,22 +317,22 @@ class _Driver:
 
 @cache
 def load_driver() -> Any:
-    """Load the driver, once in a process."""
+    """Load the driver once for each process."""
     return _Driver()
 
 
 def address(array: np.ndarray[Any, Any] | None) -> int:
-    """Address of an array's data; 0: there is none."""
+    """Return the address of the data of an array; 0 for None."""
     if array is None:
         return 0
-    try:  # five times as fast as `array.ctypes`, which single realisations feel
+    try:  # five times as fast as `array.ctypes`, which matters for single realisations
         return ctypes.addressof(_from_buffer(array))
-    except (TypeError, ValueError):  # nothing in it, not to be written, or with gaps
+    except (TypeError, ValueError):  # the array is empty, read-only, or not contiguous
         return array.ctypes.data
 
 
 def aligned(rows: int) -> Array:
-    """Make a work array of vectors, shape (rows, 8), zero, as kernels want it: aligned to 64 bytes."""
+    """Make a zero work array of vectors, shape (rows, 8), aligned to 64 bytes, as kernels require."""
     room = np.zeros(rows * LANES + LANES)
     first = -(address(room) // 8) % LANES
     return room[first : first + rows * LANES].reshape(rows, LANES)

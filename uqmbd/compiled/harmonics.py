@@ -1,7 +1,7 @@
-"""Samples of sums of harmonics of few base frequencies, evaluated at given times.
+"""Sums of harmonics with few base frequencies, evaluated for samples at given times.
 
-In NumPy, by products of waves at few times, the same takes five times as long: what is even and odd about a time serves
-two times in a compiled loop, and nothing is copied.
+In NumPy, with products of harmonics at few times, the evaluation takes five times as long. The compiled loop uses the
+even and odd parts about a time for two times, and makes no copies.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ __all__ = ["sum_harmonics"]
 
 
 CACHE = 192
-"""Harmonics at all distances in a block that stay in the first cache, of eight samples, 128 bytes each."""
+"""Number of harmonics, at all distances in a block, that fit in the first cache (eight samples, 128 bytes each)."""
 
 ROOM = 1 << 16
-"""Harmonics of samples at all blocks (16 bytes each) that are computed at once."""
+"""Number of harmonics of samples at all blocks (16 bytes each) that are computed at once."""
 
 EVEN = 1e-9
-"""Largest difference of the distances of times, over the last time, at which they are even."""
+"""Largest difference between time steps, relative to the last time, for which times count as uniform."""
 
 
 def sum_harmonics(
@@ -35,16 +35,16 @@ def sum_harmonics(
     found: Array,
     rows: Index,
 ) -> None:
-    """Evaluate sums of harmonics, a constant and a drift, of C outputs of K samples at increasing times (T,), s.
+    """Evaluate sums of harmonics, a constant and a drift, of C outputs of K samples at ascending times (T,), s.
 
-    Base frequencies are (K, M), rad/s; `lattice` (H, M) holds their multiples in each harmonic; `constants` and
-    `drifts` are (K, C); `waves` (K, C, H) are a - i b for a cos + b sin.  Results are written to rows `rows` (K,) of
-    `found` (R, C, T).  Uniform times need few evaluations of sine and cosine.
+    Base frequencies are (K, M), rad/s; `lattice` (H, M) contains their multiples in each harmonic. `constants` and
+    `drifts` are (K, C); `waves` (K, C, H) are a - i b for a cos + b sin. Results are written to rows `rows` (K,) of
+    `found` (R, C, T). Uniform times require few evaluations of sine and cosine.
     """
     samples, bases = frequencies.shape
     outputs, harmonics, count = waves.shape[1], len(lattice), len(times)
     if found.shape[1:] != (outputs, count) or not found.flags.c_contiguous or found.dtype != float:
-        raise ValueError(f"{outputs} outputs at {count} times were given room {found.shape}")
+        raise ValueError(f"{outputs} outputs at {count} times do not fit into the array of shape {found.shape}")
     if rows.shape != (samples,) or samples and not 0 <= rows.min() <= rows.max() < len(found):
         raise ValueError(f"{samples} samples were given rows {rows.shape} of {len(found)}")
     if lattice.shape[1:] != (bases,) or waves.shape != (samples, outputs, harmonics):

@@ -1,6 +1,6 @@
-"""LLVM: the processor that code is made for, object code from LLVM IR, and its place in memory.
+"""LLVM: target processor, object code from LLVM IR, and addresses of loaded code.
 
-What is loaded stays loaded: one engine per process holds it, under names that are digests of what they compute.
+Code remains loaded in one engine per process, and the name of a function is the digest of its text.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from uqmbd.errors import UqmbdError
 __all__ = ["Target", "addresses_of", "host", "lacking", "object_code"]
 
 LEVEL = 1
-"""Optimisation of code generation: 2 and 3 make code of the same speed from straight lines, 0 half as fast a code."""
+"""Optimisation level of straight-line code: levels 2 and 3 give the same speed, level 0 half the speed."""
 
 LEVEL_OF_LOOPS = 2
-"""The same for bitcode, which a compiler has optimised before: LLVM's passes take twice the time, and bring nothing."""
+"""Optimisation level of bitcode that a compiler has already optimised: passes of LLVM double the time without gain."""
 
 LIBRARY = (
     "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
@@ -42,15 +42,15 @@ _LOCK = threading.RLock()
 
 @dataclass(frozen=True)
 class Target:
-    """A processor for which code is generated."""
+    """Target processor of generated code."""
 
     triple: str  # architecture, system and format of object code
-    cpu: str  # as LLVM names it
-    features: str  # as LLVM names them
+    cpu: str  # name of the processor in LLVM
+    features: str  # names of the features in LLVM
 
     @property
     def width(self) -> int:
-        """Lanes that it computes at once."""
+        """Return the number of SIMD lanes."""
         features = set(self.features.split(","))
         if self.cpu.startswith("x86-64-v4") or "+avx512f" in features:
             return LANES
@@ -58,13 +58,13 @@ class Target:
 
     @property
     def needs(self) -> str:
-        """What a processor must be and have to run its code, in words."""
+        """Describe the required processor and its features."""
         enabled = sorted(x[1:] for x in self.features.split(",") if x.startswith("+"))
         return " ".join([self.triple.split("-")[0], *enabled])
 
     @property
     def digest(self) -> str:
-        """Digest of all this, and of the version of LLVM."""
+        """Return a digest of the target and of the version of LLVM."""
         import llvmlite.binding as llvm
 
         about = (self.triple, self.cpu, self.features, llvm.llvm_version_info, LEVEL, LEVEL_OF_LOOPS)
@@ -73,18 +73,18 @@ class Target:
 
 @cache
 def host() -> Target:
-    """Return this machine's processor."""
+    """Return the processor of this machine."""
     import llvmlite.binding as llvm
 
     features = ""
-    with contextlib.suppress(RuntimeError):  # LLVM does not know the features of every processor
+    with contextlib.suppress(RuntimeError):  # LLVM cannot list the features of every processor
         features = llvm.get_host_cpu_features().flatten()
     return Target(llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
 
 
 @cache
 def lacking(needs: str) -> str:
-    """Return, in words, what this processor lacks of what code needs."""
+    """Describe the required features that this processor lacks."""
     own = host().needs.split()
     return ", ".join(x for x in needs.split() if x not in own)
 
@@ -118,7 +118,7 @@ def object_code(source: str | bytes, target: Target | None = None) -> bytes:
             machine, module = _machine(target or host(), LEVEL), llvm.parse_assembly(source)
         else:
             machine, module = _machine(target or host(), LEVEL_OF_LOOPS), llvm.parse_bitcode(source)
-        module.triple = machine.triple  # on Windows MCJIT wants ELF, which llvmlite asks the machine for
+        module.triple = machine.triple  # MCJIT on Windows requires ELF, which llvmlite requests from the machine
         module.data_layout = str(machine.target_data)
         code: bytes = machine.emit_object(module)
         return code
@@ -126,17 +126,17 @@ def object_code(source: str | bytes, target: Target | None = None) -> bytes:
 
 @cache
 def _engine() -> Any:
-    """Return what holds the code of this process."""
+    """Return the execution engine that contains the code of this process."""
     import llvmlite.binding as llvm
 
     try:
         llvm.check_jit_execution()
     except OSError:
         raise UqmbdError(
-            "This system refuses memory that code may be written to and run from, and uqmbd compiles "
-            "the equations of a mechanism while it runs. Expected a process that may do so: with systemd unset "
-            "MemoryDenyWriteExecute, with SELinux allow execmem, on macOS sign the interpreter with the entitlement "
-            "com.apple.security.cs.allow-jit; or run uqmbd in a container or on a machine that allows it."
+            "This system refuses memory that is both writable and executable. uqmbd needs it, because it compiles the "
+            "equations of a mechanism at run time. With systemd, unset MemoryDenyWriteExecute. With SELinux, allow "
+            "execmem. On macOS, sign the interpreter with the entitlement com.apple.security.cs.allow-jit. Or run "
+            "uqmbd in a container or on a machine that allows such memory."
         ) from None
     # an engine owns its machine
     machine = _machine.__wrapped__(host(), LEVEL)
@@ -146,8 +146,8 @@ def _engine() -> Any:
 
 
 def _library() -> dict[str, int]:
-    """Return the addresses of the functions of the C library that code may call."""
-    # on Windows the probe of a large stack frame is in ntdll, and in the runtime only as a static library
+    """Return the addresses of the C library functions that code may call."""
+    # on Windows, the probe of large stack frames is in ntdll; the runtime contains it only as a static library
     names = ["ucrtbase", "ntdll"] if sys.platform == "win32" else [None, ctypes.util.find_library("m")]
     found: dict[str, int] = {}
     for library in names:
@@ -163,7 +163,7 @@ _loaded: dict[str, int] = {}
 
 
 def addresses_of(names: Sequence[str], code: bytes) -> list[int]:
-    """Return the addresses of functions in object code for this processor, and load the code on first use.
+    """Return the addresses of functions in object code for this processor; load the code at first use.
 
     Different code must have different function names.
     """
@@ -175,6 +175,6 @@ def addresses_of(names: Sequence[str], code: bytes) -> list[int]:
                 engine = _engine()
                 engine.add_object_file(llvm.ObjectFileRef.from_data(code))
                 engine.finalize_object()
-                for name in reversed(names):  # the first one shows that all are there
+                for name in reversed(names):  # the first address is set last, and shows that all are set
                     _loaded[name] = engine.get_function_address(name)
     return [_loaded[name] for name in names]

@@ -1,4 +1,4 @@
-"""A store of bytes on disk: nothing is handed out that was damaged, or that somebody else put there."""
+"""Store of bytes on disk that returns neither damaged data nor data of other users."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ _CHECKED = hasattr(os, "geteuid")
 
 @dataclass(frozen=True)
 class Store:
-    """Bytes by key, in a folder that belongs to its user alone.
+    """Bytes by key, in a private folder of the user.
 
-    The folder is made with mode 0700 on the first write; the mode of an existing folder is never changed.  A file holds
-    a header (a mark, the length, and the SHA-256 digest of key and content) and the content. A file counts as missing
-    if it fails the check, belongs to another user, or may be written by others. Content that cannot be written is not
-    stored; a process warns once of each reason. A digest detects damage, not intent: owner and mode protect against
-    that.
+    The folder is made with mode 0700 on the first write; the mode of an existing folder is never changed. A file
+    contains a header (a mark, the length, and the SHA-256 digest of key and content) and the content. A file counts as
+    missing if it fails the check, belongs to another user, or is writable for others. Content that cannot be written is
+    not stored; a process warns once of each reason. A digest detects accidental damage; owner and mode protect against
+    manipulation.
     """
 
     folder: Path
 
     def path(self, key: str) -> Path:
-        """Return where the content of a key is kept; a key is a file's name."""
+        """Return the file of a key; the key is the file name."""
         return self.folder / f"{key}.stored"
 
     def get(self, key: str) -> bytes | None:
-        """Return the content of a key, or None: not there, damaged, or not ours."""
+        """Return the content of a key; None if it is missing, damaged, or belongs to another user."""
         try:
             if not self._private():
                 return None
@@ -56,7 +56,7 @@ class Store:
         return content if data[:_HEADER] == _header(key, content) else None
 
     def put(self, key: str, content: bytes) -> None:
-        """Keep the content of a key, if that is possible."""
+        """Store the content of a key, if possible."""
         try:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
             with contextlib.suppress(FileExistsError):
@@ -69,15 +69,15 @@ class Store:
                     file.write(_header(key, content) + content)
         except OSError as error:
             _report(
-                f"{self.folder} cannot be written ({error.strerror or error}): compiled equations are not kept, so "
-                "that each process compiles them again. Let UQMBD_CACHE name a folder that can be written."
+                f"{self.folder} cannot be written ({error.strerror or error}): compiled equations are not stored, so "
+                "each process compiles them again. Set UQMBD_CACHE to a writable folder."
             )
 
     @contextlib.contextmanager
     def alone(self, key: str) -> Iterator[None]:
-        """Wait until no other process makes the content of a key, and keep others waiting.
+        """Wait until no other process makes the content of the key; then hold a lock for the key in the context.
 
-        Where there are no such locks, or nothing can be written, nobody waits.
+        If the system does not support locks, or the folder is not writable, the context starts at once.
         """
         path, handle = self.folder / f"{key}.lock", -1
         with contextlib.suppress(OSError, ImportError):
@@ -95,21 +95,21 @@ class Store:
                 os.close(handle)
 
     def _private(self) -> bool:
-        """Return whether the folder is its user's, and no link; others may not write there."""
+        """Return whether the folder belongs to the user, is not a link, and is not writable for others."""
         about = self.folder.lstat()
         if stat.S_ISDIR(about.st_mode) and (not _CHECKED or _ours(about)):
             return True
         _report(
-            f"{self.folder} is not used: it is no folder, belongs to another user, or others may write there. What is "
-            "kept there would be run, so it must be a folder of your own that nobody else may write (mode 0700). "
-            "Remove it, or let UQMBD_CACHE name another folder."
+            f"{self.folder} is not used: it is not a folder, belongs to another user, or is writable by others. uqmbd "
+            "executes the files in this folder, so only you may have write access (mode 0700). Remove it, or set "
+            "UQMBD_CACHE to another folder."
         )
         return False
 
 
 @cache
 def _report(problem: str) -> None:
-    """Warn, once in a process."""
+    """Issue each warning at most once in a process."""
     warnings.warn(problem, stacklevel=2)
 
 

@@ -1,11 +1,12 @@
 """Dynamics: derivation of the equations, kernels, model, ensemble, assembly, integration.
 
-The only place that imports scikit-sundae and compiles with SymEngine.
+Only this package imports scikit-sundae and compiles with SymEngine.
 """
 
 from __future__ import annotations
 
 from uqmbd.dynamics.assembly import positions
+from uqmbd.dynamics.code_key import compute_code_key
 from uqmbd.dynamics.ensemble import Ensemble, referenced
 from uqmbd.dynamics.equations import (
     BlockSymbols,
@@ -79,6 +80,7 @@ __all__ = [
     "built_in_names",
     "capabilities_of",
     "check",
+    "compute_code_key",
     "constraining",
     "derive",
     "instances_of",

@@ -1,8 +1,8 @@
-"""Content of functions and classes as plain data: their code, and all that it refers to.
+"""Content of functions and classes as plain data: their code, and all objects that the code refers to.
 
-A function is its code object, its defaults, what its closure holds, and the globals that it names; a class is its bases
-and attributes.  Packages whose versions are in every key of the cache (`LIBRARIES`) are known by names.  Anything that
-has no such content, as an object of a compiled library, is `NoDigest`.
+The content of a function is its code object, defaults, closure values and named globals. The content of a class is its
+bases and attributes.  Names identify packages whose versions are in every key of the cache (`LIBRARIES`).  Objects
+without such content, for example from a compiled library, raise `NoDigest`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from functools import cache, cached_property, partial, partialmethod
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
+from uqmbd.plugins import contact_laws
+
 __all__ = ["NoDigest", "code_of", "is_library", "unpatched"]
 
 LIBRARIES = frozenset({"numpy", "pluggy", "scipy", "sympy", "symengine", "uqmbd", *sys.stdlib_module_names})
-"""Packages whose versions, or sources, are in every key."""
+"""Packages with versions or sources in every key."""
 
 PURE = frozenset(
     {
@@ -27,7 +29,7 @@ PURE = frozenset(
         "statistics", "string", "symengine", "sympy", "types", "typing", "uqmbd", "warnings",
     }
 )  # fmt: skip
-"""Packages of these whose functions are deterministic in their arguments, except the `IMPURE` ones."""
+"""Packages in `LIBRARIES` with functions that are deterministic in their arguments, except the `IMPURE` ones."""
 
 IMPURE = frozenset(
     {
@@ -37,10 +39,13 @@ IMPURE = frozenset(
         "vars",
     }
 )  # fmt: skip
-"""Names of functions that depend on more than their arguments."""
+"""Names of functions that do not depend on their arguments only."""
+
+REGISTRY = "uqmbd.plugins.registry"
+"""Module with functions that return objects registered by plugins: code outside the version of the core."""
 
 WRITING = ("uqmbd.compiled", "uqmbd.dynamics", "uqmbd.mechanism")
-"""Parts of the core that write equations."""
+"""Parts of the core that derive equations."""
 
 UNSEEN = frozenset(
     {
@@ -61,22 +66,22 @@ COMPILED = (
 )  # fmt: skip
 
 Content = tuple[object, Sequence[Any]]
-"""Plain content, and parts that have a content in turn."""
+"""Plain content, and parts with their own content."""
 
 
 class NoDigest(Exception):  # noqa: N818 - no error: there is no digest
-    """Something has no content that is known."""
+    """The content of an object is unknown."""
 
 
 def is_library(name: str | None, packages: frozenset[str] = PURE) -> bool:
-    """Return whether a module belongs to a package that is identified by its version."""
+    """Return whether a module belongs to a package identified by its version."""
     return str(name).partition(".")[0] in packages
 
 
 def code_of(value: Any) -> Content | None:
-    """Return the content of a function, class, module or descriptor; None of other values.
+    """Return the content of a function, class, module or descriptor; None for other values.
 
-    Raises Unknown if the value is one of these, and its content is unknown.
+    Raises `NoDigest` if the value is such an object with unknown content.
     """
     if isinstance(value, FunctionType):
         return _function(value)
@@ -101,7 +106,7 @@ def code_of(value: Any) -> Content | None:
             raise NoDigest
         return ("compiled", module, value.__qualname__), ()
     if isinstance(value, ModuleType):
-        raise NoDigest  # what is taken of it is not known
+        raise NoDigest  # the used parts of it are unknown
     return None
 
 
@@ -111,8 +116,9 @@ def _function(value: FunctionType) -> Content:
     if is_library(scope.get("__name__")):
         if value.__name__ in IMPURE:
             raise NoDigest
-        # what the core holds beside functions are names and signatures of these
+        # in the core, closures contain functions, and otherwise their names and signatures
         cells = wrapped if scope["__name__"].startswith("uqmbd.") else [_held(x) for x in value.__closure__ or ()]
+        cells = [*cells, *_looked_up(value)]
         return ("library", scope["__name__"], value.__qualname__, _head(code) if cells else ()), cells
     loaded, attributes = _names(code)
     parts: list[Any] = [value.__defaults__, value.__kwdefaults__, *map(_held, value.__closure__ or ())]
@@ -120,6 +126,20 @@ def _function(value: FunctionType) -> Content:
         if name in scope:
             parts += [name, *_taken(scope[name], attributes, known="getattr" not in loaded)]
     return ("function", _head(code)), parts
+
+
+def _looked_up(value: FunctionType) -> list[Any]:
+    """Return the objects that a library function may find by names registered by plugins."""
+    named = [value, *(value.__globals__.get(name) for name in value.__code__.co_names)]
+    lookups = [x.__name__ for x in named if isinstance(x, FunctionType) and x.__globals__.get("__name__") == REGISTRY]
+    if not lookups:
+        return []
+    if not {"contact_law", "contact_laws"}.issuperset(lookups):
+        raise NoDigest
+    try:
+        return [part for name, kind in sorted(contact_laws().items()) for part in (name, kind().law())]
+    except Exception as error:
+        raise NoDigest from error
 
 
 def _class(value: type) -> Content:
@@ -133,7 +153,7 @@ def _class(value: type) -> Content:
 
 
 def _taken(value: Any, attributes: frozenset[str], *, known: bool) -> Iterator[Any]:
-    """Return the part of a global that code uses: of a foreign module, the attributes that the code may access."""
+    """Return the part of a global that code uses; for a foreign module, the attributes that the code may access."""
     if not isinstance(value, ModuleType):
         yield value
     elif is_library(value.__name__):
@@ -150,13 +170,13 @@ def _held(cell: Any) -> Any:
     """Return the content of a cell of a closure."""
     try:
         return cell.cell_contents
-    except ValueError:  # it is empty
+    except ValueError:  # the cell is empty
         return ()
 
 
 @cache
 def _head(code: CodeType) -> tuple[object, ...]:
-    """Return the content of a code object and of nested ones, without names of files and lines."""
+    """Return the content of a code object and nested code objects, without file names and lines."""
     constants = [_head(x) if isinstance(x, CodeType) else (type(x).__name__, _constant(x)) for x in code.co_consts]
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
     names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
@@ -164,18 +184,18 @@ def _head(code: CodeType) -> tuple[object, ...]:
 
 
 def _constant(value: object) -> str:
-    """Write a constant, sets in one order."""
+    """Return a constant as text, with sets in a fixed order."""
     return repr(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value)
 
 
 @cache
 def _names(code: CodeType) -> tuple[tuple[str, ...], frozenset[str]]:
-    """Return the globals that code reads, and all names in it; its imports must be libraries."""
+    """Return the globals that code reads, and all names in the code; its imports must be libraries."""
     loaded, extended = set(), 0
     for op, low in zip(code.co_code[::2], code.co_code[1::2], strict=True):
         argument, extended = low | extended, (low | extended) << 8 if op == EXTENDED else 0
         if op in LOADS:
-            # the lowest bit of the first says how it is called
+            # the lowest bit of the argument of the first operation encodes the calling convention
             loaded.add(code.co_names[argument >> 1 if op == LOADS[0] else argument])
         elif op == IMPORT and not is_library(code.co_names[argument]):
             raise NoDigest
@@ -191,7 +211,7 @@ def _names(code: CodeType) -> tuple[tuple[str, ...], frozenset[str]]:
 
 
 def unpatched() -> bool:
-    """Return whether functions of all modules that write equations are those of the core, or of a library."""
+    """Return whether all functions in modules that derive equations are from the core or from a library."""
     for name, module in list(sys.modules.items()):
         scope = vars(module) if name.startswith(WRITING) else {}
         for value in list(scope.values()):
@@ -205,7 +225,7 @@ def unpatched() -> bool:
 
 
 def _as_written(kind: type) -> bool:
-    """Return whether a class of the core is the one that its module defined, with the methods that it had."""
+    """Return whether a class of the core is unchanged since its definition in its module, with its methods."""
     found: Any = sys.modules.get(kind.__module__)
     for name in kind.__qualname__.split("."):
         found = getattr(found, name, None)
@@ -215,7 +235,7 @@ def _as_written(kind: type) -> bool:
 
 
 def _written(value: Any) -> bool:
-    """Return whether functions in a value were written in the core, or in a library; data are."""
+    """Return whether all functions in a value are from the core or from a library; True for data."""
     if isinstance(value, FunctionType):
         inner = [getattr(value, "__wrapped__", None), *map(_held, value.__closure__ or ())]
         return is_library(value.__globals__.get("__name__"), LIBRARIES) and all(

@@ -1,4 +1,4 @@
-"""Hash of a model: of all data that the motion and the outputs depend on."""
+"""Hash of all data of a model that affect the motion and the outputs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["digest_of"]
 
 
 def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iterable[str]) -> str:
-    """Return the hash of all symbols that the motion and the outputs depend on, and of the controllers.
+    """Return the hash of all symbols that affect the motion and the outputs, and of the controllers.
 
-    Expressions are written by `sympy.srepr`: the text that people read leaves out tables, and digits of numbers.
+    Expressions are converted by `sympy.srepr`, because readable texts omit tables and digits of numbers.
     """
     text = hashlib.sha256()
     for i in instances:
@@ -25,6 +25,8 @@ def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iter
         text.update(sympy.srepr(i.parameters).encode())
         if i.held:
             text.update(sympy.srepr(i.held).encode())
+        for c in i.excitations:
+            text.update(f"{sympy.srepr(c.source)} {sympy.srepr(c.argument)} {c.order}".encode())
     for output in mechanism.observed():
         text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
     for body in mechanism.bodies.values():

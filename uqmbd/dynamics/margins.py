@@ -1,4 +1,4 @@
-"""Margins of requirements: how far realisations are from the limits that they have to stay within, over time."""
+"""Margins of requirements: distances of realisations from required limits over time."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ __all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of", "undetermine
 class MarginValues:
     """Margins of K realisations."""
 
-    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: not known before the end
+    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: unknown before the end
     running: Array
     status: Index  # (K,): `Status` of the motion and the margins
     messages: tuple[str, ...]  # reasons
 
     @property
     def values(self) -> Array:
-        """Margins of the whole motion, shape (K, requirement): below zero is violated; NaN where it failed."""
+        """Margins of the whole motion, shape (K, requirement): violated below zero; NaN for failed realisations."""
         return self.running[:, :, -1]
 
     @property
     def failed(self) -> Mask:
-        """Realisations without margins, shape (K,): they are neither safe nor unsafe."""
+        """Mask of realisations without margins, shape (K,): neither safe nor unsafe."""
         return np.asarray(self.status != Status.OK)
 
     @classmethod
     def joined(cls, parts: Sequence[MarginValues]) -> MarginValues:
-        """Join those of several chunks."""
+        """Join the margins of several chunks."""
         return cls(
             np.concatenate([p.running for p in parts]),
             np.concatenate([p.status for p in parts]),
@@ -56,10 +56,10 @@ class MarginValues:
 class MarginMap:
     """Compiled margins."""
 
-    requirements: tuple[Requirement, ...]  # as the user stated them
+    requirements: tuple[Requirement, ...]  # requirements of the user
     moving: OutputMap | None  # margins that change with time
-    still: ScalarMap | None  # the others
-    domain: Domain  # conditions under which the margins that change with time are finite real numbers
+    still: ScalarMap | None  # margins that do not change with time
+    domain: Domain  # conditions for finite real values of margins that change with time
 
     @property
     def needs_motion(self) -> bool:
@@ -73,12 +73,12 @@ class MarginMap:
 
     @property
     def over_time(self) -> NDArray[np.bool_]:
-        """Which requirements have to hold at all times, shape (requirement,)."""
+        """Mask of requirements at all times, shape (requirement,)."""
         return np.array([requirement.over_time for requirement in self.requirements], dtype=bool)
 
     @property
     def at_the_end(self) -> NDArray[np.bool_]:
-        """Whether margins are known at the end of the motion only, shape (requirement,)."""
+        """Mask of requirements with margins known only at the end of the motion, shape (requirement,)."""
         return np.array([requirement.at_the_end for requirement in self.requirements], dtype=bool)
 
 
@@ -97,33 +97,33 @@ def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
 
 
 def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[Finding, ...]:
-    """Return the requirements on quantities that redundant constraints leave undetermined; see `not_unique`."""
+    """Return findings on requirements for quantities undetermined by redundant constraints; see `not_unique`."""
     moving = None if model.margins is None else model.margins.moving
     names = () if moving is None else not_unique(model, moving, q, time, parameters)
     return tuple(
         Finding(
             Severity.WARNING,
             f"requirement {name!r}",
-            f"requirement {name!r} limits a reaction that redundant constraints leave undetermined, so that its "
-            "probability means nothing",
-            "Take out the redundant constraint, which `uqmbd check` names, or limit another one",
+            f"requirement {name!r} limits a reaction that redundant constraints leave undetermined, so its "
+            "probability is meaningless",
+            "Remove the redundant constraint that `uqmbd check` names, or limit another reaction",
         )
         for name in names
     )
 
 
 def _unknown(seen: MarginMap, number: int) -> str:
-    """Return a message on a requirement without a time, by its number, whose result is unknown."""
+    """Return a message on the unknown result of a requirement without a time, by its number."""
     name = [one.name for one in seen.requirements if not one.over_time][number]
     what = "an event" if seen.still is not None and seen.still.of_events(number) else "a first time"
     return (
-        f"requirement {name!r}: {what} in it does not happen until the last output time, and whether it is met depends "
-        "on when"
+        f"requirement {name!r}: {what} in it does not occur until the last output time, so it is unknown whether the "
+        "requirement is met"
     )
 
 
 def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None = None) -> MarginValues:
-    """Evaluate the margins of K realisations at output times (T,), s, from their motion where the margins need it."""
+    """Evaluate the margins of K realisations at output times (T,), s; some margins need `trajectories`."""
     seen: MarginMap = ensemble.model.margins
     count, over_time, start = len(ensemble), seen.over_time, ensemble.start
     running = np.full((count, len(over_time), len(times)), np.inf)
@@ -137,7 +137,7 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
     if seen.still is not None:
         found = scalars_of(ensemble, trajectories, seen.still, never=float(times[-1]))
         fail(found.status, found.messages)
-        # where a first time, or an event, does not happen, the margin is beyond that at the end
+        # without a first time or an event, the margin is beyond its value at the end
         above = np.array([one.open for one in seen.requirements], dtype=np.int64)[~over_time]
         unknown = found.censored & ~np.where(found.values < 0, above < 0, above > 0)
         reasons = [_unknown(seen, int(np.argmax(row))) if row.any() else "" for row in unknown]

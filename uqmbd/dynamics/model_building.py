@@ -1,4 +1,4 @@
-"""Building of a model: derivation, compilation, assembly at the means, and choice of independent equations."""
+"""Construction of a model: derivation, compilation, assembly at the means, and choice of independent equations."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ from uqmbd.dynamics.equations import (
     angle_counters,
     break_times,
     compiled_conditions,
+    excitations_of,
     inputs_of_conditions,
     instances_of,
     limits_of,
@@ -52,14 +53,17 @@ from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Component, HeldStates, Mechanism, Output, Spline
+from uqmbd.mechanism import Component, HeldStates, Mechanism, MotionSymbol, Output, Spline, Summary, is_scalar
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
 
+MOTION = (MotionSymbol, Summary)
+"""Parts of scalar outputs that need a motion."""
+
 
 def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
-    """Return the part of a model that assembly needs, with the independent equations chosen at the means; time in s.
+    """Return the part of a model for assembly, with independent equations chosen at the means; `time` in s.
 
     The model has no residual, Jacobian or outputs.  Raises `uqmbd.AssemblyError` if the mechanism cannot be assembled
     at the means.
@@ -68,7 +72,7 @@ def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
 
 
 def constraining(mechanism: Mechanism) -> tuple[str, ...]:
-    """Name the components that state constraints, whether the mechanism can be assembled or not."""
+    """Return the names of components with constraints, even if the mechanism cannot be assembled."""
     instances = instances_of(_all(mechanism), mechanism.space)
     return tuple(i.component.name for i in instances if i.type.labels)
 
@@ -80,7 +84,7 @@ def _all(mechanism: Mechanism) -> list[Component]:
 
 
 def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, ...]:
-    """Return the reactions that redundant constraints leave undetermined at the means, as ``A.reaction_force[0]``."""
+    """Return reactions undetermined by redundant constraints at the means, such as ``A.reaction_force[0]``."""
     model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
     if layout.constraints == layout.rank:
@@ -93,7 +97,7 @@ def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, 
 
 
 def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blocks: Blocks) -> tuple[Any, ...]:
-    """Return the data with which outputs are compiled, except the outputs themselves."""
+    """Return the data for the compilation of outputs, except the outputs."""
     order = {name: k for k, name in enumerate(mechanism.bodies)}
     sizes = (layout.coordinates, layout.states, layout.constraints)
     return instances, list(blocks.places), order, mechanism.inputs.variables, sizes
@@ -102,7 +106,7 @@ def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blo
 def _kinematics(
     mechanism: Mechanism, time: float, others: tuple[str, ...] = ()
 ) -> tuple[Model, list[Instance], Blocks]:
-    """Return the objects that assembly needs; acceleration and drift only with start conditions or `others`."""
+    """Return the objects for assembly; include acceleration and drift only with start conditions or `others`."""
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
     require_controllers(mechanism)
@@ -186,7 +190,7 @@ def _kinematics(
     if not np.isfinite(parameters).all():
         raise StudyError(
             f"mechanism {mechanism.name!r}: {not_finite(mechanism, model, instances, expressions, parameters[0])}. "
-            "Expected a finite number there; look at the expression and at the distributions of its inputs."
+            "Expected a finite number there; check the expression and the distributions of its inputs."
         )
     q, messages = positions(model, parameters[:, drawn], time, parameters)
     if messages[0]:
@@ -207,10 +211,10 @@ def _kinematics(
 
 
 def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:
-    """Find coordinates that constraints hold at one value, and the equations that do.
+    """Find coordinates that constraints fix at one value, and the equations of these constraints.
 
-    An equation holds a coordinate if it contains neither time nor an auxiliary state nor any other coordinate that is
-    not held already; it is found from the structure of the equations alone, and is independent at the means.
+    An equation fixes a coordinate if it contains no time, no auxiliary state and no other coordinate that is not yet
+    fixed. Only the structure of the equations is used; the equation must be independent at the means.
     """
     contains: dict[int, set[int]] = {int(k): set() for k in kept}
     for target in model.evaluators["position"].targets:
@@ -253,7 +257,7 @@ def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
 
 
 def _corners(instance: Instance) -> bool:
-    """Return whether forces of an instance have corners that depend on its state, not on time alone."""
+    """Return whether forces of an instance have corners that depend on its state instead of time only."""
     block = instance.type
     kinds = (sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign, sympy.Heaviside)
     corners = [x for e in block.expressions if e.has(*kinds) for x in e.atoms(*kinds)]
@@ -271,11 +275,10 @@ def _corners(instance: Instance) -> bool:
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, quiet: bool = False) -> Model:
     """Return the complete model of a mechanism at an initial time, s, from the cache if possible.
 
-    The cache holds models by the digest of their parts.  With `fuse`, residual and Jacobian are one kernel each; the
-    default is up to `FUSED_LIMIT` unknowns.  Warns with `uqmbd.RedundantConstraintWarning`, which names them, if
-    equations depend on others; with `quiet` that is left to the caller, as a finding of the model.  Raises
-    `uqmbd.AssemblyError` or `uqmbd.StudyError` if the mechanism cannot be assembled at the means, or no force can
-    accelerate a body.
+    The cache stores models by the digest of their parts.  With `fuse`, residual and Jacobian are one kernel each; this
+    is the default up to `FUSED_LIMIT` unknowns.  A `uqmbd.RedundantConstraintWarning` names dependent equations; with
+    `quiet` the model only contains a finding for the caller.  Raises `uqmbd.AssemblyError` or `uqmbd.StudyError` if the
+    mechanism cannot be assembled at the means, or no force can accelerate a body.
     """
     key = compute_model_key(mechanism, time, fuse, rows=inputs_of_notices(mechanism))
     make = partial(_built, mechanism, time, fuse)
@@ -294,6 +297,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     count = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     events = tuple((i.component.name, e.label, len(e.directions)) for i in instances for e in i.type.events)
+    _require_no_motion(mechanism, instances)
     kinds = ("acceleration", "drift", *(("contact",) if events else ()))
     made = {kind: blocks.evaluator(kind, layout, count, fuse=fuse) for kind in kinds}
     evaluators = Evaluators({**model.evaluators.made, **made}, Later.of(blocks, layout, count, fuse=fuse))
@@ -302,6 +306,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     model = replace(
         model,
         rough=any(_corners(i) for i in instances),
+        excitations=len(excitations_of(instances)),
         digest=digest_of(mechanism, instances, [loop.digest for loop in controls]),
         evaluators=evaluators,
         events=events,
@@ -330,8 +335,26 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     return replace(model, findings=model_findings(Assembled(mechanism, model, instances, parameters, drawn, q)))
 
 
+def _require_no_motion(mechanism: Mechanism, instances: list[Instance]) -> None:
+    """Raise if outputs or requirements need a motion, and an excitation has no values over time."""
+    excited = [(i.component, c) for i in instances for c in i.excitations]
+    if not excited:
+        return
+    component, coefficient = excited[0]
+    margins = [(name, o.expression) for name, o in mechanism.margins.items()]
+    scalars = [(o.name, o.expression) for o in mechanism.scalars.values()]
+    moving = [*mechanism.outputs, *(name for name, e in [*scalars, *margins] if not is_scalar(e) or e.has(*MOTION))]
+    if moving:
+        raise StudyError(
+            f"output {moving[0]!r} requires a simulated motion, but {type(component).__name__} {component.name!r} "
+            f"contains {coefficient.source.source.name}({coefficient.argument}), a random process without sampled "
+            "paths. Use outputs of the stationary response, such as a standard deviation, or replace the process by "
+            "a function of uqmbd.t."
+        )
+
+
 def _prescribed(mechanism: Mechanism, model: Model) -> Prescribed | None:
-    """Find the functions of time that constraints are given."""
+    """Find the functions of time in parameters of components with constraints."""
     if not model.rheonomic:
         return None
     owners = set(model.owners)
@@ -339,7 +362,7 @@ def _prescribed(mechanism: Mechanism, model: Model) -> Prescribed | None:
 
 
 def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:
-    """Results of the ``acceleration`` evaluator at the pose, and near it, where no entry vanishes by chance."""
+    """Return results of the ``acceleration`` evaluator at the pose and near it, where no entry vanishes by chance."""
     shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, *q.shape))
     near = np.concatenate([q, q + shift[0]])
     states = state_arguments(time, near, np.zeros((2, model.layout.states)), np.tile(shift[1], (2, 1)))

@@ -1,6 +1,6 @@
-"""Checks of an assembled mechanism, which are made once and stored with its model.
+"""Checks of an assembled mechanism; the checks run once, and the model stores their findings.
 
-A new one is a function from `Assembled` to findings, and its name in `CHECKS`.
+A new check is a function from `Assembled` to findings, listed in `CHECKS`.
 """
 
 from __future__ import annotations
@@ -37,49 +37,49 @@ __all__ = ["Assembled", "inputs_of_notices", "model_findings"]
 
 
 FAR = 1.0
-"""A body that assembly moves by more than this, in sizes of the drawn mechanism, is a warning; of less a note."""
+"""Displacement of a body by assembly, in sizes of the drawn mechanism, above which a note becomes a warning."""
 
 TURNED = np.pi / 4
-"""The same of a turn, rad."""
+"""Rotation of a body by assembly, rad, above which a note becomes a warning."""
 
 DEEP = 0.1
-"""The same of the depth of a contact of points, in sizes of the mechanism."""
+"""Depth of a contact of points, in sizes of the mechanism, above which a note becomes a warning."""
 
 REALISATIONS = 256
-"""Realisations that are checked for angles of drivers that start more than half a turn from the drawn pose."""
+"""Number of realisations checked for drivers with initial angles over half a turn from the drawn pose."""
 
 LEAST = 1.0
-"""Mechanisms are taken to be this large at least, m."""
+"""Least assumed size of a mechanism, m."""
 
 SPREAD = 10.0
-"""Largest radius of gyration of a body, in its extents; that of a dumb-bell is half of its extent."""
+"""Largest plausible radius of gyration of a body, in its extents; a dumb-bell has half its extent."""
 
 SCALES = 1e4
-"""Largest ratio of two lengths of a mechanism."""
+"""Largest plausible ratio of two lengths of a mechanism."""
 
 NAMED = 40
-"""Redundant equations that a finding names; `uqmbd.check` names them all."""
+"""Largest number of redundant equations in a finding; `uqmbd.check` lists all of them."""
 
 
 @dataclass(frozen=True)
 class Assembled:
-    """An assembled mechanism, at the means of its inputs."""
+    """Assembled mechanism at the means of its inputs."""
 
     mechanism: Mechanism
     model: Model
     instances: Sequence[Instance]  # components, in the order of the parameters
     parameters: Array  # (1, parameter)
-    drawn: Array  # (1, coordinate): as drawn
+    drawn: Array  # (1, coordinate): drawn pose
     pose: Array  # (1, coordinate): at the start of the motion
 
     @cached_property
     def places(self) -> dict[str, list[tuple[Mark, Array]]]:
-        """Known points of each body, as drawn, in the world frame, m."""
+        """Known points of each body in the drawn pose, world frame, m."""
         return drawn_points(self.mechanism)
 
     @cached_property
     def size(self) -> float:
-        """Largest extent of the mechanism as drawn, m."""
+        """Largest extent of the drawn mechanism, m."""
         return extent_of([place for found in self.places.values() for _, place in found])
 
     def values(self) -> Iterator[tuple[Instance, list[float]]]:
@@ -97,7 +97,7 @@ def model_findings(assembled: Assembled) -> tuple[Finding, ...]:
 
 
 def _redundant(a: Assembled) -> Iterator[Finding]:
-    """Equations that depend on others, in every pose or in the drawn one only."""
+    """Yield equations that depend on others, in every pose or only in the drawn pose."""
     model = a.model
     redundant = np.setdiff1d(np.arange(model.layout.constraints), model.layout.kept)
     if not len(redundant):
@@ -115,7 +115,7 @@ def _redundant(a: Assembled) -> Iterator[Finding]:
 
 
 def _moved(a: Assembled) -> Iterator[Finding]:
-    """Bodies that assembly moved from where they are drawn: a warning of those far away, and a note of others."""
+    """Yield bodies that assembly moved from the drawn pose, with a warning for large moves and a note for others."""
     found = moved(a.mechanism, a.model, a.size)
     far = [m for m in found if m.turn > TURNED or m.distance > FAR * a.size + 1e-9]
     near = [m for m in found if m not in far]
@@ -132,17 +132,17 @@ def _moved(a: Assembled) -> Iterator[Finding]:
 
 
 SPUN, PARTS = 2.0, 24
-"""Turns below which an angle is only noted; multiples of this part of a turn are only noted, too."""
+"""Number of turns below which an angle is only a note; multiples of 1/PARTS of a turn are also only notes."""
 
 
 def _turned(a: Assembled) -> Iterator[Finding]:
-    """Bodies that are drawn by more than a turn, as by degrees in the place of radians."""
+    """Yield bodies with drawn angles over one turn, for example because of degrees instead of radians."""
     for name, body in a.mechanism.bodies.items():
         angle = body.pose.angle
         if not getattr(angle, "is_number", True) or abs(float(angle)) <= 2 * math.pi:
             continue
         shown, turns = f"{float(angle):g}", abs(float(angle)) / (2 * math.pi)
-        # a number that was meant in radians is small, or a part of a turn
+        # a number intended in radians is small or a simple fraction of a turn
         meant = turns < SPUN or abs(PARTS * turns - round(PARTS * turns)) < 1e-6
         yield Finding(
             Severity.NOTE if meant else Severity.WARNING,
@@ -153,18 +153,18 @@ def _turned(a: Assembled) -> Iterator[Finding]:
 
 
 def _apart(a: Assembled) -> Iterator[Finding]:
-    """Bodies that nothing connects with the ground, where there are components."""
+    """Yield bodies without a connection to the ground, if there are components."""
     for names in apart(a.mechanism) if a.mechanism.components else ():
         every = ", ".join(map(repr, names))
         if len(names) == 1:
-            message = f"body {every} is not connected: no component leads to another body or the ground"
+            message = f"body {every} is not connected: no component connects it to another body or to the ground"
         else:
             message = f"bodies {every} are connected with each other, but not with the ground"
         yield Finding(Severity.NOTE, f"{'body' if len(names) == 1 else 'bodies'} {every}", message)
 
 
 def _spread(a: Assembled) -> Iterator[Finding]:
-    """Yield bodies whose radius of gyration exceeds all known extents, as with wrong units of the inertia."""
+    """Yield bodies with a radius of gyration above all known extents, for example by wrong units of the inertia."""
     for name, body in a.mechanism.bodies.items():
         known = a.places.get(name, [])
         reach = max((abs(float(nominal(mark.radius))) for mark, _ in known), default=0.0)
@@ -173,7 +173,7 @@ def _spread(a: Assembled) -> Iterator[Finding]:
         if not extent or not moments or mass <= 0:
             continue
         gyration = math.sqrt(max(0.0, *moments[:3]) / mass)
-        # next to a mechanism points of a body may be close together, as axle and centre of mass of a rotor
+        # points of a body, such as axle and centre of mass of a rotor, may be close compared with the mechanism
         if gyration > max(SPREAD * extent, a.size):
             yield Finding(
                 Severity.NOTE,
@@ -185,7 +185,7 @@ def _spread(a: Assembled) -> Iterator[Finding]:
 
 
 def _scales(a: Assembled) -> Iterator[Finding]:
-    """Lengths of one mechanism that differ by orders of magnitude, as by millimetres in the place of metres."""
+    """Yield lengths that differ by orders of magnitude, for example because of millimetres instead of metres."""
     lengths = {f"body {name!r}": extent_of([place for _, place in found]) for name, found in a.places.items()}
     lengths = {name: length for name, length in lengths.items() if length > 0}
     lengths |= {f"mechanism {a.mechanism.name!r}": a.size} if a.size > 0 else {}
@@ -203,16 +203,16 @@ def _scales(a: Assembled) -> Iterator[Finding]:
 
 
 def _units(a: Assembled) -> Iterator[Finding]:
-    """Units that do not fit, of which statements have warned."""
+    """Yield inconsistent units, for which declarations have already warned."""
     for sentence in find_unit_problems(a.mechanism):
         yield Finding(Severity.WARNING, sentence.partition(": ")[0], sentence.removesuffix("."), category=None)
 
 
 def _hidden_turns(a: Assembled) -> Iterator[Finding]:
-    """Drivers that start whole turns away from the angles that are counted.
+    """Yield drivers with initial angles that differ from counted angles by whole turns.
 
-    Counted angles start within half a turn of the drawn pose.  A driver whose angle is a function of time starts at the
-    value of that function; a driver that follows other joints, at its value in the assembled pose.
+    Counted angles start within half a turn of the drawn pose.  A driver with an angle as a function of time starts at
+    the value of the function. A driver that follows other joints starts at its value in the assembled pose.
     """
     mechanism, model = a.mechanism, a.model
     seen = [x for o in mechanism.outputs.values() for x in o.expression.free_symbols]
@@ -232,17 +232,17 @@ def _hidden_turns(a: Assembled) -> Iterator[Finding]:
             Severity.WARNING,
             f"driver {component.name!r}",
             f"mechanism {mechanism.name!r}: driver {component.name!r} starts at {angles[far][0]:.4g} rad{share}, more "
-            f"than half a turn from the drawn pose, {poses[far][0]:.4g} rad; whole turns between them are not counted "
-            "by angles of bodies and joints, and by springs",
+            f"than half a turn from the drawn pose, {poses[far][0]:.4g} rad; angles of bodies and joints, and "
+            "springs, do not count whole turns between them",
             f"{advice} the turns by mechanism.start(joint.angle, value), with the value at which the driver starts"
             f"{others}",
         )
 
 
 def _turns_are_stated(mechanism: Mechanism, component: Component) -> bool:
-    """Return whether start conditions hold an angle of the driven bodies, and all angles that the driver follows.
+    """Return whether start conditions contain an angle of the driven bodies, and all angles that the driver follows.
 
-    A follower alone does not decide: its condition moves what it follows.
+    A condition on a follower alone is not sufficient, because it moves the followed body.
     """
     conditions = [c for c in mechanism.conditions.values() if not c.of_velocities]
     stated, followed = angles_in([c.residual for c in conditions]), _followed(component)
@@ -266,7 +266,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
     symbols, known = list(mechanism.inputs.variables), rows
     if any(start.free_symbols & set(places) for start, _ in expressions):
         parameters = model.parameters(rows)
-        # start conditions move followed joints and their followers together, and turns are counted on the way
+        # start conditions move followed joints and their followers together, and the assembly counts turns
         drawn, free = parameters[:, model.drawn], replace(model, conditions=None)
         q, messages = positions(free, drawn, model.time, parameters, model.layout.independent_holonomic)
         assembled = np.flatnonzero([not message for message in messages])
@@ -276,7 +276,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
 
 
 def _angle_at_start(component: Component, time: float) -> sympy.Expr:
-    """Angle of a driver at the initial time, rad, in inputs and coordinates; followed angles as their counts begin."""
+    """Return the initial angle of a driver, rad, in inputs and coordinates, with initial values of followed angles."""
     counted = {
         x: x.angle.at_start(x.angle.whole(x.angle.cosine), x.angle.whole(x.angle.sine), x.angle.near)
         for x in _followed(component)
@@ -286,9 +286,9 @@ def _angle_at_start(component: Component, time: float) -> sympy.Expr:
 
 
 def inputs_of_notices(mechanism: Mechanism) -> Array:
-    """Return the values of the inputs that notices depend on, shape (K, input): the means, and where drivers turn more.
+    """Return input values for notices, shape (K, input): the means, and points with larger angles of drivers.
 
-    The latter where an angle is prescribed, at points that are spread over the inputs.
+    If an angle is prescribed, further points are spread over the inputs.
     """
     inputs = mechanism.inputs
     means = inputs.means[None, :]
@@ -301,7 +301,7 @@ def inputs_of_notices(mechanism: Mechanism) -> Array:
 
 
 def _drawn_angle(component: Component) -> sympy.Expr:
-    """Angle that two bodies are drawn at, as a driver of rotation understands it, rad; in space at the means."""
+    """Return the drawn angle between two bodies, rad, as defined for rotation drivers; in space at the means."""
     i, j = (component.drawn_frame(body) for body in ("body_i", "body_j"))
     if i.space.dimension == 2:
         return component.drawn_angle()
@@ -312,7 +312,7 @@ def _drawn_angle(component: Component) -> sympy.Expr:
 
 
 def _deep_contacts(a: Assembled) -> Iterator[Finding]:
-    """Contacts that start deep."""
+    """Yield contacts with a large initial depth."""
     if not any(instance.type.gaps for instance in a.instances):
         return
     model, size = a.model, max(LEAST, a.size)
@@ -332,21 +332,21 @@ def _deep_contacts(a: Assembled) -> Iterator[Finding]:
                 yield Finding(
                     Severity.WARNING,
                     where,
-                    f"{where} starts {depth:.3g} m deep: bodies overlap at the start, and the contact force drives "
+                    f"{where} starts {depth:.3g} m deep: bodies overlap at the start, so the contact force pushes "
                     "them apart",
                     "Check its points, normal and radii, and the drawn poses",
                 )
 
 
 def _undetermined(a: Assembled) -> Iterable[Finding]:
-    """Yield requirements on quantities that redundant constraints leave undetermined."""
+    """Yield requirements on quantities undetermined by redundant constraints."""
     if a.model.layout.constraints == a.model.layout.rank:
         return ()
     return undetermined_margins(a.model, a.pose[0], a.model.time, a.parameters[0])
 
 
 def _number(value: sympy.Expr) -> float:
-    """Return a number; NaN if there is none, as for a gap with separate auxiliary states."""
+    """Return a number; NaN if it has no value, for example a gap with separate auxiliary states."""
     try:
         return float(value.doit())
     except TypeError:
@@ -366,4 +366,4 @@ CHECKS = (
     _scales,
     _units,
 )
-"""All of them, in the order in which findings are listed."""
+"""All checks, in the order of their findings."""

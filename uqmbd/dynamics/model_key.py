@@ -1,10 +1,10 @@
-"""Keys of models: a digest of all that a model is made from, without asking its components for their terms.
+"""Keys of models: digests of all data of a model, without evaluation of the terms of its components.
 
-What a component states follows from the code of its class, whoever wrote it, and from its values.  A mechanism with a
-part whose code or value is not known has no key, and its model is stored nowhere.  Nor has one with controllers, whose
-functions are the user's.
+The code of its class and its values determine the terms of a component, also for classes of users.  A mechanism with a
+part of unknown code or value has no key, and its model is not stored.  A mechanism with controllers also has no key,
+because the functions are the user's.
 
-SymPy's own text (`sympy.srepr`) takes ten times as long, and leaves out what random variables and angles stand for.
+SymPy's text (`sympy.srepr`) takes ten times as long, and omits the meaning of random variables and angles.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from uqmbd.mechanism import (
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["compute_model_key"]
+__all__ = ["Digests", "compute_model_key"]
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), type(NotImplemented))
 
 CONTAINERS = (dict, list, tuple, set, frozenset, str, bytes, bytearray, int, float, complex, np.ndarray)
-"""Types whose subclasses may contain more than their attributes."""
+"""Types with subclasses that may contain more data than their attributes."""
 
 OF_OBJECTS = frozenset(
     {
@@ -57,11 +57,11 @@ OF_OBJECTS = frozenset(
         "_quantities",
     }
 )
-"""Properties of every component: its equations follow from its name, its bodies, its values, and other attributes."""
+"""Properties of every component; name, bodies, values and other attributes determine its equations."""
 
 
 def compute_model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
-    """Return a digest of a mechanism and other plain data, or None where part of its content is unknown.
+    """Return a digest of a mechanism and other plain data, or None if part of the content is unknown.
 
     The input values `rows` are examined in addition to the means.
     """
@@ -76,10 +76,10 @@ def compute_model_key(mechanism: Mechanism, *others: object, rows: Array | None 
 
 
 class Digests:
-    """Digests of the parts of a mechanism; that of a part depends on nothing but its content.
+    """Digests of the parts of a mechanism; the digest of a part depends only on its content.
 
-    Classes and functions refer to each other in circles: a digest has their numbers, in the order in which they are
-    met, and `code` is the digest of them all.
+    Classes and functions may refer to each other in cycles. A digest therefore contains their numbers, in the order of
+    first occurrence, and `code` is the digest of all of them.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -98,7 +98,7 @@ class Digests:
         self.open: set[int] = set()
 
     def mechanism(self) -> Sequence[Any]:
-        """Return all that makes a mechanism, as data that `of` takes."""
+        """Return all data that define a mechanism, in a form for `of`."""
         m = self.of_mechanism
         inputs = m.inputs
         bodies = [(name, type(b), b.pose) for name, b in m.bodies.items()]
@@ -108,7 +108,7 @@ class Digests:
         return type(m), m.name, m.space, bodies, components, described, inputs.names, units, inputs.means
 
     def component(self, component: Component) -> Sequence[Any]:
-        """Return all that makes a component."""
+        """Return all data that define a component."""
         attached = [(role, self.owner(frame)) for role, frame in component.attached.items()]
         more = sorted(vars(component).keys() - OF_OBJECTS)
         declared = [(key, parameter) for key, parameter in component.parameters().items()]
@@ -116,14 +116,14 @@ class Digests:
         return type(component), component.name, attached, list(component.values.items()), declared, own
 
     def owner(self, value: object) -> str:
-        """Name a body, the ground or a component."""
+        """Return the name of a body, the ground or a component."""
         name = self.owners.get(id(value))
         if name is None:
             raise NoDigest
         return name
 
     def code(self) -> bytes:
-        """Return the digest of all classes and functions of the key, and of those that they refer to."""
+        """Return the digest of all classes and functions of the key, and of all classes and functions they refer to."""
         text, done = hashlib.sha256(), 0
         while done < len(self.contents):
             head, parts = self.contents[done]
@@ -132,12 +132,12 @@ class Digests:
         return text.digest()
 
     def of(self, value: Any) -> bytes:
-        """Digest of a value."""
+        """Return the digest of a value."""
         found = self.known.get(id(value))
         if found is None:
             head, parts = self.parts(value)
             if id(value) in self.open:
-                raise NoDigest  # a value that holds itself
+                raise NoDigest  # a value that contains itself
             self.open.add(id(value))
             content = repr((head, len(parts))).encode() + b"".join([self.of(x) for x in parts])
             self.open.discard(id(value))
@@ -168,7 +168,7 @@ class Digests:
         if (content := code_of(value)) is not None:
             return ("code", self.number(value, content)), ()
         if isinstance(value, CONTAINERS):
-            raise NoDigest  # of a class that may hold more than its attributes
+            raise NoDigest  # of a class that may contain more data than its attributes
         if is_dataclass(value):
             names = [x.name for x in fields(value)]
             if vars_of(value).keys() - set(names):

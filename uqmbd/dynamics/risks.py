@@ -1,6 +1,6 @@
-"""Probabilities that random numbers of a mechanism leave their range, before any realisation.
+"""Predict probabilities of random numbers outside their range, before any realisation.
 
-Of an expression that is affine in one independent variable that is exact; of others it is a share of `SAMPLES` points.
+The probability is exact for affine expressions of one independent variable, else a share of `SAMPLES` points.
 """
 
 from __future__ import annotations
@@ -21,47 +21,47 @@ from uqmbd.wording import format_percent
 __all__ = ["Risk", "range_findings", "find_risks"]
 
 SAMPLES = 10_000
-"""Points at which expressions of unknown distribution are evaluated."""
+"""Number of evaluation points for expressions of unknown distribution."""
 
 EXPECTED = 0.05
-"""Expected number of realisations from which a risk is reported: of rarer ones 19 of 20 studies have none."""
+"""Least expected number of affected realisations for a report; below it, 19 of 20 studies have none."""
 
 OFTEN = 1e-4
-"""A risk of a number that may not leave its range is reported from this probability on, for any number of them."""
+"""Least probability for a report on a number that must stay in its range, for any number of realisations."""
 
 EFFECTS = {
     "fail": "these fail",
-    "sign": "these run, and a force that should hold or damp them drives them",
-    "square": "these run with an impossible number that only its square enters",
+    "sign": "these realisations succeed, but a force that should hold or damp bodies drives them",
+    "square": "these realisations succeed, because only the square of the impossible number is used",
 }
-"""Consequences for realisations in which a number leaves its range or changes its sign."""
+"""Consequences for realisations with a number outside its range or with a changed sign."""
 
 NAMED = 4
-"""Numbers, and inputs, that a sentence names."""
+"""Largest number of quantities, and of inputs, in a sentence."""
 
 
 @dataclass(frozen=True)
 class Risk:
-    """A number that leaves its range, or changes its sign, in some realisations."""
+    """Risk that a number leaves its range or changes its sign in some realisations."""
 
-    name: str  # quantity and owner, as "mass of body 'rod'"
-    expected: str  # its range, as "0 or more"
-    probability: float  # of realisations in which it is outside
-    inputs: tuple[RandomVariable, ...]  # it depends on them
-    fails: bool = True  # whether these realisations fail; realisations in which a number changes its sign run
+    name: str  # quantity and owner, such as "mass of body 'rod'"
+    expected: str  # range of the number, such as "0 or more"
+    probability: float  # probability that the number is outside the range
+    inputs: tuple[RandomVariable, ...]  # random variables in the number
+    fails: bool = True  # whether such realisations fail; realisations with a changed sign run
     squared: bool = False
-    """Whether only even powers of a positive number occur, so that its sign has no effect."""
+    """Whether a positive number occurs only in even powers, so that its sign has no effect."""
 
     def counts(self, realisations: int) -> bool:
-        """Return whether it is reported for so many planned realisations."""
+        """Return whether the risk is reported for a number of planned realisations."""
         often = (self.fails or self.squared) and self.probability > OFTEN
         return often or self.probability * realisations >= EXPECTED
 
 
 def find_risks(mechanism: Mechanism) -> tuple[Risk, ...]:
-    """Find the numbers of a mechanism that leave their range with a probability above zero.
+    """Find the numbers of a mechanism with a probability above zero of leaving their range.
 
-    Numbers without a random variable cost nothing; numbers that depend on time or motion are not examined.
+    Numbers without a random variable have no cost; numbers that depend on time or motion are not examined.
     """
     expressions: list[sympy.Expr] = []
     limits, tensors = limits_of(mechanism, expressions)
@@ -94,7 +94,7 @@ def find_risks(mechanism: Mechanism) -> tuple[Risk, ...]:
 
 
 def range_findings(found: tuple[Risk, ...], realisations: int) -> tuple[Finding, ...]:
-    """Return the findings on risks that are expected among so many realisations: at most one for each of `EFFECTS`."""
+    """Return findings on risks expected in a number of realisations, at most one for each entry of `EFFECTS`."""
     groups: dict[str, list[Risk]] = {}
     for one in found:
         if one.counts(realisations):
@@ -103,7 +103,7 @@ def range_findings(found: tuple[Risk, ...], realisations: int) -> tuple[Finding,
 
 
 def _finding(found: list[Risk], effect: str) -> Finding:
-    """Return a finding on numbers outside of their range: their share of realisations, consequences, and advice."""
+    """Return a finding on numbers outside their range: share of realisations, consequences, and advice."""
     parts = []
     ordered = sorted(found, key=lambda x: -x.probability)
     for one in ordered[:NAMED]:
@@ -113,7 +113,7 @@ def _finding(found: list[Risk], effect: str) -> Finding:
         else:
             wrong, usual = ("negative", "positive") if one.expected == "0 or more" else ("positive", "negative")
             parts.append(f"the {one.name} is {wrong} {share}, and {usual} at the means")
-    more = [f"{len(found) - NAMED} more numbers alike"] if len(found) > NAMED else []
+    more = [f"{len(found) - NAMED} similar numbers"] if len(found) > NAMED else []
     inputs = {v.name: f"{v.name} = {v.description}" for one in found for v in one.inputs}
     listed = [*list(inputs.values())[:NAMED], *(["..."] if len(inputs) > NAMED else [])]
     return Finding(
@@ -126,7 +126,7 @@ def _finding(found: list[Risk], effect: str) -> Finding:
 
 
 def _exact(limit: Limit, expression: sympy.Expr) -> float | None:
-    """Return the probability that an affine expression of one independent variable is outside; None of others."""
+    """Return the probability that an affine expression of one independent variable is outside; None for others."""
     variables = expression.free_symbols
     if len(variables) != 1:
         return None
@@ -144,7 +144,7 @@ def _exact(limit: Limit, expression: sympy.Expr) -> float | None:
 
 
 def _spread(dimension: int) -> np.ndarray:
-    """Points (`SAMPLES`, dimension) of a Latin hypercube, in the middle of their strata."""
+    """Return points (`SAMPLES`, dimension) of a Latin hypercube, in the middle of their strata."""
     rng = np.random.default_rng(0)
     columns = [rng.permutation(SAMPLES) for _ in range(dimension)]
     return (np.stack(columns, axis=1) + 0.5) / SAMPLES

@@ -1,6 +1,6 @@
-"""Results as ArviZ takes them: a tree of groups, whose variables have the dimensions ``chain`` and ``draw``.
+"""Results in the format of ArviZ: a tree of groups, whose variables have the dimensions ``chain`` and ``draw``.
 
-ArviZ 1.x takes a DataTree of xarray as it is, so that ArviZ itself is not needed here.
+ArviZ 1.x accepts a DataTree of xarray, so that this module does not need ArviZ.
 """
 
 from __future__ import annotations
@@ -21,41 +21,42 @@ GROUPS = (
     "posterior", "posterior_predictive", "predictions", "log_likelihood", "log_prior", "sample_stats", "prior",
     "prior_predictive", "sample_stats_prior", "observed_data", "constant_data",
 )  # fmt: skip
-"""Names of groups in ArviZ' schema, as far as calibrations have them."""
+"""Names of the groups of ArviZ' schema that calibrations have."""
 
 DRAWS = 1000
-"""Draws of a surrogate by default."""
+"""Default number of draws from a surrogate."""
 
 
 @typechecked
 def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None) -> xr.DataTree:
-    """Return results as the tree of groups that ArviZ takes.
+    """Return results as a tree of groups in the format of ArviZ.
 
     Parameters
     ----------
     results : xarray.DataTree
-        Of a calibration (also what `uqmbd_calibration.calibrate` returned), or the node of a method, as
+        Results of a calibration (also from `uqmbd_calibration.calibrate`), or node of a method such as
         ``tree["monte-carlo"]``.
     draws : int, optional
-        Of a method's samples the first so many, by default all; of a surrogate as many, by default 1000.  A calibration
-        has its own.
+        Number of draws: the first samples of a method (default: all), or draws from its surrogate (default: 1000). The
+        number of draws of a calibration is fixed.
     seed : int, optional
-        Of draws of a surrogate, 0 if not given; the same seed gives the same bits.
+        Seed of the draws from a surrogate. Default: 0. Equal seeds give bitwise equal draws.
 
     Returns
     -------
     xarray.DataTree
-        Of a calibration ``posterior``, ``prior``, ``posterior_predictive``, ``prior_predictive``, ``log_likelihood``,
-        ``sample_stats``, ``observed_data`` and ``constant_data``, as they are.  Of a method ``prior``, a variable for
-        each input, and ``prior_predictive``, one for each output, over ``time`` where it has times, with one chain; of
-        a method that took its inputs from a calibration ``posterior`` and ``posterior_predictive``.  Variables have
-        ``units``.  Realisations that failed, and those in which an output does not happen, are left out: the attribute
-        ``left_out`` counts them.
+        For a calibration: its groups ``posterior``, ``prior``, ``posterior_predictive``, ``prior_predictive``,
+        ``log_likelihood``, ``sample_stats``, ``observed_data`` and ``constant_data``, unchanged. For a method: the
+        group ``prior`` with a variable for each input, and the group ``prior_predictive`` with a variable for each
+        output. The groups have one chain, and outputs over time have the dimension ``time``. If the inputs of the
+        method are from a calibration, the groups are ``posterior`` and ``posterior_predictive``. Variables have
+        ``units``. Failed realisations and realisations without an output are excluded; the attribute ``left_out`` is
+        their number.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is the result of several methods, or holds neither samples nor a surrogate.
+        If `results` contain several methods, or neither samples nor a surrogate.
 
     Examples
     --------
@@ -72,7 +73,8 @@ def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None)
     tree = getattr(results, "tree", results) if not isinstance(results, xr.DataTree) else results
     if not isinstance(tree, xr.DataTree):
         raise StudyError(
-            f"to_arviz: {type(results).__name__} is given; expected the node of a method or a calibration."
+            f"to_arviz: the type of results is {type(results).__name__}; expected the node of a method "
+            "or a calibration."
         )
     if tree.attrs.get("kind") == "calibration":
         if draws is not None or seed is not None:
@@ -91,7 +93,7 @@ def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None)
     sampled = [part for part in parts if "samples" in part.children]
     if sampled:
         if seed is not None:
-            raise StudyError(f"to_arviz: {label!r} has samples, which no seed draws; leave seed= out.")
+            raise StudyError(f"to_arviz: {label!r} already has samples, so a seed has no effect; omit seed=.")
         inputs, outputs, left_out = _of_samples(sampled, draws)
     else:
         inputs, outputs, left_out = _of_surrogates(label, parts, draws or DRAWS, seed or 0)
@@ -101,14 +103,14 @@ def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None)
 
 
 def _of_samples(parts: list[xr.DataTree], draws: int | None) -> tuple[xr.Dataset, xr.Dataset, int]:
-    """Return inputs and outputs of samples in which nothing failed, and how many are left out."""
+    """Return inputs and outputs of realisations without failures, and the number of excluded realisations."""
     data = [part.children["samples"].to_dataset().isel(sample=slice(draws)) for part in parts]
     count = min(one.sizes["sample"] for one in data)
     data = [one.isel(sample=slice(count)) for one in data]
     good = np.ones(count, dtype=bool)
     for one in data:
         good &= one["status"].values == Status.OK
-        # an output without a time need not happen in every realisation
+        # a scalar output may not occur in every realisation
         good &= np.isfinite(one["response"].values.reshape(count, -1)).all(axis=1)
     kept = [one.isel(sample=np.flatnonzero(good)) for one in data]
     outputs = xr.merge([by_output(one, "response") for one in kept], compat="override", join="override")
@@ -116,7 +118,7 @@ def _of_samples(parts: list[xr.DataTree], draws: int | None) -> tuple[xr.Dataset
 
 
 def _of_surrogates(label: str, parts: list[xr.DataTree], draws: int, seed: int) -> tuple[xr.Dataset, xr.Dataset, int]:
-    """Return inputs and outputs of draws of the surrogates of a method, at the same inputs."""
+    """Return inputs and outputs of draws from the surrogates of a method at equal inputs, and the excluded number 0."""
     found: list[xr.Dataset] = []
     inputs: xr.Dataset | None = None
     for part in parts:
@@ -126,7 +128,7 @@ def _of_surrogates(label: str, parts: list[xr.DataTree], draws: int, seed: int) 
             chaos = surrogate(part)
         except StudyError:
             raise StudyError(
-                f"to_arviz: {label!r} holds neither samples nor a surrogate; use a method that keeps one of them."
+                f"to_arviz: {label!r} contains neither samples nor a surrogate; use a method that stores one of them."
             ) from None
         drawn, response = chaos.sample(draws, seed)
         axes = chaos.labels
@@ -139,7 +141,7 @@ def _of_surrogates(label: str, parts: list[xr.DataTree], draws: int, seed: int) 
 
 
 def _by_input(data: xr.Dataset) -> xr.Dataset:
-    """Return a variable for each input."""
+    """Return a dataset with a variable for each input."""
     names = [str(name) for name in data["input"].values]
     units = [str(unit) for unit in data["input_units"].values] if "input_units" in data.coords else [""] * len(names)
     values = data["inputs"].values

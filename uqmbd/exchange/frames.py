@@ -1,4 +1,4 @@
-"""Results as tidy frames of pandas: a row is one statistic of one output at one time, or one realisation."""
+"""Results as tidy frames of pandas, with a row for each output and time, or for each realisation."""
 
 from __future__ import annotations
 
@@ -20,34 +20,33 @@ if TYPE_CHECKING:
 __all__ = ["samples_to_frame", "to_frame"]
 
 MOST = 20_000_000
-"""Numbers in a frame of realisations over time: 160 MB."""
+"""Largest number of values in a frame of realisations over time: 160 MB."""
 
 RENAMED = {"std": "standard_deviation"}
 
 
 @typechecked
 def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str | None = None) -> pd.DataFrame:
-    """Return statistics as a tidy frame of pandas: a row for each method, output and time.
+    """Return statistics as a tidy pandas frame, with one row for each method, output and time.
 
     Parameters
     ----------
     results : xarray.DataTree
-        The result of a study, or the node of one method, ``tree["LABEL"]``, which to checkers of types may be a
-        DataArray.
+        Result of a study, or node ``tree["LABEL"]`` of one method. Type checkers may regard the node as a DataArray.
     outputs : str or sequence of str, optional
-        Only these; default: all.
+        Names of the outputs to include. Default: all.
 
     Returns
     -------
     pandas.DataFrame
-        Columns ``method``, ``output``, ``units``, ``time`` (s; NaN of an output without a time), ``mean``,
-        ``standard_deviation``, and whatever else methods tell: ``quantile_0.05``, ``sobol_first_NAME`` of an input,
-        ``std_error_mean``, ...  NaN where a method does not tell it.
+        Columns ``method``, ``output``, ``units``, ``time`` (s; NaN for scalar outputs), ``mean`` and
+        ``standard_deviation``. Columns of other statistics follow, such as ``quantile_0.05``, ``sobol_first_NAME`` of
+        an input, or ``std_error_mean``. These columns are NaN for methods that do not compute the statistic.
 
     Raises
     ------
     uqmbd.StudyError
-        If there are no statistics, or no such output.
+        If `results` contain no statistics, or an output does not exist.
 
     Examples
     --------
@@ -70,7 +69,9 @@ def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str |
             if "statistics" in part.children:
                 parts += [(label, data) for data in [part.children["statistics"].to_dataset()] if data.sizes["output"]]
     if not parts:
-        raise StudyError("to_frame: it contains no statistics; expected the result of a study or of one method.")
+        raise StudyError(
+            "to_frame: the argument contains no statistics; expected the result of a study or of one method."
+        )
     chosen = _chosen("to_frame", outputs, [str(x) for _, data in parts for x in data["output"].values])
     frames = []
     for label, data in parts:
@@ -86,29 +87,31 @@ def samples_to_frame(
     outputs: Sequence[str] | str | None = None,
     times: Sequence[float] | float | None = None,
 ) -> pd.DataFrame:
-    """Return realisations as a frame of pandas, one in a row; those of outputs over time where they are asked for.
+    """Return the samples of a method as a pandas frame.
 
     Parameters
     ----------
     results : xarray.DataTree
-        The node of a method that keeps samples, as ``tree["monte-carlo"]``; the result of a study if only one does.
+        Node of a method that stores samples, such as ``tree["monte-carlo"]``, or result of a study with only one such
+        method.
     outputs : str or sequence of str, optional
-        Outputs over time.  By default none: inputs and outputs without a time are what a realisation has one of.
+        Outputs over time. By default, the frame contains inputs and scalar outputs, with one value for each
+        realisation.
     times : float or sequence of float, optional
-        Output times, s; default: all.  The nearest one is taken, which may be off by a billionth of their span.
+        Output times, s. Default: all. A given time may differ from an output time by a billionth of the time span.
 
     Returns
     -------
     pandas.DataFrame
-        Without `outputs`: a row for each realisation, in its columns ``sample`` (its number), the inputs, the outputs
-        without a time, and ``status`` (in words; what failed is NaN).  With `outputs`: a row for each realisation and
-        time, in its columns ``sample``, ``time`` and these outputs; what is the same at all times is not repeated, and
-        joined by ``sample`` where it is needed.  ``frame.attrs["units"]`` has the units of the columns.
+        Without `outputs`: one row for each realisation, with the columns ``sample`` (its number), inputs, scalar
+        outputs and ``status`` (as text). Results of failed realisations are NaN. With `outputs`: one row for each
+        realisation and time, with the columns ``sample``, ``time`` and these outputs. Join both frames by ``sample``.
+        ``frame.attrs["units"]`` contains the units of the columns.
 
     Raises
     ------
     uqmbd.StudyError
-        If there are no samples, no such output or time, or the frame would have more than 20 million numbers.
+        If there are no samples, an output or time does not exist, or the frame would have more than 20 million numbers.
 
     Examples
     --------
@@ -131,16 +134,18 @@ def samples_to_frame(
     found = {label: node for label, node in _nodes(where, results).items() if _sampled(node)}
     if len(found) != 1:
         given = f"those of {len(found)} methods ({', '.join(map(repr, found))})" if found else "none"
-        raise StudyError(f"{where}: samples of one method are expected, {given} are given; take tree['LABEL'] of one.")
+        raise StudyError(
+            f"{where}: expected the samples of one method, but {given} are given; pass tree['LABEL'] of one method."
+        )
     ((_, node),) = found.items()
     data = [part.children["samples"].to_dataset() for part in _sampled(node)]
     timed = next((one for one in data if "time" in one["response"].dims), None)
     if outputs is None:
         if times is not None:
-            raise StudyError(f"{where}: times={times!r} means nothing without outputs=; name the outputs over time.")
+            raise StudyError(f"{where}: times={times!r} has no effect without outputs=; name the outputs over time.")
         return _realisations(data, timed)
     if timed is None:
-        raise StudyError(f"{where}: there is no output over time; leave outputs= out.")
+        raise StudyError(f"{where}: the results have no output over time; omit outputs=.")
     chosen = _chosen(where, outputs, [str(x) for x in timed["output"].values])
     at = _times(where, times, timed["time"].values)
     count = timed.sizes["sample"]
@@ -155,7 +160,7 @@ def samples_to_frame(
 
 
 def _statistics(label: str, data: xr.Dataset) -> pd.DataFrame:
-    """Return the rows of one method and kind of outputs."""
+    """Return the rows of one method, for outputs over time or for scalar outputs."""
     import pandas as pd
 
     dims = ("output", "time") if "time" in data.dims else ("output",)
@@ -182,7 +187,7 @@ def _statistics(label: str, data: xr.Dataset) -> pd.DataFrame:
 
 
 def _realisations(data: list[xr.Dataset], timed: xr.Dataset | None) -> pd.DataFrame:
-    """Return inputs, outputs without a time, and the status."""
+    """Return inputs, scalar outputs and the status."""
     import pandas as pd
 
     first = data[0]
@@ -204,7 +209,7 @@ def _realisations(data: list[xr.Dataset], timed: xr.Dataset | None) -> pd.DataFr
 
 
 def _status(data: list[xr.Dataset]) -> Any:
-    """Return the status of each realisation in words: that of the first part of the outputs which is not fine."""
+    """Return the status of each realisation in words, from the first group of outputs with a failure."""
     found = np.full(data[0].sizes["sample"], Status.OK.meaning, dtype=object)
     for one in data:
         attrs, values = one["status"].attrs, one["status"].values
@@ -243,7 +248,7 @@ def _nodes(where: str, results: Any) -> dict[str, xr.DataTree]:
 
 
 def _parts(node: xr.DataTree) -> list[xr.DataTree]:
-    """Return a node, and that of its outputs without a time."""
+    """Return a node, and the node of its scalar outputs if it exists."""
     return [node, *([node.children["scalars"]] if "scalars" in node.children else [])]
 
 
@@ -252,15 +257,15 @@ def _sampled(node: xr.DataTree) -> list[xr.DataTree]:
 
 
 def _chosen(where: str, outputs: Sequence[str] | str | None, known: Sequence[str]) -> list[str]:
-    """Return names of outputs that there are."""
+    """Return the chosen names of outputs; raise StudyError for unknown names."""
     if outputs is None:
         return list(dict.fromkeys(known))
     chosen = [outputs] if isinstance(outputs, str) else list(outputs)
     for name in chosen:
         if name not in known:
             raise StudyError(
-                f"{where}: there is no output {name!r}{did_you_mean(str(name), list(known))}; there are "
-                f"{', '.join(map(repr, dict.fromkeys(known)))}."
+                f"{where}: the results have no output {name!r}{did_you_mean(str(name), list(known))}; the outputs "
+                f"are {', '.join(map(repr, dict.fromkeys(known)))}."
             )
     if not chosen:
         raise StudyError(f"{where}: outputs is empty; expected some of {', '.join(map(repr, dict.fromkeys(known)))}.")
@@ -268,12 +273,14 @@ def _chosen(where: str, outputs: Sequence[str] | str | None, known: Sequence[str
 
 
 def _times(where: str, times: Sequence[float] | float | None, known: Any) -> list[int]:
-    """Return the places of output times."""
+    """Return the indices of the chosen output times; raise StudyError for unknown times."""
     if times is None:
         return list(range(len(known)))
     wanted = np.atleast_1d(np.asarray(times, dtype=float))
     places = [int(np.abs(known - time).argmin()) for time in wanted]
     for time, place in zip(wanted, places, strict=True):
         if not abs(known[place] - time) <= 1e-9 * max(float(np.ptp(known)), abs(float(known[place]))):
-            raise StudyError(f"{where}: {time:g} s is no output time; the nearest is {known[place]:.9g} s.")
+            raise StudyError(
+                f"{where}: {time:g} s is not an output time; the nearest output time is {known[place]:.9g} s."
+            )
     return places

@@ -19,7 +19,7 @@ def __getattr__(name: str) -> Any:
     if (now := _RENAMED.get(name)) is not None:
         import warnings
 
-        text = f"uqmbd.extend.{name} is uqmbd.extend.{now} now; the old name is removed in version 0.2."
+        text = f"uqmbd.extend.{name} was renamed to uqmbd.extend.{now}; version 0.2 removes the old name."
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return _public(now)
     return _public(name)

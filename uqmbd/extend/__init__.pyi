@@ -36,6 +36,9 @@ from .integrators import Segment as Segment
 from .integrators import SegmentedMotion as SegmentedMotion
 from .integrators import Trajectories as Trajectories
 from .integrators import mechanism_terms as mechanism_terms
+from .linear import excitation as excitation
+from .linear import linear_output as linear_output
+from .linear import same_units as same_units
 from .methods import AtMost as AtMost
 from .methods import Clock as Clock
 from .methods import Dense as Dense
@@ -77,6 +80,8 @@ from .models import ImportedMechanism as ImportedMechanism
 from .models import MassProperties as MassProperties
 from .models import Omission as Omission
 from .models import Omissions as Omissions
+from .responses import Channel as Channel
+from .responses import LinearSystem as LinearSystem
 from .results import DEFAULT_PROBABILITIES as DEFAULT_PROBABILITIES
 from .results import AlignedElement as AlignedElement
 from .results import CircularMoments as CircularMoments
@@ -106,6 +111,7 @@ from .results import stored_as as stored_as
 from .results import with_reasons as with_reasons
 from .sampling import GermBox as GermBox
 from .sampling import GermSpace as GermSpace
+from .sampling import JointInput as JointInput
 from .sampling import Quadrature as Quadrature
 from .sampling import SamplingDesign as SamplingDesign
 from .sampling import Toleranced as Toleranced
@@ -121,3 +127,4 @@ from .sampling import smolyak as smolyak
 from .sampling import sparse_rule as sparse_rule
 from .sampling import stated_tolerance as stated_tolerance
 from .sampling import uniform_variable as uniform_variable
+from .summaries import summary as summary

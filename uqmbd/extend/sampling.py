@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.randomness import GermBox as GermBox
 from uqmbd.randomness import GermSpace as GermSpace
+from uqmbd.randomness import JointInput as JointInput
 from uqmbd.randomness import Quadrature as Quadrature
 from uqmbd.randomness import SamplingDesign as SamplingDesign
 from uqmbd.randomness import Toleranced as Toleranced

@@ -1,4 +1,4 @@
-"""Sampled controllers: functions of numbers that are called at sample times, and the commands that they give."""
+"""Sampled controllers: functions that compute commands from measured numbers at sample times."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 from uqmbd.units import without_quantities
 
 MANY = 1000
-"""Measured quantities, at most."""
+"""Largest number of measured quantities."""
 
 __all__ = ["Controller", "HeldStates", "HeldSymbol"]
 
@@ -25,10 +25,10 @@ Number = Any
 
 
 class HeldSymbol(Symbolic, Symbol):
-    """A command, or a state, of a controller: constant from one sample to the next."""
+    """Symbol of a command or a state of a controller, which is constant from one sample to the next."""
 
     owner: Controller
-    index: int  # among the commands, then the states, of its controller
+    index: int  # index among the commands, then the states, of its controller
 
     def __new__(cls, owner: Controller, index: int, name: str) -> HeldSymbol:
         """Make a symbol with its meaning."""
@@ -45,71 +45,74 @@ class HeldSymbol(Symbolic, Symbol):
 
 
 class Controller:
-    """A sampled controller: a Python function of measured outputs that is called `rate` times a second.
+    """Sampled controller: a Python function of measured outputs, called `rate` times a second.
 
-    It is added by `Mechanism.add`. Its commands (`command`) are symbols for the parameters of components that take
-    laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``. They may also occur inside expressions and
-    in outputs. They are held from one sample to the next (zero-order hold), so they are constants to the equations of
-    motion.
+    Add a controller with `Mechanism.add`. Its commands (`command`) are symbols for component parameters that accept
+    laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``. Expressions and outputs may also contain
+    commands. Commands are constant from one sample to the next (zero-order hold), so they are constants in the
+    equations of motion.
 
-    The function is called once per sample for a group of realisations: ``function(time, measured, state)``, without
-    `state` where the controller has none, with
+    uqmbd calls ``function(time, measured, state)`` once per sample for a group of realisations, without `state` if the
+    controller has no states. The arguments are
 
-    - `time`: time of the sample, s, a float: the start of the study and every ``1 / rate`` after it, up to and with the
-      last output time;
-    - `measured`: array, shape (realisation, measured), in the order of `measured`; as they are right before the sample;
-    - `state`: array, shape (realisation, state), in the order of `state`.
+    - `time`: time of the sample, s, a float. Samples are at the start of the study and then every ``1 / rate``, up to
+      and including the last output time.
+    - `measured`: array, shape (realisation, measured), in the order of the parameter `measured`, with the values right
+      before the sample.
+    - `state`: array, shape (realisation, state), in the order of the parameter `state`.
 
-    It returns the commands, an array of shape (realisation, commanded). With a state it returns the pair of the
-    commands and the new state, of shape (realisation, state). A single command may be a row of shape (realisation,),
-    and a number holds for all realisations; a state likewise.
+    The function returns the commands, an array of shape (realisation, commanded). A controller with states returns the
+    pair (commands, new states), and the new states have the shape (realisation, state). For a single command, an array
+    of shape (realisation,) or one number for all realisations is also valid. The same rules apply to states.
 
-    uqmbd does not promise which realisations form a group. So each row of the result must depend only on the same row
-    of the arguments, and on nothing else that changes: what is to be remembered is the `state`. That is tried out by
-    further calls with parts of the group, single rows at each sample; a function that mixes realisations, draws random
-    numbers or remembers something itself is an error.
+    The grouping of realisations is unspecified. Each row of the result must therefore depend only on the same row of
+    the arguments, and on no other changing data. The function must not store data outside the `state`. uqmbd tests this
+    requirement: at each sample, it calls the function again with single rows of the group. A function that mixes
+    realisations, draws random numbers or stores data outside the `state` is an error.
 
     Parameters
     ----------
     name : str
-        Unique among bodies, components and controllers.
+        Name of the controller, unique among bodies, components and controllers.
     measured : sequence
-        Names of outputs of the mechanism, but angles that are known up to whole turns only (``angle=True``), or scalar
-        expressions such as outputs consist of.
+        Names of outputs of the mechanism, or scalar expressions as in outputs. Outputs with ``angle=True``, which are
+        known only up to whole turns, are invalid.
     commanded : sequence of str, or mapping of str to str
-        Names of the commands; a mapping gives their units, which `uqmbd check` shows.
+        Names of the commands. A mapping from names to units also states the units, which `uqmbd check` shows.
     rate : float
-        Samples per second, Hz.
+        Sampling rate, Hz.
     function : callable
-        See above; defined in a module or a script, or anything that can be sent to worker processes.
+        Function that computes the commands, as described above. Worker processes must be able to import or unpickle it;
+        a function of a module or a script is suitable.
     state : sequence, or mapping of str to number, optional
-        Values at the start of the states, each realisation's own, numbers or expressions in random variables; a mapping
-        names them.
+        Initial values of the states, as numbers or expressions in random variables. A mapping also names the states.
+        Each realisation has separate states.
     delay : float
-        Time from a sample until its commands act, s; any, also of more than a sample.
+        Time from a sample until its commands act, s. The delay may be longer than a sampling period.
     limits : pair, or mapping of str to pair, optional
-        Smallest and largest value of each command, numbers or expressions in random variables; None: no limit.  A pair
-        is that of every command.
+        Smallest and largest value of each command, as numbers or expressions in random variables. None: no limit. One
+        pair applies to every command.
     initial : number, or mapping of str to number
-        Values of the commands before the first ones act, and wherever nothing moves: in static equilibrium and in the
-        linearisation about it; numbers or expressions in random variables.
+        Initial values of the commands, as numbers or expressions in random variables. They apply until the first
+        commands act, in static equilibrium, and in the linearisation about the equilibrium.
 
     Raises
     ------
     uqmbd.StudyError
-        If an argument cannot be used.
+        If an argument is invalid.
 
     Notes
     -----
-    Where an output time is a sample, commands, states, accelerations and reactions there are those right after it.
-    Where a prescribed speed jumps at a sample, the jump comes first: its controller measures the speed right after.
-    A realisation whose command or state is not finite fails, with a status and a message; the others go on.  A result
-    of a wrong shape, or an exception, ends the method.  References: zero-order hold and sampled systems in
-    K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, chapter 2.
+    At an output time that is a sample time, outputs contain the commands, states, accelerations and reactions right
+    after the sample.  If a prescribed speed jumps at a sample time, the controller measures the speed after the jump.
+    A realisation with a command or state that is not finite fails, with a status and a message; the other realisations
+    continue.  A result of a wrong shape, or an exception in the function, ends the method.  Reference for zero-order
+    hold and sampled systems: K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997,
+    chapter 2.
 
     Examples
     --------
-    A mass that a sampled PD controller pulls to x = 1 m:
+    A sampled PD controller moves a mass to x = 1 m:
 
     >>> import numpy as np, uqmbd
     >>> from uqmbd_springs import PointForce
@@ -156,7 +159,9 @@ class Controller:
             )
         units = names if isinstance(names, Mapping) else dict.fromkeys(names, "")
         if len(units) != len(names):
-            raise StudyError(f"{where}: commanded is {shown(commanded)}, where a name occurs twice.")
+            raise StudyError(
+                f"{where}: commanded is {shown(commanded)}, which contains a name twice; give each name once."
+            )
         self.commands = {check_name(k, f"{where}: command"): check_units(u, f"{where}: {k}") for k, u in units.items()}
         self.rate = _positive(where, "rate", without_quantities(f"{where}: rate", rate, "Hz"), "samples per second, Hz")
         self.delay = _number(where, "delay", without_quantities(f"{where}: delay", delay, "s"), "s")
@@ -191,7 +196,7 @@ class Controller:
         Parameters
         ----------
         name : str, optional
-            May be left out where there is only one.
+            Name of the command. Optional if the controller has only one command.
         """
         names = list(self.commands)
         if name is None and len(names) == 1:
@@ -204,25 +209,25 @@ class Controller:
         Parameters
         ----------
         name : str or int
-            Its name, or its number where states have no names.
+            Name of the state, or its number if states have no names.
         """
         return self._symbol(str(name), list(self.states), len(self.commands), "state")
 
     @property
     def values(self) -> tuple[sympy.Expr, ...]:
-        """Values at the start of all commands, then of all states."""
+        """Initial values of all commands, then of all states."""
         return (*self.initial.values(), *self.states.values())
 
     @property
     def numbers(self) -> list[Any]:
-        """Everything that random variables may enter."""
+        """All values that may contain random variables."""
         return [*self.values, *flatten(list(self.limits.values())), *self.measured]
 
     def _symbol(self, name: str | None, names: list[str], first: int, what: str) -> sympy.Symbol:
         if not isinstance(name, str) or name not in names:
             listed = ", ".join(map(repr, names)) or "none"
             given, near = (repr(name), did_you_mean(name, names)) if isinstance(name, str) else (shown(name), "")
-            raise StudyError(f"{self.where}: there is no {what} {given}{near or '.'} There are: {listed}.")
+            raise StudyError(f"{self.where}: the controller has no {what} {given}{near or '.'} Available: {listed}.")
         return HeldSymbol(self, first + names.index(name), f"{self.name}.{name}")
 
     def __repr__(self) -> str:
@@ -230,7 +235,7 @@ class Controller:
 
 
 class HeldStates(Component):
-    """Values of a controller between samples, as auxiliary states whose rates vanish."""
+    """Component that yields the commands and states of a controller as auxiliary states with zero rates."""
 
     bodies = ()
     offered = True
@@ -245,12 +250,12 @@ class HeldStates(Component):
         return [Auxiliary(p.state(str(k)), 0, x) for k, x in enumerate(p.start)]
 
     def reaction_point(self, p: Local) -> sympy.Matrix:
-        """There is none."""
+        """Return zeros: a controller has no reactions."""
         return sympy.zeros(p.space.dimension, 1)
 
 
 def flatten_state(state: Any) -> list[Any]:
-    """Return the values of states that have no names."""
+    """Return the values of states without names."""
     return [] if state is None else flatten(state)
 
 
@@ -292,8 +297,8 @@ def _value(where: str, key: str, value: Any) -> sympy.Expr:
     strange = sorted((s for s in entry.free_symbols if not isinstance(s, RandomVariable)), key=str)
     if strange:
         raise StudyError(
-            f"{where}: {key} is {shown(value)}, with {strange[0]} in it; expected a number, or an expression in random "
-            "variables."
+            f"{where}: {key} is {shown(value)}, which contains {strange[0]}; expected a number, or an expression in "
+            "random variables."
         )
     return entry
 
@@ -321,11 +326,13 @@ def _infinite(value: Any) -> bool:
 def _by_command(
     where: str, key: str, value: Any, commands: Mapping[str, str], settled: Callable[[str, Any], Any]
 ) -> dict[str, Any]:
-    """Values of an argument by command: one for all, or a mapping."""
+    """Return the value of an argument for each command, from one value for all commands or a mapping by command."""
     if not isinstance(value, Mapping):
         return {name: settled(key, value) for name in commands}
     for name in value:
         if name not in commands:
             listed = ", ".join(map(repr, commands))
-            raise StudyError(f"{where}: {key} names {name!r}, which is no command; there are: {listed}.")
+            raise StudyError(
+                f"{where}: {key} has the key {name!r}, which is not a command; the commands are: {listed}."
+            )
     return {name: settled(f"{key}[{name!r}]", x) for name, x in value.items() if x is not None}

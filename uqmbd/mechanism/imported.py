@@ -1,4 +1,4 @@
-"""Mechanisms that are read from files of other programs, with a list of omissions."""
+"""Mechanisms from files of other programs, with lists of omitted and changed elements."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uqmbd.plugins import reader
 __all__ = ["ImportedJoint", "ImportedMechanism", "Omission", "Omissions", "from_mjcf", "from_urdf"]
 
 NAMED = 4
-"""Most names of a row that are shown."""
+"""Largest number of names that a row shows."""
 
 
 @typechecked
@@ -33,24 +33,24 @@ class ImportedJoint:
     Attributes
     ----------
     name : str
-        As in the file; made up where it has none there, and longer where something else has it, see
+        Name in the file. A missing name is generated, and a name that is already used is extended, see
         `ImportedMechanism.joints`.
     kind : {"hinge", "slide", "ball", "free"}
-        What it lets move.
+        Kind of the joint.
     parent, child : str
-        The bodies that it joins; ``ground`` is one.
+        Names of the connected bodies; ``ground`` is a valid name.
     component : Component or None
-        The joint of the mechanism; None where the body is free.
+        Joint of the mechanism; None for a free body.
     position : expression or None
-        Its angle, rad, or displacement, m, counted as the file counts it; None of a ball or free joint.
+        Angle, rad, or displacement, m, with the sign and zero of the file. None for a ball or free joint.
     speed : expression or None
-        The rate of that.
+        Rate of `position`.
     start : tuple of float
-        Its position where the file lets it start: one number, of a ball joint a quaternion, of a free one the position
-        and a quaternion.
+        Initial position in the file: one number; a quaternion for a ball joint; position and quaternion for a free
+        joint.
     limits : tuple of float, or None
-        Lowest and highest position, rad or m; of a ball joint zero and the largest angle.  The output ``NAME.margin``
-        reports them; they do not limit the motion.
+        Lowest and highest position, rad or m; for a ball joint zero and the largest angle. The limits do not restrict
+        the motion. The output ``NAME.margin`` is the distance from the nearer limit.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class ImportedJoint:
 
     @property
     def margin(self) -> sympy.Expr | None:
-        """Distance from the nearer limit, negative beyond; None without limits."""
+        """Distance from the nearer limit, negative outside the limits; None without limits."""
         if self.limits is None or self.position is None:
             return None
         low, high = self.limits
@@ -87,16 +87,16 @@ class ImportedJoint:
 @typechecked
 @dataclass(frozen=True)
 class Omission:
-    """A part of a file that the mechanism omits or changes.
+    """Elements of a file, of one kind, that the mechanism omits or changes.
 
     Attributes
     ----------
     what : str
-        The kind of it.
+        Kind of the omitted or changed elements.
     names : tuple of str
-        Which ones.
+        Names of the elements.
     why : str
-        Why it was left out, or what became of it.
+        Reason for the omission, or description of the change.
 
     Examples
     --------
@@ -112,24 +112,24 @@ class Omission:
 
     @property
     def count(self) -> int:
-        """Number of such parts."""
+        """Number of omitted or changed elements."""
         return len(self.names)
 
     @property
     def listed(self) -> str:
-        """The first few names."""
+        """First few names of the elements, as text."""
         some = ", ".join(self.names[:NAMED])
         return some if self.count <= NAMED else f"{some} and {self.count - NAMED} more"
 
 
 @typechecked
 class Omissions(Sequence[Omission]):
-    """A table of omissions and changes of an import, which prints itself.
+    """Printable table of omissions and changes of an import.
 
     Parameters
     ----------
     rows : sequence of Omission
-        In the order of the table.
+        Omissions and changes, in the order of the table.
 
     Examples
     --------
@@ -151,10 +151,10 @@ class Omissions(Sequence[Omission]):
 
     def __str__(self) -> str:
         lines = [f"{row.what}, {row.count} ({row.listed}): {row.why}" for row in self.rows]
-        return "\n".join(lines) or "All was taken."
+        return "\n".join(lines) or "Everything was imported."
 
     def __repr__(self) -> str:
-        return f"<{len(self)} rows of what was not taken>"
+        return f"<{len(self)} rows of omitted or changed parts>"
 
     def _repr_html_(self) -> str:
         lines = "".join(
@@ -162,17 +162,17 @@ class Omissions(Sequence[Omission]):
             f"<td>{escape(row.why)}</td></tr>"
             for row in self.rows
         )
-        head = "<tr><th></th><th>not taken</th><th>which</th><th>why</th></tr>"
+        head = "<tr><th></th><th>omitted or changed</th><th>names</th><th>reason</th></tr>"
         return f"<table>{head}{lines}</table>"
 
 
 class JointsByName(dict[str, ImportedJoint]):
-    """Joints by name, and by their name in the file where that differs.
+    """Dictionary of joints by name, which also accepts the name in the file if it differs.
 
     >>> joints = JointsByName(elbow=None)
     >>> joints["elbw"]
     Traceback (most recent call last):
-    KeyError: "there is no joint 'elbw'; did you mean 'elbow'? There are: elbow."
+    KeyError: "the model has no joint 'elbw'; did you mean 'elbow'? Its joints are: elbow."
     """
 
     def __init__(self, *given: Any, **named: Any) -> None:
@@ -180,37 +180,39 @@ class JointsByName(dict[str, ImportedJoint]):
         self.renamed: dict[str, str] = {}
 
     def __missing__(self, name: str) -> ImportedJoint:
-        """Return the joint that the file calls so."""
+        """Return the joint whose name in the file is the key."""
         if name in self.renamed:
             return self[self.renamed[name]]
         there = ", ".join(self) or "none"
-        raise KeyError(f"there is no joint {name!r}{did_you_mean(str(name), list(self)) or '.'} There are: {there}.")
+        raise KeyError(
+            f"the model has no joint {name!r}{did_you_mean(str(name), list(self)) or '.'} Its joints are: {there}."
+        )
 
 
 class ImportedMechanism(Mechanism):
-    """A mechanism that was read from a file: one like any other, to which more may be added.
+    """Mechanism from a file; bodies, components and outputs can be added to it as to any mechanism.
 
     Parameters
     ----------
     name : str
-        As `Mechanism`.
+        Name of the mechanism.
     space : Space
-        As `Mechanism`.
+        Space of the motion, with its gravity.
     source : str
-        The file.
+        Path of the file.
     read_by : str
-        Who parsed it, with the version.
+        Name and version of the parser.
 
     Attributes
     ----------
     joints : dict of ImportedJoint
-        The joints of the file, by name; ``joints[name]`` also finds one by its name in the file where that is another,
-        as of a joint called like a link.
+        Joints of the file by name. ``joints[name]`` also accepts the name in the file if it differs, as for a joint
+        with the same name as a link.
     frames : dict of Frame
-        Links that are fixed to a body and have been merged with it, by name: their positions, rotations and velocities
-        are expressions for outputs, like those of a body.
+        Links that are fixed to a body and merged with this body, by name. Positions, rotations and velocities of the
+        links are expressions for outputs, as for a body.
     not_taken : Omissions
-        What the file says and the mechanism does not, or otherwise; `print` it.
+        Elements of the file that the mechanism omits or changes; `print` shows the table.
 
     Examples
     --------
@@ -245,37 +247,37 @@ def from_urdf(
     Parameters
     ----------
     path : path
-        The file; a xacro template must be expanded first.
+        Path of the URDF file. Expand a xacro template first.
     floating : bool
-        Whether the first link moves freely; else it is fixed to the ground.
+        Whether the first link moves freely. Default: the first link is fixed to the ground.
     fuse : bool
-        Whether links that are fixed to another become one body with it, whose mass, centre of mass and inertia are
-        those of both; else each is a body of its own, held by `uqmbd_joints.Fixed`.
+        Whether to merge links that are fixed to each other into one body, with their total mass, common centre of mass
+        and total inertia. Otherwise each link is a separate body, and `uqmbd_joints.Fixed` joints connect the bodies.
     outputs : bool
-        Whether to record each joint's position, and its margin to the nearer limit.
+        Whether to add outputs for the position of each joint and for its distance from the nearer limit.
     inertia : {"refuse", "as stated", "repair"}
-        What to do with an inertia tensor that no body has, one whose largest principal moment exceeds the sum of the
-        others.  ``"refuse"``: raise an error where the excess is more than 1 %.  ``"repair"``: take the nearest tensor
-        that a body can have.  ``"as stated"``: keep the kinetic energy of the file by a rotor of the body,
-        ``NAME_excess``, with the part that the body cannot have.
+        Treatment of an impossible inertia tensor, whose largest principal moment exceeds the sum of the others.
+        ``"refuse"``: raise an error if the excess is more than 1 %. ``"repair"``: use the nearest possible tensor.
+        ``"as stated"``: keep the kinetic energy defined in the file, with a rotor ``NAME_excess`` for the impossible
+        part of the tensor.
 
     Returns
     -------
     ImportedMechanism
-        Its `not_taken` lists what was left out or changed.
+        Imported mechanism; its attribute `not_taken` lists omissions and changes.
 
     Raises
     ------
     uqmbd.StudyError
-        If the file cannot be read or used; the message has the line and the element.
+        If the file cannot be read or used; the message states the line and the element.
 
     Notes
     -----
-    A link without ``<inertial>`` has no mass, as URDF defines it; nothing is inferred from its shape.
+    As in the URDF specification, a link without ``<inertial>`` has no mass; the import infers nothing from its shape.
 
-    ``inertia="repair"`` keeps the mass and the centre of mass. It takes the matrix of second moments of mass about that
-    centre, ``tr(J) / 2 1 - J``, and sets its negative eigenvalues to zero. This is the nearest matrix in the Frobenius
-    norm.
+    ``inertia="repair"`` keeps the mass and the centre of mass. The second moments of mass about the centre of mass form
+    the matrix ``tr(J) / 2 1 - J``. The repair sets its negative eigenvalues to zero. The result is the nearest positive
+    semi-definite matrix in the Frobenius norm.
 
     Examples
     --------
@@ -294,25 +296,25 @@ def from_mjcf(
 ) -> ImportedMechanism:
     """Read a mechanism from an MJCF file of MuJoCo: bodies, joints, springs, friction, rotor inertia, loops.
 
-    The file is parsed and compiled by MuJoCo (``pip install "uqmbd[mujoco]"``); nothing in it is executed.  Equality
-    constraints close loops; they are rigid here.
+    MuJoCo (``pip install "uqmbd[mujoco]"``) parses and compiles the file; nothing in the file is executed.  Equality
+    constraints, which close loops, are rigid in uqmbd.
 
     Parameters
     ----------
     path : path
-        The file.
+        Path of the MJCF file.
     keyframe : str or int, optional
-        Name or number of the keyframe to start from, with its velocities; None: the pose in which the model is written
-        (``qpos0``), at rest.
+        Name or number of the keyframe that defines the initial pose and velocities. Default: the pose ``qpos0`` of the
+        model, at rest.
     fuse : bool
-        Whether bodies without a joint become one with that to which they are fixed, see `from_urdf`.
+        Whether to merge every body without a joint with its parent body, see `from_urdf`.
     outputs : bool
-        Whether to record each joint's position, and its margin to the nearer limit.
+        Whether to add outputs for the position of each joint and for its distance from the nearer limit.
 
     Returns
     -------
     ImportedMechanism
-        Its `not_taken` lists what was left out.
+        Imported mechanism; its attribute `not_taken` lists omissions.
 
     Raises
     ------
@@ -334,7 +336,7 @@ def _read(form: str, path: Any, **options: Any) -> ImportedMechanism:
     """Call the reader of a format."""
     where = f"from_{form}"
     if not isinstance(path, (str, os.PathLike)) or isinstance(os.fspath(path), bytes):
-        raise StudyError(f"{where}: path is {shown(path)}; expected the path of a file, a text or pathlib.Path.")
+        raise StudyError(f"{where}: path is {shown(path)}; expected the path of a file, a string or pathlib.Path.")
     for key, value in options.items():
         if key not in ("keyframe", "inertia") and not isinstance(value, bool):
             raise StudyError(f"{where}: {key} is {shown(value)}; expected True or False.")

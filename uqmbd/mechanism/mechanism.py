@@ -1,6 +1,6 @@
-"""The mechanism: bodies, components and outputs, declared once.
+"""Mechanism with its bodies, components and outputs.
 
-Length: it is one class, whose public methods have examples.
+Length: the module contains one class, and its public methods have examples.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class Mechanism:
     Parameters
     ----------
     name : str
-        What appears in data and reports.
+        Name of the mechanism in data and reports.
     space : Spatial, Planar, Translational or Line
-        What the bodies move in, with the gravity.
+        Space of the motion, with its gravity.
 
     Raises
     ------
     uqmbd.StudyError
-        If the space or the name cannot be used.
+        If the space or the name is invalid.
 
     Examples
     --------
@@ -73,22 +73,22 @@ class Mechanism:
         self.controllers: dict[str, Controller] = {}
         if not isinstance(space, Space):
             raise StudyError(
-                f"mechanism {name!r}: the space is {shown(space)}; expected uqmbd.Spatial(gravity=(0, 0, -9.81)), "
-                "uqmbd.Planar(gravity=(0, -9.81)), uqmbd.Translational(...) or uqmbd.Line(gravity=-9.81), called."
+                f"mechanism {name!r}: the space is {shown(space)}; expected e.g. uqmbd.Spatial(gravity=(0, 0, "
+                "-9.81)), uqmbd.Planar(gravity=(0, -9.81)), uqmbd.Translational(...) or uqmbd.Line(gravity=-9.81)."
             )
         require_known(self, f"mechanism {name!r}: gravity", space.gravity, "law")
         self.space = space
         self.ground = Ground(space)
         self.outputs: dict[str, Output] = {}
         self.scalars: dict[str, Output] = {}
-        """Outputs without a time."""
+        """Scalar outputs, which have no time."""
         self.requirements: dict[str, Requirement] = {}
-        """Limits to stay within."""
+        """Requirements by name."""
         self.margins: dict[str, Output] = {}
         self.conditions: dict[str, StartCondition] = {}
         """Start conditions by text."""
         self.effective: dict[Hashable, frozenset[str]] = {}
-        """Parameters that have an effect, for classes of components with their options."""
+        """Parameters with an effect, by class and options of components."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
 
     @checked
@@ -106,39 +106,40 @@ class Mechanism:
         angular_velocity: Vector | None = None,
         hold: bool = False,
     ) -> Body:
-        """Add a rigid body, as drawn.
+        """Add a rigid body in its drawn pose.
 
-        Every number may be an expression in random variables.
+        Each number may be an expression in random variables.
 
         Parameters
         ----------
         name : str
-            Unique among bodies and components.
+            Name of the body, unique among bodies and components.
         mass : number
-            kg.
+            Mass, kg.
         inertia : number or sequence
-            About the centre of mass, body axes, kg m^2: one number in the plane; in space a 3 x 3 matrix or
-            ``(Jxx, Jyy, Jzz[, Jxy, Jxz, Jyz])``, all tensor entries; none for point masses.
+            Inertia tensor about the centre of mass in body axes, kg m^2. In the plane: one number. In space: a 3 x 3
+            matrix or ``(Jxx, Jyy, Jzz[, Jxy, Jxz, Jyz])``, entries of the tensor. Point masses have no inertia.
         com : sequence
-            Centre of mass in the body frame, m; default its origin.
+            Centre of mass in the body frame, m. Default: the origin of the body frame.
         position : sequence
-            Of the body frame's origin, world axes, m; default the world's origin.
+            Position of the origin of the body frame in world axes, m. Default: the world origin.
         angle, quaternion, rotation : number, four numbers, 3 x 3 matrix
-            Orientation, body to world: `angle` (rad) in the plane, one of the others in space.
+            Orientation of the body frame in the world: `angle` (rad) in the plane, `quaternion` or `rotation` in space.
         velocity, angular_velocity : sequence or number, optional
-            Initial velocity of the origin (world axes) and initial angular velocity (body axes).  None: solved for,
-            with the smallest norm; stated: held.
+            Initial velocity of the origin, m/s (world axes), and initial angular velocity, rad/s (body axes). Assembly
+            does not change given values. Default: the values of smallest norm that satisfy the constraints.
         hold : bool
-            Keep the drawn pose when the mechanism is assembled.
+            Whether assembly keeps the drawn pose of the body.
 
         Returns
         -------
         Body
+            The new body.
 
         Raises
         ------
         uqmbd.StudyError
-            If a value is missing, of the wrong dimension, or physically impossible.
+            If a value is missing, has the wrong dimension, or is physically impossible.
 
         Examples
         --------
@@ -166,17 +167,17 @@ class Mechanism:
         Parameters
         ----------
         component : Component or Controller
-            Its bodies must be of this mechanism (or `ground`).
+            Component or controller to add; its bodies must belong to this mechanism or be `ground`.
 
         Returns
         -------
         Component or Controller
-            The same object, so that its reactions can be made outputs.
+            The added object; outputs can contain its reactions.
 
         Raises
         ------
         uqmbd.StudyError
-            If its name is taken, a body is unknown, or a parameter has the wrong dimension.
+            If the name is already used, a body is unknown, or a parameter has the wrong dimension.
 
         Examples
         --------
@@ -200,39 +201,43 @@ class Mechanism:
     def output(self, name: str, expression: Any, units: str = "", angle: bool = False, over: str | None = None) -> None:
         """Record a scalar expression at every time of a study.
 
-        An angle that is known only up to whole turns, e.g. ``sympy.atan2(...)``, jumps by a turn, and where samples
-        stand on both sides of the jump a plain mean means nothing.  Declared with ``angle=True`` it is unwrapped in
-        every realisation: whole turns are added. Then it is continuous over the output times. It starts within half a
-        turn of the angle of the mechanism at the means of its inputs. Mean, standard deviation, quantiles, Sobol'
-        indices and all else in results and reports are then those of the unwrapped angle, which counts turns; beside
-        them stand ``circular_mean`` and ``circular_std``, those of the direction, to which turns do not matter.
+        An angle known only up to whole turns, such as ``sympy.atan2(...)``, jumps by one turn.  If realisations are on
+        both sides of the jump, the arithmetic mean has no meaning.  ``angle=True`` adds whole turns to the angle of
+        every realisation, so that this unwrapped angle is continuous over the output times.  The first value of the
+        unwrapped angle is within half a turn of the angle of the mechanism at the means of its inputs.  All statistics
+        in results and reports then refer to the unwrapped angle, including quantiles and Sobol' indices.  Results also
+        contain the circular statistics ``circular_mean`` and ``circular_std``.  Circular statistics refer to the
+        direction and are independent of whole turns.
 
-        Turns are counted from one output time to the next: where an angle moves by half a turn or more between them,
-        its turns are lost, and nothing can tell; take more times.  ``body.angle``, ``joint.angle`` and polynomials of
-        them are counted by the integration, whatever the times; there ``angle=True`` picks the turn of the start and
-        adds the circular statistics.
+        Unwrapping compares successive output times.  If an angle changes by half a turn or more between two output
+        times, turns are lost without a warning; use more output times.  The integration itself counts the turns of
+        ``body.angle``, ``joint.angle`` and polynomials of these angles, for any output times.  For these angles,
+        ``angle=True`` selects the turn of the initial value and adds the circular statistics.
 
         Parameters
         ----------
         name : str
-            What appears in data, plots and messages.
+            Name of the output in data, plots and messages.
         expression : SymPy expression
-            In positions, velocities, accelerations, reactions, random variables and `uqmbd.t`; or, for an output that
-            has one value per realisation and no time, in `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`,
-            `uqmbd.at_equilibrium`, `uqmbd.at_steady` and random variables.
+            Expression in positions, velocities, accelerations, reactions, random variables and `uqmbd.t`. A scalar
+            output has one value for each realisation and no time. A scalar output contains quantities such as
+            `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`, `uqmbd.at_equilibrium` or `uqmbd.at_steady`, and random
+            variables.
         units : str
-            As ``m``, ``deg``, or ``1`` for a pure number; if they do not fit it is a `uqmbd.UnitsWarning`.
+            Units of the output, such as ``m`` or ``deg``; ``1`` for a pure number. Units that do not fit the expression
+            give a `uqmbd.UnitsWarning`.
         angle : bool
-            Whether it is an angle, in ``rad`` or ``deg``, that is known only up to whole turns.
+            Whether the output is an angle in ``rad`` or ``deg`` that is known only up to whole turns.
         over : str, optional
-            Name of an output that is recorded already, over which reports draw this one as well as over time:
+            Name of an earlier output for the horizontal axis of an additional figure in reports, as drawn by
             `uqmbd.report.over_output`.
 
         Raises
         ------
         uqmbd.StudyError
-            If it is no scalar, depends on nothing, or speaks of another mechanism; if it is declared an angle, but its
-            units are neither ``rad`` nor ``deg``; if its numbers are not in these units, as metres in ``mm``.
+            If the expression is not a scalar, is constant, or contains quantities of another mechanism. Also if an
+            angle has units other than ``rad`` or ``deg``. Also if the units of the expression differ from the stated
+            units by a factor, such as metres for ``mm``.
 
         Examples
         --------
@@ -249,23 +254,23 @@ class Mechanism:
 
     @checked
     def require(self, name: str, relation: Any, description: str = "") -> None:
-        """State a limit that the mechanism has to stay within: how probably it does not is a result of every study.
+        """Add a requirement; every study computes the probability that it is violated.
 
         Parameters
         ----------
         name : str
+            Name of the requirement in data and reports.
         relation : SymPy relation
-            ``a <= b``, ``a >= b``, ``a < b`` or ``a > b`` of whatever outputs may contain; limits may be random.  What
-            changes with time has to hold at all output times and between them.  Where nothing in it does (frequencies,
-            values at rest, what sums a motion up, random variables) it is one statement on each realisation.  No
-            difference is made between ``<`` and ``<=``.
+            Relation ``a <= b``, ``a >= b``, ``a < b`` or ``a > b`` of expressions as in outputs; limits may be random.
+            A relation that depends on time must be true at all output times and between them. A relation of scalar
+            outputs and random variables is one condition for each realisation. ``<`` and ``<=`` have the same meaning.
         description : str
-            In words, for reports.
+            Description of the requirement, for reports.
 
         Raises
         ------
         uqmbd.StudyError
-            If it is no such relation, or mixes what changes with time with what does not.
+            If `relation` is not such a relation, or mixes expressions over time with scalar outputs.
 
         Examples
         --------
@@ -282,27 +287,27 @@ class Mechanism:
 
     @checked
     def start(self, condition: Any, value: Any = None) -> None:
-        """Add a start condition, which every realisation meets at its start only.
+        """Add a start condition, which every realisation satisfies at its start only.
 
-        Conditions of positions are closed together with the joints: from the drawn pose the mechanism is moved until
-        they hold, and what they leave open moves as little as possible.  Angles are followed on the way, so that
-        turns may be given, up to some 150; joints and springs that count turns count these, also where a driver of
-        rotation holds the body at this angle.  Conditions of velocities, which
-        have to be linear in them, are solved together with the velocities that bodies state.
+        The assembly satisfies conditions in positions together with the joints.  It moves the mechanism from the drawn
+        pose until all conditions are satisfied, with the smallest motion of the remaining degrees of freedom.  The
+        assembly tracks angles, so that a condition may contain up to about 150 turns.  The turn counts of joints and
+        springs include these turns, even if a rotation driver determines the angle.  Conditions in velocities must be
+        linear in the velocities.  They are solved together with the given velocities of bodies.
 
         Parameters
         ----------
         condition : SymPy expression, or equation
-            In positions, points and angles, or in velocities, of bodies of this mechanism.  An equation is
-            ``sympy.Eq(expression, value)``; Python compares the sides of ``==`` at once.
+            Expression or equation in positions, points and angles, or in velocities, of bodies of this mechanism. Write
+            an equation as ``sympy.Eq(expression, value)``, because ``==`` in Python immediately returns True or False.
         value : number or SymPy expression
-            What the expression is at the start, in its units; random variables may occur.
+            Initial value of the expression, in its units; it may contain random variables.
 
         Raises
         ------
         uqmbd.StudyError
-            If it is no equation of such quantities, or was stated already.  The assembly reports an equation that
-            cannot be met, or that follows from the others.
+            If the condition is invalid or was already added. The assembly later reports conditions that cannot be
+            satisfied or that follow from other conditions.
 
         Examples
         --------
@@ -331,28 +336,32 @@ class Mechanism:
         absolute: float | None = None,
         distribution: Any = None,
     ) -> list[RandomVariable]:
-        """Make numbers of bodies and components random, by the pattern of their names (``docs/how-to/randomise.md``).
+        """Make numbers of bodies and components random, selected by name (``docs/how-to/randomise.md``).
 
         Parameters
         ----------
         pattern : str or sequence of str
-            ``*``, ``?`` and ``[abc]`` stand for characters of ``BODY.mass``, ``BODY.com``, ``BODY.inertia``,
-            ``COMPONENT.parameter``, or an entry of a vector, as ``BODY.com.x``.
+            Pattern of the names, with the wildcards ``*``, ``?`` and ``[abc]``. Names are ``BODY.mass``, ``BODY.com``,
+            ``BODY.inertia`` and ``COMPONENT.parameter``, or entries of vectors, such as ``BODY.com.x``.
         relative, absolute : float
-            Standard deviation, over the size of the number or in its units; the mean is the number itself.
+            Standard deviation: `relative` to the absolute value of the number, or `absolute` in the units of the
+            number. The number itself is the mean.
         distribution : str, uqmbd.typing.Distribution or function
-            ``"normal"``, ``"lognormal"``, ``"uniform"``; by default normal, in a range lognormal or beta.  Instead of
-            a standard deviation: a distribution of a factor, or a function from number to distribution.
+            ``"normal"``, ``"lognormal"`` or ``"uniform"``. Default: normal; for a number with a range, lognormal or
+            beta. Without a standard deviation: the distribution of a factor for the number, or a function that returns
+            a distribution for a given number.
 
         Returns
         -------
         list of RandomVariable
-            Named like the numbers.  An inertia tensor has one for each principal second moment of mass.
+            The new random variables, with the names of the numbers. An inertia tensor has one random variable for each
+            principal second moment of mass.
 
         Raises
         ------
         uqmbd.StudyError
-            If nothing matches, nothing of it can vary, or a distribution leaves the range of a number.
+            If no name matches, if no matching number can become random, or if a distribution exceeds the range of a
+            number.
 
         Examples
         --------
@@ -366,7 +375,7 @@ class Mechanism:
         return randomise_numbers(self, pattern, relative, absolute, distribution, known)
 
     def revision(self) -> tuple[int, ...]:
-        """Return numbers that change whenever something is added, or parameters get other values.
+        """Return numbers that change with every addition and with every change of parameter values.
 
         Examples
         --------
@@ -387,9 +396,9 @@ class Mechanism:
         Parameters
         ----------
         key : hashable
-            What is asked for, e.g. a model for some initial time.
+            Key of the stored result, such as the initial time of a model.
         make : callable
-            Makes it.
+            Function without arguments that computes the result.
 
         Examples
         --------
@@ -410,11 +419,11 @@ class Mechanism:
 
     @property
     def inputs(self) -> JointInput:
-        """All random variables that enter anything, ordered by name, with their joint distribution."""
+        """All random variables in use, ordered by name, with their joint distribution."""
         return self.remembered("inputs", lambda: JointInput.of(self._used()))
 
     def used_inputs(self) -> frozenset[str]:
-        """Return the names of random variables that enter something; dependent ones may be inputs without that.
+        """Return the names of random variables in use; `inputs` may also contain unused variables that depend on them.
 
         Examples
         --------
@@ -431,7 +440,7 @@ class Mechanism:
         return frozenset(v.name for v in self._used())
 
     def observed(self) -> tuple[Output, ...]:
-        """Return all that is observed: outputs over time, those without, and the margins of requirements.
+        """Return all observed quantities: outputs over time, scalar outputs, and margins of requirements.
 
         Examples
         --------
@@ -449,7 +458,7 @@ class Mechanism:
         return (*self.outputs.values(), *self.scalars.values(), *self.margins.values())
 
     def all_components(self) -> list[Component]:
-        """Return the bodies' own terms, then the components, in the order in which they were added.
+        """Return the terms of bodies, then the components, in the order of their addition.
 
         Examples
         --------
@@ -466,7 +475,7 @@ class Mechanism:
         return [*(b.terms for b in self.bodies.values()), *self.components.values()]
 
     def moving_inputs(self) -> frozenset[RandomVariable]:
-        """Return the random variables that enter the motion: all but those that outputs alone contain.
+        """Return the random variables that affect the motion, without random variables that occur only in outputs.
 
         Examples
         --------
@@ -491,19 +500,19 @@ class Mechanism:
         return {variable for value in values for variable in random_variables(value)} | self.moving_inputs()
 
     def _control(self, controller: Controller) -> None:
-        """Add a controller; the names of measured outputs are resolved when the equations are made."""
+        """Add a controller; the derivation of the equations later resolves the names of measured outputs."""
         if self.controllers.get(controller.name) is controller:
-            raise StudyError(f"{controller.where}: it has been added to mechanism {self.name!r} already.")
+            raise StudyError(f"{controller.where}: the controller has already been added to mechanism {self.name!r}.")
         require_free(self, controller.name, controller.where)
         require_measured(self, controller)
         self.controllers[controller.name] = controller
 
     def _repr_html_(self) -> str | None:
-        """Tables and a picture, for notebooks."""
+        """Return tables and a picture as HTML for notebooks."""
         return html_of(self)
 
     def __copy__(self) -> Mechanism:
-        """Return a copy that may have other outputs; bodies and components are shared."""
+        """Return a copy with a separate set of outputs that shares its bodies and components with the original."""
         other = object.__new__(type(self))
         kept = {k: dict(v) if isinstance(v, dict) else v for k, v in vars(self).items()}
         other.__dict__.update({**kept, "_memory": {}})

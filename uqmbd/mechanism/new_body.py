@@ -24,9 +24,9 @@ UNITS = {
 
 
 def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
-    """Return a body of a mechanism, not added to it yet, from a checked name and numbers as of `Mechanism.body`.
+    """Return a body that is not yet added to its mechanism, from a checked name and arguments of `Mechanism.body`.
 
-    A number that is None was left out.  Raises `uqmbd.StudyError` if a value is missing, of the wrong dimension, or
+    None represents an omitted number.  Raises `uqmbd.StudyError` if a value is missing, has the wrong dimension, or is
     physically impossible.
     """
     where, space, d = f"body {name!r}", mechanism.space, mechanism.space.dimension
@@ -35,7 +35,7 @@ def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: 
         raise StudyError(f"{where}: hold is {shown(hold)}; expected True or False.")
     if stated["angular_velocity"] is not None and not space.turns:
         raise StudyError(
-            f"{where}: angular_velocity is given, but bodies in {type(space).__name__} space do not turn; leave it out."
+            f"{where}: angular_velocity is given, but bodies in {type(space).__name__} space do not rotate; omit it."
         )
     for key, value in stated.items():
         require_known(mechanism, f"{where}: {key}", value, "number")

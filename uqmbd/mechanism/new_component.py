@@ -1,4 +1,4 @@
-"""A component that is to be added to a mechanism, checked and settled there."""
+"""Preparation of a component for its mechanism: checks, and conversion of its values."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["prepare_component"]
 
 
 def prepare_component(mechanism: Described, given: Any) -> Component:
-    """Return a given component, checked for a mechanism and not added to it yet.
+    """Check a given component and return it, without adding it to the mechanism.
 
-    Roles that were left out become the ground.  Raises `uqmbd.StudyError` if it is no component of this space, its name
-    is taken, a body is unknown, or a value does not fit.
+    Omitted body arguments become the ground.  Raises `uqmbd.StudyError` if the object is not a component of this space,
+    its name is taken, a body is unknown, or a value is invalid.
     """
     part = _require_component(mechanism, given)
     for body in part.attached.values():
         getattr(body, "drafts", {}).pop(part.name, None)
     where = f"{type(part).__name__} {part.name!r}"
     if mechanism.components.get(part.name) is part:
-        raise StudyError(f"{where}: it has been added to mechanism {mechanism.name!r} already.")
+        raise StudyError(f"{where}: the component has already been added to mechanism {mechanism.name!r}.")
     require_free(mechanism, part.name, where)
     left_out = [role for role in part.grounded if part.attached[role] is None]
     part.attached.update(dict.fromkeys(left_out, mechanism.ground))
@@ -39,28 +39,28 @@ def prepare_component(mechanism: Described, given: Any) -> Component:
 
 
 def _require_component(mechanism: Described, given: Any) -> Component:
-    """Return a component to add; raise unless it is one that is possible in the space of a mechanism."""
+    """Return the component to add; raise unless it is a component for the space of the mechanism."""
     if isinstance(given, type) and issubclass(given, Component):
         raise StudyError(
-            f"mechanism {mechanism.name!r}: add() was given the class {given.__name__}; "
-            f"give it an object, made as {given.__name__}{given.signature()}."
+            f"mechanism {mechanism.name!r}: the argument of add() is the class {given.__name__}; expected an object, "
+            f"e.g. {given.__name__}{given.signature()}."
         )
     if not isinstance(given, Component):
         raise StudyError(
-            f"mechanism {mechanism.name!r}: add() was given {shown(given)}; "
-            "expected a component such as a joint, a spring or a force."
+            f"mechanism {mechanism.name!r}: the argument of add() is {shown(given)}; expected a component such as a "
+            "joint, a spring or a force."
         )
     if not isinstance(mechanism.space, given.spaces):
         fitting = ", ".join(space.__name__ for space in given.spaces)
         raise StudyError(
-            f"{type(given).__name__} {given.name!r}: it makes no sense in {type(mechanism.space).__name__} space, "
-            f"which mechanism {mechanism.name!r} is in; it works in: {fitting}."
+            f"{type(given).__name__} {given.name!r}: the component does not support {type(mechanism.space).__name__} "
+            f"space, the space of mechanism {mechanism.name!r}; it supports: {fitting}."
         )
     return given
 
 
 def _require_bodies(mechanism: Described, where: str, component: Component) -> None:
-    """Raise unless a component is attached to bodies of this mechanism, each once, and not to the ground alone."""
+    """Raise if bodies of a component are equal, invalid or of another mechanism, or if all bodies are the ground."""
     known = f"The bodies of {mechanism.name!r} are: {', '.join(['ground', *mechanism.bodies])}."
     roles: dict[str, str] = {}
     for role, body in component.attached.items():
@@ -72,19 +72,19 @@ def _require_bodies(mechanism: Described, where: str, component: Component) -> N
             raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
         if not isinstance(body, (Body, Ground)):
             raise StudyError(
-                f"{where}: {role} is {shown(body)}, which is no body; "
-                f"give what mechanism.body(...) returned, or mechanism.ground. {known}"
+                f"{where}: {role} is {shown(body)}; expected a body from mechanism.body(...), or "
+                f"mechanism.ground. {known}"
             )
         if isinstance(body, Body) and body.name in roles:
             raise StudyError(
                 f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
-                "it can act between two different bodies, or a body and the ground."
+                "a component acts between two different bodies, or between a body and the ground."
             )
         roles[body.name] = role
     if component.attached and all(body is mechanism.ground for body in component.attached.values()):
         named = " and ".join(component.attached)
         verb = "is" if len(component.attached) == 1 else "are"
         raise StudyError(
-            f"{where}: {named} {verb} the ground, which does not move, so that it has no effect; "
-            f"at least one must be a body. {known}"
+            f"{where}: {named} {verb} the ground, which does not move, so the component has no effect; at least one "
+            f"end must be a body. {known}"
         )

@@ -1,4 +1,4 @@
-"""Random numbers of an existing mechanism, selected by patterns of their names."""
+"""Conversion of numbers of an existing mechanism to random variables, selected by name patterns."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from uqmbd.randomness import RandomVariable, adopt_distribution, distribution_ab
 __all__ = ["randomise_numbers"]
 
 KINDS = ("scalar", "point", "vector", "moment")
-"""Parameters that are numbers; axes and rotations are directions, options no numbers."""
+"""Kinds of numeric parameters; axes and rotations are directions, and options are not numbers."""
 
 ROUNDING = 1e-12
 LISTED = 40
-"""Names that a message lists."""
+"""Largest number of names that a message lists."""
 
 
 @dataclass(frozen=True)
 class RandomisedQuantity:
-    """A number, a vector or an inertia of a body or a component, and its admissible values."""
+    """Number, vector or inertia of a body or a component, with its range."""
 
     owner: str
     key: str
@@ -46,29 +46,29 @@ class RandomisedQuantity:
 
     @property
     def name(self) -> str:
-        """``OWNER.quantity``."""
+        """Name in the form ``OWNER.quantity``."""
         return f"{self.owner}.{self.key}"
 
     @property
     def entries(self) -> list[sympy.Expr]:
-        """Its values, one for each number."""
+        """Values of the quantity, one for each number."""
         value = self.holder.values[self.key]
         return [as_symbolic(x) for x in (value if isinstance(value, (tuple, list)) else [value])]
 
     @property
     def tensor(self) -> bool:
-        """Whether it is an inertia tensor in space."""
+        """Whether the quantity is a spatial inertia tensor."""
         return self.key == "inertia" and len(self.entries) == 6
 
     def names(self) -> list[str]:
-        """Names of its numbers: that of a vector with the axes; an inertia tensor is one."""
+        """Names of the numbers: for a vector, its name with the axes; for an inertia tensor, one name."""
         count = 1 if self.tensor else len(self.entries)
         return [self.name] if count == 1 else [f"{self.name}.{'xyz'[k]}" for k in range(count)]
 
 
 @dataclass
 class VariationLaw:
-    """How a number varies: by a standard deviation, by the distribution of a factor, or by that of a function."""
+    """Law for the variation of a number: a standard deviation, the distribution of a factor, or a function."""
 
     where: str
     relative: float | None
@@ -76,16 +76,16 @@ class VariationLaw:
     distribution: Any
     left: list[str] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
-    """Numbers that match and have no effect, with the reason."""
+    """Matching numbers without an effect, with the reason."""
 
     @property
     def scales(self) -> bool:
-        """Whether zero remains zero."""
+        """Whether the law scales the number, so that zero remains zero."""
         return self.absolute is None and not self.has_function
 
     @property
     def has_function(self) -> bool:
-        """Whether a function makes the distribution of each number."""
+        """Whether a function returns the distribution of each number."""
         return callable(self.distribution) and not is_distribution(self.distribution)
 
     def of(self, name: str, value: float, minimum: float, maximum: float) -> Any:
@@ -99,7 +99,8 @@ class VariationLaw:
                 )
             if strays(found, minimum, maximum):
                 raise StudyError(
-                    f"{self.where}: {name} is {value:g}, and {found} reaches beyond {_ends(minimum, maximum)}."
+                    f"{self.where}: {name} is {value:g}, but its distribution {found} exceeds the range "
+                    f"{_ends(minimum, maximum)}."
                 )
             return found
         std = self.absolute if self.absolute is not None else (self.relative or 0.0) * abs(value)
@@ -107,18 +108,19 @@ class VariationLaw:
             return distribution_about(value, std, self.distribution or "", minimum, maximum)
         except StudyError as error:
             raise StudyError(
-                f"{self.where}: {name} is {value:g}, and has to be {_ends(minimum, maximum)}: {error}. Take a smaller "
-                "deviation, or give distribution= as a chaospy distribution of the factor by which it is multiplied."
+                f"{self.where}: {name} is {value:g}, but must be {_ends(minimum, maximum)}: {error}. Use a smaller "
+                "standard deviation, or pass a chaospy distribution of its factor as distribution=."
             ) from None
 
     def _distribution_for(self, name: str, value: float) -> Any:
-        """Return the distribution that the function makes for a number."""
+        """Return the distribution that the user's function returns for a number."""
         try:
             found = self.distribution(value)
-        except Exception as error:  # noqa: BLE001 - the function is the user's
+        except Exception as error:  # noqa: BLE001 - the user's function may raise any exception
             raise StudyError(
-                f"{self.where}: distribution({value:g}), of {name}, raises {type(error).__name__}: {error}. Expected a "
-                "function that makes a chaospy distribution of each number, or give it to fewer numbers."
+                f"{self.where}: distribution({value:g}), of {name}, raised {type(error).__name__}: "
+                f"{error}. Expected a function that returns a chaospy distribution for each number. "
+                "Correct it, or select fewer quantities."
             ) from error
         return adopt_distribution(self.where, found)
 
@@ -132,8 +134,8 @@ def randomise_numbers(
 ) -> list[RandomVariable]:
     """Make numbers of bodies and components random; see `Mechanism.randomise`.
 
-    The names of existing random variables are `known`.  Raises `uqmbd.StudyError` if nothing matches or can vary, or a
-    distribution does not fit.
+    The set `known` contains the names of existing random variables.  Raises `uqmbd.StudyError` if no number matches or
+    can vary, or if a distribution is invalid.
     """
     where = f"mechanism {mechanism.name!r}: randomise({pattern!r})"
     law = _law(where, relative, absolute, distribution)
@@ -149,14 +151,16 @@ def randomise_numbers(
         for variable in variables:
             if variable.name in known:
                 raise StudyError(
-                    f"{where}: there is a random variable {variable.name!r} already, which is another one; rename it."
+                    f"{where}: the mechanism already has a different random variable "
+                    f"{variable.name!r}; rename that variable."
                 )
         if variables:
             changes.append((quantity, new))
             found += variables
     if not found:
         raise StudyError(
-            f"{where}: nothing of what it matches can vary: {'; '.join(law.left + law.unused) or 'all is zero'}."
+            f"{where}: none of the selected quantities can be randomised: "
+            f"{'; '.join(law.left + law.unused) or 'all is zero'}."
         )
     _warn(where, law, changes)
     _settle(mechanism, changes)
@@ -164,7 +168,7 @@ def randomise_numbers(
 
 
 def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> VariationLaw:
-    """Check how numbers are to vary."""
+    """Check the arguments and return the variation law."""
     distribution = adopt_distribution(where, distribution)
     own = is_distribution(distribution) or callable(distribution)
     named = distribution is None or isinstance(distribution, str) and distribution in ("normal", "lognormal", "uniform")
@@ -180,20 +184,24 @@ def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Variati
         raise StudyError(
             f"{where}: {' and '.join(stated) or 'no standard deviation'} "
             f"{'are' if len(stated) > 1 else 'is'} given; expected "
-            + ("neither relative= nor absolute=: distribution= says it all." if own else "relative= or absolute=.")
+            + (
+                "neither relative= nor absolute=: distribution= already defines the variation."
+                if own
+                else "relative= or absolute=."
+            )
         )
     for key in stated:
         value = given[key]
         if not fits(value, Annotated[float, Bounds(0, LARGEST, above=True)]):
             raise StudyError(
-                f"{where}: {key} is {shown(value)}; expected a standard deviation, more than 0, up to {LARGEST:g}."
+                f"{where}: {key} is {shown(value)}; expected a standard deviation above 0 and up to {LARGEST:g}."
             )
         given[key] = float(value)
     return VariationLaw(where, given["relative"], given["absolute"], distribution)
 
 
 def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
-    """Yield numbers that may become random: inertia of bodies, and numbers of components."""
+    """Yield quantities that may become random: inertia of bodies, and numbers of components."""
     for body in mechanism.bodies.values():
         yield RandomisedQuantity(body.name, "mass", body.terms, "kg", minimum=0)
         yield RandomisedQuantity(body.name, "com", body.terms, "m", stated=False)
@@ -208,16 +216,16 @@ def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
 
 
 def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[RandomisedQuantity, list[int]]]:
-    """Return the quantities that match patterns, and the selected numbers of each."""
+    """Return the quantities that match patterns, each with the indices of the selected numbers."""
     patterns = [pattern] if isinstance(pattern, str) else pattern
     if not isinstance(patterns, Sequence) or not patterns or not all(isinstance(x, str) for x in patterns):
-        raise StudyError(f"{where}: expected a pattern such as '*.mass' or 'arm.com', or a list of them.")
+        raise StudyError(f"{where}: expected a pattern such as '*.mass' or 'arm.com', or a list of patterns.")
     quantities = list(_quantities(mechanism))
     indices: dict[int, set[int]] = {}
     for one in patterns:
         hits = 0
         exact = any(one in (quantity.name, *quantity.names()) for quantity in quantities)
-        matches = str.__eq__ if exact else fnmatch.fnmatchcase  # a name may hold characters of patterns
+        matches = str.__eq__ if exact else fnmatch.fnmatchcase  # a name may contain wildcard characters
         for k, quantity in enumerate(quantities):
             names = quantity.names()
             whole = matches(quantity.name, one)
@@ -229,8 +237,8 @@ def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Random
             names = [quantity.name for quantity in quantities]
             listed = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
             raise StudyError(
-                f"{where}: nothing is called {one!r}{did_you_mean(one, names) or '.'} "
-                f"There are: {listed or 'no numbers at all'}."
+                f"{where}: no quantity matches {one!r}{did_you_mean(one, names) or '.'} Available: "
+                f"{listed or 'no numbers at all'}."
             )
     return [(quantities[k], sorted(found)) for k, found in sorted(indices.items())]
 
@@ -263,9 +271,9 @@ def _numbers(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw
 
 
 def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw) -> tuple[Any, list[RandomVariable]]:
-    """Return an inertia tensor whose second moments of mass, along its principal axes, are multiplied by factors.
+    """Return an inertia tensor with random factors on its second moments of mass along its principal axes.
 
-    With the second moments ``S`` the tensor is ``trace(S) I - S``: that of a body whatever the factors, if positive.
+    With the second moments ``S``, the tensor is ``trace(S) I - S``.  The tensor is physical for all positive factors.
     """
     entries = quantity.entries
     if any(x.free_symbols for x in entries):
@@ -273,8 +281,8 @@ def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw)
         return entries, []
     if law.absolute is not None:
         raise StudyError(
-            f"{law.where}: {quantity.name} is an inertia tensor, which absolute= cannot vary without making it that of "
-            "no body; give relative=."
+            f"{law.where}: {quantity.name} is an inertia tensor, which absolute= could make physically impossible; "
+            "use relative=."
         )
     xx, yy, zz, xy, xz, yz = map(float, entries)
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -290,7 +298,7 @@ def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw)
     def factor(name: str) -> RandomVariable:
         return law.variable(name, 1.0, "1", 0.0, math.inf)
 
-    if second.min() < -ROUNDING * second.max():  # rounded numbers of a flat body: as possible as they were
+    if second.min() < -ROUNDING * second.max():  # rounded numbers of a flat body: scale them by one factor
         one = factor(quantity.name)
         return tuple(x * one for x in entries), [one]
     factors = {k: factor(f"{quantity.name}.{marks[k]}") for k in range(3) if second[k] > ROUNDING * second.max()}
@@ -302,29 +310,29 @@ def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw)
 
 
 def _reason(value: sympy.Expr) -> str:
-    """Return why an expression is not changed."""
+    """Return the reason why `Mechanism.randomise` does not change an expression, as text."""
     symbols = sorted(value.free_symbols, key=str)
     if all(isinstance(s, RandomVariable) for s in symbols):
-        return f"is random already ({', '.join(map(str, symbols))})"
-    return f"is no plain number ({shown(value)})"
+        return f"is already random ({', '.join(map(str, symbols))})"
+    return f"is not a plain number ({shown(value)})"
 
 
 def _warn(where: str, law: VariationLaw, changes: Sequence[tuple[RandomisedQuantity, Any]]) -> None:
-    """Warn about unchanged numbers, and about earlier uses of changed ones."""
+    """Warn about unchanged numbers, and about other expressions that already contain old values of changed numbers."""
     if law.left:
-        warnings.warn(f"{where}: left as it is: {'; '.join(law.left)}.", StudyWarning, stacklevel=5)
+        warnings.warn(f"{where}: not randomised: {'; '.join(law.left)}.", StudyWarning, stacklevel=5)
     read = [quantity.name for quantity, _ in changes if quantity.key in quantity.holder.read]
     if read:
         warnings.warn(
-            f"{where}: {', '.join(read)} had been read before; an expression that was made of it holds the old "
-            "number. Call randomise first, and read it then: it is the random variable.",
+            f"{where}: {', '.join(read)} was read before this call, so existing expressions contain the old number. "
+            "Call randomise first, so that they contain the random variable.",
             StudyWarning,
             stacklevel=5,
         )
 
 
 def _settle(mechanism: Described, changes: Sequence[tuple[RandomisedQuantity, Any]]) -> None:
-    """Set new values, and recompute all data that components derived from the old ones; all or nothing."""
+    """Set new values, and recompute the data that components derive from them; after an error, restore all values."""
     holders: list[tuple[str, Component]] = [(f"body {x.name!r}", x.terms) for x in mechanism.bodies.values()]
     holders += [(f"{type(x).__name__} {x.name!r}", x) for x in mechanism.components.values()]
     before: list[tuple[Component, Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]] = [

@@ -1,9 +1,9 @@
-"""The kinds of plugins that `uqmbd new plugin` writes."""
+"""Kinds of plugins for `uqmbd new plugin`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from uqmbd.plugins import HookKind
@@ -13,24 +13,32 @@ __all__ = ["PLUGIN_KINDS", "PluginKind"]
 
 @dataclass(frozen=True)
 class PluginKind:
-    """One kind of plugin: what its package offers, and by which hook."""
+    """Kind of plugin: its classes, its hook and its example."""
 
-    title: str  # what the package is: "A component"
-    what: str  # what is of this kind
-    example: str  # what the example does
-    module: str  # of the package, where the example stands
-    page: str  # of docs, which says all that may be written
-    # key of `uqmbd.plugins.KINDS`, which knows its hook; empty for what is given to a component as it is
-    registry: str = ""
-    base: str = ""  # type of what the hook returns
-    offers: Literal["class", "function"] = "class"  # what the package offers
+    title: str  # title of the kind, such as "A component"
+    what: str  # description of the kind
+    example: str  # description of the example
+    module: str  # name of the module with the example
+    page: str  # page of docs that lists the possible contents
+    registry: str  # key in `uqmbd.plugins.KINDS`
+    base: str = ""  # type of the classes that the hook returns
+    # key in `uqmbd.plugins.KINDS` of the model fitted by a method, a second class of the package; or empty
+    fitted: str = ""
+    fitted_base: str = ""
 
     @property
-    def registered(self) -> HookKind | None:
-        """Its hook, and what the classes of it have in common; none for what is given to a component as it is."""
+    def registered(self) -> HookKind:
+        """Hook of the kind, and common properties of its classes."""
         from uqmbd.plugins import KINDS
 
-        return KINDS[self.registry] if self.registry else None
+        return KINDS[self.registry]
+
+    @property
+    def fitted_hook(self) -> str:
+        """Name of the hook of the fitted model; empty if there is none."""
+        from uqmbd.plugins import KINDS
+
+        return KINDS[self.fitted].hook if self.fitted else ""
 
 
 PLUGIN_KINDS = {
@@ -55,10 +63,10 @@ PLUGIN_KINDS = {
     "contact-law": PluginKind(
         title="A contact law",
         what="normal force and friction of a contact",
-        example="the law of Lankarani and Nikravesh",
+        example="the law of Lankarani and Nikravesh, by name",
         module="contact_law",
         page="how-to/plugins/contact_law.md",
-        offers="function",
+        registry="contact_laws",
     ),
     "propagator": PluginKind(
         title="A propagator",
@@ -68,6 +76,17 @@ PLUGIN_KINDS = {
         page="how-to/plugins/propagator.md",
         registry="propagators",
         base="uqmbd.extend.Propagator",
+    ),
+    "surrogate": PluginKind(
+        title="A method with a surrogate",
+        what="a model that is fitted to realisations, stored and evaluated",
+        example="radial basis functions",
+        module="surrogate",
+        page="how-to/plugins/surrogate.md",
+        registry="propagators",
+        base="uqmbd.extend.Propagator",
+        fitted="surrogates",
+        fitted_base="uqmbd.extend.SurrogateModel",
     ),
     "integrator": PluginKind(
         title="An integrator",
@@ -114,4 +133,4 @@ PLUGIN_KINDS = {
         base="uqmbd.extend.Command",
     ),
 }
-"""By the word that `--kind` takes."""
+"""Kinds of plugins, by the value of `--kind`."""

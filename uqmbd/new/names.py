@@ -1,4 +1,4 @@
-"""Names of studies and plugins: what Python, the file system and other packages allow."""
+"""Names of studies and plugins that Python, the file system and other packages allow."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uqmbd.errors import StudyError
-from uqmbd.new.kinds import PluginKind
 
 __all__ = ["PluginNames", "check_module", "check_plugin_name", "check_study_name"]
 
 LONGEST = 40
-"""Characters of a name: lines of what is written stay within those of linters."""
+"""Largest number of characters of a name, with which lines of the templates satisfy the limits of linters."""
 
 
 @dataclass(frozen=True)
 class PluginNames:
-    """What a plugin is called where.
+    """Names of a plugin's distribution, package, class and function.
 
-    `name`: of the distribution, and of its folder; `package`: by which it is imported; `short`: by which studies
-    choose it: the name without ``uqmbd-`` before it; `cls`, `function`: of its class, or its function.
+    `name` is the name of the distribution and of its folder. `package` is the name for imports. `short` is the name in
+    studies, without the prefix ``uqmbd-``. `cls` and `function` are the names of its class or its function.
 
     >>> PluginNames("uqmbd-wire-rope").cls
     'WireRope'
@@ -35,29 +34,29 @@ class PluginNames:
 
     @property
     def package(self) -> str:
-        """Name by which it is imported."""
+        """Name of the package for imports."""
         return self.name.replace("-", "_")
 
     @property
     def short(self) -> str:
-        """Name by which studies choose it."""
+        """Name of the plugin's class in studies, without the prefix ``uqmbd-``."""
         return re.sub("^uqmbd[-_]", "", self.name).replace("_", "-")
 
     @property
     def function(self) -> str:
-        """Name of its function."""
+        """Name of the function of the plugin."""
         return self.short.replace("-", "_")
 
     @property
     def cls(self) -> str:
-        """Name of its class."""
+        """Name of the class of the plugin."""
         return "".join(part.capitalize() for part in self.short.split("-"))
 
 
 def check_study_name(name: str) -> None:
-    """Raise where a study script cannot be called so.
+    """Raise StudyError unless a study script can have this name.
 
-    Raise StudyError with a name that would do, where one is near.
+    The message suggests a valid name if there is a similar one.
 
     >>> check_study_name("crank")
     """
@@ -74,13 +73,12 @@ def check_study_name(name: str) -> None:
     _check_reserved(name, name)
 
 
-def check_plugin_name(name: str, kind: PluginKind) -> PluginNames:
-    """Return what a plugin is called where; raise where it cannot be called so.
+def check_plugin_name(name: str) -> PluginNames:
+    """Return the names of a plugin, or raise StudyError for an invalid name.
 
-    Raise StudyError with a name that would do, where one is near.
+    The message suggests a valid name if there is a similar one.
 
-    >>> from uqmbd.new.kinds import PLUGIN_KINDS
-    >>> check_plugin_name("wire-rope", PLUGIN_KINDS["component"]).package
+    >>> check_plugin_name("wire-rope").package
     'wire_rope'
     """
     _check_plain(name)
@@ -98,10 +96,9 @@ def check_plugin_name(name: str, kind: PluginKind) -> PluginNames:
         raise StudyError(f"name {name!r}: the name has a single letter; choose a descriptive name.")
     for word in (names.package, names.function, names.cls):
         _check_reserved(name, word)
-    offered = names.cls if kind.offers == "class" else names.function
-    if hasattr(builtins, offered):
+    if hasattr(builtins, names.cls):
         raise StudyError(
-            f"name {name!r}: the example would be named {offered}, which is a built-in name of Python; "
+            f"name {name!r}: the example would be named {names.cls}, which is a built-in name of Python; "
             "choose another name."
         )
     if names.function.startswith("test"):
@@ -110,17 +107,20 @@ def check_plugin_name(name: str, kind: PluginKind) -> PluginNames:
 
 
 def check_module(name: str, module: str, folder: Path) -> None:
-    """Raise where a module of that name is there already, outside of a folder: one of them would hide the other.
+    """Raise StudyError if a module with this name exists outside of a folder, as one of them would hide the other.
 
-    Raise StudyError with where it is.
+    The message states the location of the module.
     """
     where = "part of Python" if module in sys.stdlib_module_names else _place(module, folder.resolve())
     if where:
-        raise StudyError(f"name {name!r}: a module {module} exists already ({where}); one would hide the other.")
+        raise StudyError(
+            f"name {name!r}: a module {module} exists already ({where}), and one of them would hide the other; choose "
+            "another name."
+        )
 
 
 def _place(module: str, folder: Path) -> str:
-    """Where a module is that is not in a folder; empty if there is none."""
+    """Return the location of a module outside of a folder; empty if there is none."""
     found: importlib.machinery.ModuleSpec | None
     try:
         found = importlib.util.find_spec(module)

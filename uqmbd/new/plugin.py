@@ -1,4 +1,4 @@
-"""`uqmbd new plugin`: a package that is installed, tested and linted as it is, to start from."""
+"""Command `uqmbd new plugin`, which writes an example package that can be installed, tested and linted unchanged."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ __all__ = ["new_plugin"]
 def new_plugin(name: str, kind: str, folder: Path = Path(), *, force: bool = False) -> list[Path]:
     """Write the package of a plugin.
 
-    `name`: of the distribution, and of the folder that is made for it; `kind`: key of `PLUGIN_KINDS`; `folder`: where
-    that folder is made; `force`: whether files that are there are overwritten. Return what was written. Raise
-    StudyError if there can be no package of this name, or a file is there already.
+    `name` is the name of the distribution and of its new folder in `folder`. `kind` is a key of `PLUGIN_KINDS`. `force`
+    allows overwriting existing files. Return the paths of the written files. Raise StudyError if a package cannot have
+    this name, or a file exists already and `force` is False.
     """
     about = PLUGIN_KINDS[kind]
-    names = check_plugin_name(name, about)
+    names = check_plugin_name(name)
     target = folder / name
     check_module(name, names.package, target)
     _check_registered(names, about, target)
-    offered = names.cls if about.offers == "class" else names.function
+    offered = [names.cls, "FittedModel"] if about.fitted else [names.cls]
     known = {
         "name": names.name,
         "package": names.package,
@@ -43,40 +43,37 @@ def new_plugin(name: str, kind: str, folder: Path = Path(), *, force: bool = Fal
     texts[Path("src") / names.package / f"{about.module}.py"] = example["module.py"]
     texts[Path("tests") / f"test_{names.package}.py"] = example["test.py"]
     for text in (example["module.py"], example["test.py"]):
-        _check_free(name, offered, text)
+        for word in offered:
+            _check_free(name, word, text)
     return write(texts, target, force=force)
 
 
 def _check_registered(names: PluginNames, kind: PluginKind, target: Path) -> None:
-    """Raise where a plugin of this kind is registered by the name, other than by the package that is written."""
+    """Raise StudyError if another package registers a plugin of this kind and name."""
     from uqmbd import plugins
 
     known = kind.registered
-    if known is None:
-        return
     word = names.short if known.by_attribute else names.cls
-    if word in known.reserved:
-        owner = "uqmbd itself"
-    else:
-        owner = plugins.owner(kind.registry, word)
-    ours = (target / "src" / names.package).exists()  # --force, of a package that is installed from there
+    owner = "uqmbd itself" if word in known.reserved else plugins.owner(kind.registry, word)
+    owner = owner or (plugins.owner(kind.fitted, word) if kind.fitted else "")
+    ours = (target / "src" / names.package).exists()  # with --force, for a package that is installed from this folder
     if owner and not ours:
         raise StudyError(f"name {names.name!r}: the {known.noun} {word!r} belongs to {owner}; choose another name.")
 
 
 def _check_free(name: str, offered: str, text: str) -> None:
-    """Raise where the example imports something else by the name of what it offers."""
+    """Raise StudyError if the example imports another object with the name of its own class or function."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import | ast.ImportFrom):
             for alias in node.names:
                 module = node.module if isinstance(node, ast.ImportFrom) else alias.name
                 if (alias.asname or alias.name) == offered and not _is_own(module, name):
                     raise StudyError(
-                        f"name {name!r}: the example would be named {offered}, like {module}.{offered}, "
-                        "which it uses; choose another name."
+                        f"name {name!r}: the example would be named {offered}, like {module}.{offered}, which the "
+                        "example uses; choose another name."
                     )
 
 
 def _is_own(module: str | None, name: str) -> bool:
-    """Return whether a module is one of the package that is written."""
+    """Return whether a module belongs to the package that is written."""
     return (module or "").partition(".")[0] == name.replace("-", "_")

@@ -1,4 +1,4 @@
-"""The hooks that a plugin package may implement, and what the classes of each have in common."""
+"""Hooks that a plugin package can implement, and common properties of the classes of each hook."""
 
 from __future__ import annotations
 
@@ -11,88 +11,88 @@ import pluggy
 __all__ = ["COMMANDS_GROUP", "GROUP", "KINDS", "HookKind", "hookimpl", "integrator_problem", "plugin_manager"]
 
 GROUP = "uqmbd"
-"""Entry points of modules that implement hooks."""
+"""Entry-point group of modules that implement hooks."""
 
 COMMANDS_GROUP = "uqmbd.commands"
-"""Entry points of modules that offer commands: they import nothing heavy, since `uqmbd --help` waits for them."""
+"""Entry-point group of modules with commands; `uqmbd --help` imports them, so they must not import large libraries."""
 
 hookimpl = pluggy.HookimplMarker("uqmbd")
-"""Mark a function of a plugin as the implementation of the hook of its name."""
+"""Decorator that marks a function of a plugin as the implementation of the hook with its name."""
 
 _hookspec = pluggy.HookspecMarker("uqmbd")
 
 
 class _Hooks:
-    """What a plugin may offer: each hook returns a sequence of classes, which may be empty."""
+    """Specification of the hooks; each hook returns a sequence of classes, which may be empty."""
 
     @_hookspec
     def uqmbd_components(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer joints, drivers, springs: subclasses of `uqmbd.Component`, known by the name of the class."""
+        """Return joints, drivers, springs and others: subclasses of `uqmbd.Component`, registered by class name."""
 
     @_hookspec
     def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer subclasses of `uqmbd.extend.Propagator`, known by their class attribute ``name``."""
+        """Return subclasses of `uqmbd.extend.Propagator`, registered by their class attribute ``name``."""
 
     @_hookspec
     def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer time integrators, classes as `uqmbd.extend.Integrator` says, known by their class attribute ``name``.
+        """Return time integrators: classes as `uqmbd.extend.Integrator` defines, each with a ``name``.
 
-        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.extend.Trajectories`.  What
-        more it can it declares by class attributes, which are False where they are left out: ``events``, ``projected``,
-        ``segments``, ``paced``, ``watched``, ``delegates``.  The core registers its own by this hook.
+        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.extend.Trajectories`. Its
+        attribute ``capabilities``, a `uqmbd.extend.Capabilities`, declares further capabilities; without it, there are
+        none. The core registers its integrators by this hook.
         """
 
     @_hookspec
     def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer sampling designs: classes like `uqmbd.extend.SamplingDesign`, known by their attribute ``name``.
+        """Return sampling designs: classes like `uqmbd.extend.SamplingDesign`, registered by their ``name``.
 
-        The core registers its own by this hook.
+        The core registers its sampling designs by this hook.
         """
 
     @_hookspec
     def uqmbd_contact_laws(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer laws of contact with a name: classes made without arguments, known by their attribute ``name``.
+        """Return contact laws: classes without constructor arguments, registered by their attribute ``name``.
 
-        The method ``law()`` returns the law that contacts use for ``law="name"``.
+        Contacts with ``law="name"`` use the return value of the method ``law()``.
         """
 
     @_hookspec
     def uqmbd_readers(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer readers of model files, known by their class attribute ``name``, the format, such as ``"urdf"``.
+        """Return readers of model files, registered by their class attribute ``name``, a format such as ``"urdf"``.
 
-        The class is made without arguments; its method ``read(path, **options)`` returns
+        The class has no constructor arguments.  Its method ``read(path, **options)`` returns
         `uqmbd.extend.ImportedMechanism`.
         """
 
     @_hookspec
     def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
+        """Return sections of the HTML report: classes as `uqmbd.report.Section` defines, without arguments."""
 
     @_hookspec
     def uqmbd_checks(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer checks of studies, classes made without arguments, known by the name of the class.
+        """Return checks of studies: classes without constructor arguments, registered by class name.
 
-        The method ``find(study)`` returns an iterable of `uqmbd.extend.Finding`.  The core registers its own by this
+        The method ``find(study)`` returns an iterable of `uqmbd.extend.Finding`.  The core registers its checks by this
         hook.
         """
 
     @_hookspec
     def uqmbd_surrogates(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer models of surrogates, classes as `uqmbd.extend.SurrogateModel` says, known by their attribute ``name``.
+        """Return models of surrogates: classes as `uqmbd.extend.SurrogateModel` defines, each with a ``name``.
 
-        Results store this name and the arrays of the model; they are read again by the registered class.
+        Results store this name and the arrays of the model; the registered class reads them.
         """
 
     @_hookspec
     def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer commands of the command line, classes as `uqmbd.extend.Command` says, made without arguments.
+        """Return commands of the command line: classes as `uqmbd.extend.Command` defines, without arguments.
 
-        The module that implements it is named in the entry-point group ``uqmbd.commands``.
+        The entry-point group ``uqmbd.commands`` names the module that implements this hook.
         """
 
 
 class HookKind(NamedTuple):
-    """What the classes of one hook have in common."""
+    """Common properties of the classes of one hook."""
 
     hook: str
     noun: str
@@ -100,24 +100,24 @@ class HookKind(NamedTuple):
     by_attribute: bool
     method: str = ""
     flags: tuple[str, ...] = ()
-    """Class attributes that are True or False, and False where they are left out."""
+    """Class attributes with truth values; the default is False."""
     reserved: tuple[str, ...] = ()
-    """Names of what the core itself offers."""
+    """Names of the classes of the core."""
     problem: Callable[[type], str] | None = None
-    """What else keeps a class from being one of them, or nothing."""
+    """Function that returns any other reason to reject a class, or an empty text."""
     group: str = GROUP
-    """Entry points whose modules may implement the hook."""
+    """Entry-point group of the modules that can implement the hook."""
 
 
 INTEGRATOR_METHODS = {
     "projected": "integrate_projected(projected, times, rtol)",
     "segments": "integrate_segments(ensemble, times, rtol)",
 }
-"""What an integrator has that declares a capability."""
+"""Method of an integrator for each declared capability."""
 
 
 def integrator_problem(cls: type) -> str:
-    """Return what keeps a class from being an integrator, or nothing."""
+    """Return the reason why a class is not an integrator, or an empty text."""
     if not callable(getattr(cls, "integrate", None)):
         return "which has no method integrate(ensemble, times, rtol)"
     declared = getattr(cls, "capabilities", None)
@@ -131,12 +131,12 @@ def integrator_problem(cls: type) -> str:
 
 
 def command_problem(cls: type) -> str:
-    """Return what keeps a class from being a command, or nothing."""
+    """Return the reason why a class is not a command, or an empty text."""
     name, text = getattr(cls, "name", ""), getattr(cls, "help", None)
     if not re.fullmatch("[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
-        return f"whose name {name!r} is no word of small letters, digits and hyphens"
+        return f"whose name {name!r} is not a word of lower-case letters, digits and hyphens"
     if type(text) is not str or not text.strip():
-        return "whose class attribute `help` is not a text that says what it does, which `uqmbd --help` shows"
+        return "whose class attribute `help` is not a description for `uqmbd --help`"
     return ""
 
 
@@ -182,7 +182,7 @@ KINDS = {
 
 
 def plugin_manager() -> pluggy.PluginManager:
-    """Make a manager that knows the hooks."""
+    """Return a plugin manager with the specifications of the hooks."""
     manager = pluggy.PluginManager("uqmbd")
     manager.add_hookspecs(_Hooks)
     return manager

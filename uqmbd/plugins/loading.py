@@ -1,4 +1,4 @@
-"""Loading of plugins: each is examined alone, and a message with its name reports what cannot be used."""
+"""Loading of plugins: each plugin is examined separately, and a message with its name reports unusable parts."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ __all__ = ["PluginInfo", "Registry", "load", "merged", "core_offers", "registere
 
 @dataclass(frozen=True)
 class PluginInfo:
-    """A plugin, which is what entry points of one name and package load, and what became of it."""
+    """Plugin, loaded from the entry points with one name and distribution, and its status."""
 
     name: str  # name of the entry point
-    # distribution, version: the installed package that declares it; empty if the package does not say
+    # distribution, version: name and version of the installed package; empty if unknown
     distribution: str
     version: str
-    # ``"incomplete"``: something that the plugin offers could not be used, the rest is there
+    # ``"incomplete"``: some parts of the plugin could not be used, other parts are available
     status: Literal["loaded", "incomplete", "failed", "disabled"] = "loaded"
     hooks: tuple[str, ...] = ()  # hooks that the plugin implements
     # components, propagators, integrators, designs, contact_laws, readers, report_sections, checks, surrogates,
-    # commands: names that the plugin registered
+    # commands: registered names of the plugin
     components: tuple[str, ...] = ()
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
@@ -41,18 +41,18 @@ class PluginInfo:
     checks: tuple[str, ...] = ()
     surrogates: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
-    errors: tuple[str, ...] = ()  # why the plugin, or a part of it, cannot be used
+    errors: tuple[str, ...] = ()  # reasons why the plugin or parts of it cannot be used
 
     @property
     def title(self) -> str:
-        """The plugin's name and where it comes from, for messages."""
+        """Name and distribution of the plugin, for messages."""
         source = f"{self.distribution} {self.version}".strip() or "an unknown distribution"
         return f"plugin {self.name!r} of {source}"
 
 
 @dataclass(frozen=True)
 class Registry:
-    """Everything that the installed plugins offer, by kind and registered name."""
+    """Classes of the installed plugins, by kind and registered name."""
 
     plugins: tuple[PluginInfo, ...]
     classes: dict[str, dict[str, type]]
@@ -61,11 +61,11 @@ class Registry:
 def load(
     entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequence[str] = (), group: str = GROUP
 ) -> Registry:
-    """Load plugins from entry points; whatever fails becomes an entry of `PluginInfo.errors`.
+    """Load plugins from entry points; every failure becomes an entry of `PluginInfo.errors`.
 
-    `entry_points`: the plugins. Those of uqmbd are registered first, then the others by distribution and name. So the
-    order of installation does not decide which of two plugins owns a name; `disabled`: names of entry points or
-    distributions that are not loaded; `group`: group of the entry points, which says the hooks that they may implement.
+    The plugins of uqmbd are registered first, then other plugins by distribution and name. So the owner of a name does
+    not depend on the order of installation. `disabled` contains names of entry points or distributions that are not
+    loaded. `group` is the group of the entry points, which determines their permitted hooks.
     """
     manager = plugin_manager()
     classes: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
@@ -83,9 +83,9 @@ def load(
 
 
 def core_offers(implementation: object, kind: str) -> dict[str, type]:
-    """Return what the core offers by a hook, looked at as what a plugin offers.
+    """Return the classes of the core for a kind, after the same checks as for a plugin.
 
-    `implementation`: implements the hook.
+    `implementation` implements the hook.
     """
     manager = plugin_manager()
     manager.register(implementation)
@@ -102,7 +102,7 @@ def _load_one(
     classes: dict[str, dict[str, type]],
     owners: dict[tuple[str, str], str],
 ) -> PluginInfo:
-    """Register one plugin and add what it offers to `classes`; a plugin's failure stays its own."""
+    """Register one plugin and add its classes to `classes`; a failure of a plugin does not affect other plugins."""
     plugin: object = None
     names: tuple[str, ...] = ()
     with Isolated() as work:
@@ -110,7 +110,7 @@ def _load_one(
     if work.error is not None:
         return _replace(info, status="failed", errors=(f"it cannot be loaded: {last_line(work.error)}",))
     with Isolated() as work:
-        # The distribution is part of the key: two packages may call their entry points alike.
+        # The key contains the distribution, because entry points of two packages may have the same name.
         manager.register(plugin, name=f"{info.distribution}:{info.name}")
         names = tuple(sorted(caller.name for caller in manager.get_hookcallers(plugin) or ()))
     if work.error is not None:
@@ -120,10 +120,12 @@ def _load_one(
     errors = [_misplaced(name, entry_point, known) for name in names if name not in known]
     plain = sorted(name for name in known - set(names) if inspect.isfunction(vars(plugin).get(name)))
     if names and plain:
-        errors.append(f"its function {plain[0]} is not decorated with uqmbd.hookimpl, and what it offers is not known")
+        errors.append(f"its function {plain[0]} is not decorated with uqmbd.hookimpl, so its hook is unknown")
     if not names:
         wanted = ", ".join(sorted(known))
-        errors.append(f"{entry_point.value} implements no hook; decorate its functions ({wanted}) with uqmbd.hookimpl")
+        errors.append(
+            f"{entry_point.value} does not implement a hook; decorate its functions ({wanted}) with uqmbd.hookimpl"
+        )
     registered: dict[str, tuple[str, ...]] = {}
     for kind_name, kind in KINDS.items():
         if kind.hook not in hooks:
@@ -145,24 +147,24 @@ def _load_one(
 
 
 def _misplaced(hook: str, entry_point: importlib.metadata.EntryPoint, known: set[str]) -> str:
-    """Say what is wrong with a hook that the modules of a group do not implement."""
+    """Return the message on a hook that does not belong to the group of an entry point."""
     group = next((kind.group for kind in KINDS.values() if kind.hook == hook), None)
     if group is None:
         return f"it implements the hook {hook}, which does not exist; there are {', '.join(sorted(known))}"
     return (
-        f"it implements the hook {hook}, which belongs into a module that the entry-point group {group!r} names: "
+        f"it implements the hook {hook}, which belongs in a module of the entry-point group {group!r}: "
         f'in pyproject.toml [project.entry-points."{group}"] {entry_point.name} = "MODULE"'
     )
 
 
 def _call(manager: pluggy.PluginManager, plugin: object, kind: HookKind) -> tuple[list[tuple[str, type]], list[str]]:
-    """Call one hook of one plugin: the named classes that can be used, and what is wrong with the others."""
+    """Call one hook of one plugin; return usable classes with their names, and messages on unusable classes."""
     others = [other for other in manager.get_plugins() if other is not plugin]
     result: Any = None
     listed: list[Any] | None = None
     with Isolated() as work:
         results = manager.subset_hook_caller(kind.hook, remove_plugins=others)()
-        # pluggy leaves out a hook that returns None, as one does whose `return` is forgotten
+        # pluggy omits hooks that return None, for example because of a forgotten `return`
         result = results[0] if results else None
         if isinstance(result, (list, tuple, set, frozenset)):
             listed = list(result)
@@ -176,7 +178,7 @@ def _call(manager: pluggy.PluginManager, plugin: object, kind: HookKind) -> tupl
         with Isolated() as work:
             name, problem = registered_name(cls, kind)
         if work.error is not None:
-            problem = f"which raised {last_line(work.error)} when it was looked at"
+            problem = f"which raised {last_line(work.error)} when uqmbd inspected it"
         if problem:
             problems.append(f"its hook {kind.hook} returned {_short(cls)}, {problem}")
         else:
@@ -185,7 +187,7 @@ def _call(manager: pluggy.PluginManager, plugin: object, kind: HookKind) -> tupl
 
 
 def registered_name(cls: Any, kind: HookKind) -> tuple[str, str]:
-    """Return the name by which a class is registered, or what keeps it from being registered."""
+    """Return the registered name of a class, and the reason why it cannot be registered or an empty text."""
     if not inspect.isclass(cls):
         return "", "which is not a class"
     if kind.base is not None:
@@ -200,7 +202,7 @@ def registered_name(cls: Any, kind: HookKind) -> tuple[str, str]:
     if not kind.by_attribute:
         return cls.__name__, ""
     name = getattr(cls, "name", None)
-    # of the type itself: a text of another kind may do anything when it is compared
+    # only the type str itself: comparisons of a subclass may run any code
     if type(name) is not str or not name or "/" in name:
         return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
     if name in kind.reserved:
@@ -213,9 +215,9 @@ def registered_name(cls: Any, kind: HookKind) -> tuple[str, str]:
 
 
 def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:
-    """Name a plugin and its distribution; the metadata of a damaged installation may be missing."""
+    """Return the name of a plugin and its distribution; the metadata of a damaged installation may be missing."""
     distribution = version = ""
-    with Isolated():  # a plugin is described with what there is
+    with Isolated():  # describe the plugin by the available metadata
         if entry_point.dist is not None:
             distribution = entry_point.dist.metadata["Name"] or ""
             version = entry_point.dist.metadata["Version"] or ""
@@ -223,7 +225,7 @@ def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:
 
 
 def merged(infos: Iterable[PluginInfo]) -> tuple[PluginInfo, ...]:
-    """Join what the entry points of one name and package became."""
+    """Merge the descriptions of entry points with the same name and distribution."""
     found: dict[tuple[str, str], PluginInfo] = {}
     for info in infos:
         key = (info.distribution, info.name)
@@ -242,7 +244,7 @@ def _replace(info: PluginInfo, **changes: Any) -> PluginInfo:
 
 
 def _normalised(name: str) -> str:
-    """Spell the name of a distribution in one way, as package indices do.
+    """Return the normalised name of a distribution, as in package indices.
 
     >>> _normalised("Uqmbd_Example.Plugin")
     'uqmbd-example-plugin'

@@ -1,4 +1,4 @@
-"""What the installed plugins offer, by kind and name."""
+"""Classes of the installed plugins, by kind and name."""
 
 from __future__ import annotations
 
@@ -45,72 +45,72 @@ def propagators() -> dict[str, type]:
 
 
 def integrators() -> dict[str, type]:
-    """Return the integrator classes that plugins offer by registered name; those of the core are not among them."""
+    """Return the integrator classes of plugins by registered name, without the integrators of the core."""
     return dict(registered().classes["integrators"])
 
 
 def designs() -> dict[str, type]:
-    """Return the sampling designs that plugins offer by registered name; those of the core are not among them."""
+    """Return the sampling designs of plugins by registered name, without the designs of the core."""
     return dict(registered().classes["designs"])
 
 
 def contact_laws() -> dict[str, type]:
-    """Return the laws of contact that plugins offer by registered name."""
+    """Return the contact laws of plugins by registered name."""
     return dict(registered().classes["contact_laws"])
 
 
 def contact_law(name: str) -> type:
-    """Return the law of contact of this name; a `uqmbd.StudyError` lists those that are installed."""
+    """Return the contact law with a name, or raise a `uqmbd.StudyError` that lists the installed contact laws."""
     return _find("contact_laws", name)
 
 
 def reader(name: str) -> type:
-    """Return the reader of model files of this format; a `uqmbd.StudyError` lists those that are installed."""
+    """Return the reader of a model file format, or raise a `uqmbd.StudyError` that lists the installed readers."""
     return _find("readers", name)
 
 
 def report_sections() -> dict[str, type]:
-    """Return the report sections that plugins offer by class name, in the order of registration."""
+    """Return the report sections of plugins by class name, in the order of registration."""
     return dict(registered().classes["report_sections"])
 
 
 def checks() -> dict[str, type]:
-    """Return the checks of studies that plugins offer by class name; those of the core are not among them."""
+    """Return the checks of studies of plugins by class name, without the checks of the core."""
     return dict(registered().classes.get("checks", {}))
 
 
 def surrogates() -> dict[str, type]:
-    """Return the models of surrogates that plugins offer by registered name."""
+    """Return the surrogate models of plugins by registered name."""
     return dict(registered().classes.get("surrogates", {}))
 
 
 def commands() -> dict[str, type]:
-    """Return the commands that plugins offer by name, in the order of registration; no other plugin is loaded."""
+    """Return the commands of plugins by name, in the order of registration, without loading other plugins."""
     return dict(registered_commands().classes["commands"])
 
 
 def component(name: str) -> type:
-    """Return the component class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    """Return the component class with a name, or raise a `uqmbd.StudyError` that lists the installed components."""
     return _find("components", name)
 
 
 def propagator(name: str) -> type:
-    """Return the propagator class that is registered by a name, for plugins that use the method of another one.
+    """Return the propagator class with a registered name, for plugins that use the method of another plugin.
 
     Parameters
     ----------
     name : str
-        Such as ``"collocation"``.
+        Registered name, such as ``"collocation"``.
 
     Returns
     -------
     type
-        A subclass of `uqmbd.extend.Propagator`.
+        Subclass of `uqmbd.extend.Propagator`.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is none: the message lists those that are installed.
+        If there is no such propagator; the message lists the installed ones.
 
     Examples
     --------
@@ -119,30 +119,30 @@ def propagator(name: str) -> type:
     """
     given: object = name
     if not isinstance(given, str):
-        from uqmbd.arguments import refusal  # here: it imports NumPy, and `uqmbd --help` imports this module
+        from uqmbd.arguments import refusal  # imports NumPy, which would delay `uqmbd --help` at module level
 
         raise StudyError(f"propagator: {refusal('name', name, str)}")
     return _find("propagators", name)
 
 
 def integrator(name: str) -> type:
-    """Return the integrator class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    """Return the integrator class with a name, or raise a `uqmbd.StudyError` that lists the installed integrators."""
     return _find("integrators", name)
 
 
 def owner(kind: str, name: str) -> str:
-    """Return the plugin that registered a name, for messages; empty if none did."""
+    """Return the title of the plugin that registered a name, for messages; empty if there is none."""
     found = registered_commands() if kind == "commands" else registered()
     return next((info.title for info in found.plugins if name in getattr(info, kind)), "")
 
 
 def installed() -> tuple[PluginInfo, ...]:
-    """Return every plugin, whether it could be used or not."""
+    """Return all plugins, usable or not."""
     return merged([*registered().plugins, *registered_commands().plugins])
 
 
 def unusable() -> str:
-    """Name the plugins that could not be loaded completely, as a sentence; empty if there is none."""
+    """Return a sentence with the plugins that could not be loaded completely; empty if there are none."""
     broken = [info.title for info in installed() if info.status in ("failed", "incomplete")]
     return f"Could not be loaded completely: {', '.join(broken)} (see `uqmbd plugins`)." if broken else ""
 
@@ -153,18 +153,18 @@ def _find(kind: str, name: str) -> type:
         return found[name]
     noun = KINDS[kind].noun
     offered = ", ".join(sorted(found)) or "none"
-    raise StudyError(f"There is no {noun} named {name!r}. Installed: {offered}. {unusable()}".rstrip())
+    raise StudyError(f"The {noun} {name!r} is not installed. Installed: {offered}. {unusable()}".rstrip())
 
 
 @functools.cache
 def registered() -> Registry:
-    """Load the plugins, once per process, and warn of what cannot be used."""
+    """Load the plugins once per process, and warn about unusable plugins and classes."""
     return _registered(GROUP)
 
 
 @functools.cache
 def registered_commands() -> Registry:
-    """Load the modules of plugins that offer commands, once per process, and warn of what cannot be used."""
+    """Load the modules with commands of plugins once per process, and warn about unusable modules and classes."""
     return _registered(COMMANDS_GROUP)
 
 

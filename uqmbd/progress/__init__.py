@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from uqmbd.progress.board import AtMost, Board
-from uqmbd.progress.interface import Progress, Silent, UntilTheEnd, choose_receiver, expected, failed, stage
+from uqmbd.progress.interface import (
+    Progress,
+    Silent,
+    UntilTheEnd,
+    choose_receiver,
+    expected,
+    failed,
+    in_notebook,
+    stage,
+)
 from uqmbd.progress.lines import Lines
-from uqmbd.progress.notebook import Notebook, in_notebook
+from uqmbd.progress.notebook import Notebook
 
 __all__ = [
     "AtMost",

@@ -1,4 +1,4 @@
-"""Numbers of all reported tasks, and the table in which terminals and notebooks show them."""
+"""Numbers of all reported tasks, and their table in terminals and notebooks."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ __all__ = ["AtMost", "Board", "State", "TaskProgress"]
 State = Literal["waiting", "running", "done", "failed", "stopped"]
 
 NARROW = 72
-"""Columns of a terminal below which there is no room for bars."""
+"""Minimum number of columns of a terminal with bars."""
 NAME, SHORT = 26, 17
-"""Characters of a label, and of one in few columns; of longer ones the middle goes."""
+"""Maximum number of characters of a label, and with few columns; the middle of a longer label is removed."""
 _STYLES = {"waiting": "dim", "running": "", "done": "green", "failed": "bold red", "stopped": "yellow"}
 
 
 class AtMost(int):
-    """A total that is a maximum: the task may end before it.
+    """Maximum of the total number of steps; the task may end with fewer steps.
 
-    Methods that find out by themselves how many realisations they need begin with it:
-    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``.  Who knows nothing of it takes it as a number.
+    Methods that determine their number of realisations automatically report it at their start:
+    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``. Other receivers treat it as a number.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class AtMost(int):
     __slots__ = ()
 
     def __new__(cls, most: int) -> AtMost:
-        """Check what is given."""
+        """Check the argument."""
         try:
             return super().__new__(cls, operator.index(most))
         except TypeError:
@@ -61,18 +61,19 @@ class TaskProgress:
     done: int = 0  # completed steps
     begun: int = 0  # steps of all parts that have begun
     state: State = "waiting"
-    begin: float = 0.0  # s
-    end: float = 0.0  # s
+    begin: float = 0.0  # start time, s
+    end: float = 0.0  # end time, s
+    cost: float | None = None  # wall time in the results, s
 
     @property
     def share(self) -> float:
-        """Part that is done, from 0 to 1."""
+        """Return the completed share, from 0 to 1."""
         if self.state == "done":
             return 1.0
         return min(self.done / self.total, 1.0) if self.total else 0.0
 
     def count(self, *, realisations: bool = False) -> str:
-        """How many are done of how many; with `realisations`, how many there are."""
+        """Return completed and total steps as text; with `realisations`, return the number of realisations."""
         if self.total is None:
             return f"{self.done}" if self.done else ""
         if realisations:
@@ -84,18 +85,24 @@ class TaskProgress:
         return f"{self.done} of {'at most ' if self.at_most else ''}{self.total}"
 
     def left(self, now: float) -> float | None:
-        """Seconds that are left if it goes on as before; None where that is not known."""
+        """Return the remaining time at the present rate, s; None if it is unknown."""
         if self.state != "running" or self.at_most or not self.total or not self.done or self.done >= self.total:
-            return None  # what follows the last realisation is not counted
+            return None  # the time of operations after the last realisation is unknown
         return (now - self.begin) / self.done * (self.total - self.done)
 
+    def spent(self, now: float) -> float:
+        """Return the time since the start, or the wall time in the results, s."""
+        if self.cost is not None:
+            return self.cost
+        return (now if self.state == "running" else self.end) - self.begin
+
     def clock(self, now: float) -> str:
-        """Say what its time is."""
+        """Return the elapsed time as text."""
         if self.state == "waiting":
             return "waiting"
         if self.state == "failed" and self.end == self.begin:
             return "failed"
-        spent = format_duration((now if self.state == "running" else self.end) - self.begin, rough=True)
+        spent = format_duration(self.spent(now), rough=True)
         if self.state != "running":
             return spent if self.state == "done" else f"{self.state}, {spent}"
         left = self.left(now)
@@ -104,7 +111,7 @@ class TaskProgress:
 
 @dataclass
 class Board:
-    """All tasks, in the order in which they were announced."""
+    """All tasks, in the order of their announcement."""
 
     works: dict[str, TaskProgress] = field(default_factory=dict)  # by label
     stages: set[str] = field(default_factory=set)  # labels of tasks without a number of steps
@@ -117,56 +124,61 @@ class Board:
             self.works[label] = TaskProgress(total, isinstance(total, AtMost))
 
     def stage(self, label: str, now: float) -> None:
-        """Begin work without a number; what came before it is done."""
+        """Begin a task without a number of steps, and end the previous task of this kind."""
         self.settle(now)
         self.stages.add(label)
         self.works[label] = TaskProgress(state="running", begin=now)
 
     def settle(self, now: float) -> None:
-        """End what has no number."""
+        """End tasks without a number of steps."""
         for label in tuple(self.stages):
             self.ended(label, "done", now)
 
     def begun(self, label: str, total: int, now: float) -> TaskProgress:
-        """Begin work or a part of it: announced work grows beyond its total only; work that has ended starts again."""
+        """Begin a task or a part of it; the total only grows beyond its announced value, and ended tasks restart."""
         work = self.works.get(label)
         if work is None or work.state not in ("running", "waiting"):
             work = self.works[label] = TaskProgress()
         if work.state == "waiting":
             work.state, work.begin = "running", now
         work.begun += total
-        # of an announced maximum a smaller one is known now
+        # the task may now reduce its announced maximum
         smaller = work.at_most and work.begun == total and isinstance(total, AtMost)
         work.total = int(total) if smaller else max(work.total or 0, work.begun)
         work.at_most = work.at_most or isinstance(total, AtMost)
         return work
 
     def moved(self, label: str, count: int) -> None:
-        """Count steps; those of nobody do not matter enough to stop the work."""
+        """Count steps; ignore steps of unknown tasks."""
         if label in self.works:
             self.works[label].done += count
 
+    def costs(self, label: str, seconds: float) -> None:
+        """Record the wall time in the results, s; ignore unknown tasks."""
+        if label in self.works:
+            self.works[label].cost = seconds
+
     def ended(self, label: str, state: State, now: float) -> None:
-        """End work."""
+        """End a task."""
         work = self.works.get(label)
         if work is not None and (work.state == "running" or (work.state == "waiting" and state == "failed")):
             work.begin = now if work.state == "waiting" else work.begin
             work.state, work.end = state, now
 
     def stop(self, now: float) -> None:
-        """End all that runs before its time."""
+        """End all running tasks early."""
         for label in tuple(self.works):
             self.ended(label, "stopped", now)
 
     def whole(self) -> TaskProgress:
-        """All methods that were announced, as one piece of work."""
+        """Return all announced methods as one task."""
         parts = [self.works[label] for label in self.expected]
         ended = [part.state in ("done", "failed") for part in parts]
         begun = [part.begin for part in parts if part.state != "waiting"]
         if self.counts_methods:
             found = TaskProgress(len(parts), done=sum(ended))
         else:
-            # of what has ended, what there was
+            # the total of an ended task is the number of its completed steps
             early = [part.state == "failed" or (part.state == "done" and part.done > 0) for part in parts]
             totals = [part.done if end else part.total or 0 for part, end in zip(parts, early, strict=True)]
             steps = [total if end else part.done for total, part, end in zip(totals, parts, ended, strict=True)]
@@ -181,11 +193,11 @@ class Board:
 
     @property
     def counts_methods(self) -> bool:
-        """Whether all of them are counted in methods: how many realisations there will be is not known."""
+        """Return whether methods are counted, because their number of realisations is unknown."""
         return any(self.works[one].total is None and self.works[one].state != "failed" for one in self.expected)
 
     def table(self, now: float, width: int) -> Table:
-        """Return a table of rich of all work, for as many columns."""
+        """Return a table of rich with all tasks, for a terminal with `width` columns."""
         from rich.table import Table
 
         made = Table.grid(padding=(0, 2, 0, 0))
@@ -195,7 +207,7 @@ class Board:
         made.add_column(no_wrap=True, justify="right", overflow="ellipsis")
         made.add_column(no_wrap=True, overflow="ellipsis")
         last = self.expected[-1] if len(self.expected) > 1 else None
-        # a copy: a thread draws while another adds
+        # copy the list, because one thread draws while another thread adds tasks
         for label, work in list(self.works.items()):
             self._add(made, label, work, now, width)
             if label == last:

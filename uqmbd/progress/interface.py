@@ -1,4 +1,4 @@
-"""Receivers of reports on progress: their interface, and the choice of one by the argument `progress`."""
+"""Interface of receivers of progress reports, and choice of a receiver by the argument `progress`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Protocol
 
 from uqmbd.errors import StudyError
 from uqmbd.progress.lines import Lines
-from uqmbd.progress.notebook import Notebook, in_notebook
+from uqmbd.progress.notebook import Notebook
 
 __all__ = ["Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage", "choose_receiver"]
 
@@ -18,8 +18,9 @@ class Progress(Protocol):
     """Receiver of reports on the progress of a study.
 
     Further methods are optional. ``expect(totals)`` receives the labels of all methods before the first begins, with
-    their numbers of realisations (`AtMost`, or None: not known). ``fail(label)`` reports that a method has failed.
-    ``stage(text)`` reports a long task without realisations, which ends as soon as another begins.
+    their numbers of realisations (`AtMost`, or None if unknown). ``fail(label)`` reports that a method has failed.
+    ``cost(label, seconds)`` reports the wall time of a method before its end, as in its results, including the time of
+    stored work. ``stage(text)`` reports a long task without realisations, which ends when another task begins.
 
     Examples
     --------
@@ -44,47 +45,47 @@ class Progress(Protocol):
     """
 
     def start(self, label: str, total: int) -> None:
-        """Begin the work called `label`, of `total` realisations; so many more, if it has begun and not ended.
+        """Begin the task `label` with `total` realisations, or add `total` to a task that is already running.
 
         Parameters
         ----------
         label : str
-            Of a method, or of a part of its work.
+            Label of a method, or of a part of its computation.
         total : int
-            Realisations; an `AtMost` where they may be fewer.
+            Number of realisations, as `AtMost` if the task may end with fewer.
         """
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Report `count` more of them.
+        """Report `count` further realisations.
 
         Parameters
         ----------
         label : str
-            As begun.
+            Label of a running task.
         count : int
-            How many have been computed since.
+            Number of realisations computed since the last report.
         """
 
     def finish(self, label: str) -> None:
-        """End it."""
+        """Report the end of the task `label`."""
 
 
 class Silent:
-    """Tells nobody."""
+    """Receiver that ignores all reports."""
 
     def start(self, label: str, total: int) -> None:
-        """Say nothing."""
+        """Ignore the report."""
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Say nothing."""
+        """Ignore the report."""
 
     def finish(self, label: str) -> None:
-        """Say nothing."""
+        """Ignore the report."""
 
 
 @dataclass
 class UntilTheEnd:
-    """Progress that reports consecutive tasks with one label as one task, which ends once.
+    """Receiver that reports consecutive tasks with one label as one task with a single end.
 
     >>> import sys
     >>> from uqmbd.progress import Lines
@@ -98,54 +99,67 @@ class UntilTheEnd:
     """
 
     receiver: Progress  # receives the reports
-    names: Mapping[str, str] = field(default_factory=dict)  # labels under which others are reported
-    begun: list[str] = field(default_factory=list)  # labels
+    names: Mapping[str, str] = field(default_factory=dict)  # map from labels to reported labels
+    lasting: str | None = None  # label of the only task with a postponed end; None: all tasks
+    begun: list[str] = field(default_factory=list)  # labels of started tasks
 
     def start(self, label: str, total: int) -> None:
-        """Say that it begins, or that it goes on."""
+        """Report the start or the continuation of a task."""
         label = self.names.get(label, label)
         if label not in self.begun:
             self.begun.append(label)
         self.receiver.start(label, total)
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Pass it on."""
+        """Forward the report."""
         self.receiver.advance(self.names.get(label, label), count)
 
     def finish(self, label: str) -> None:
-        """Wait: another part may follow."""
+        """Postpone the report of the end, because another part may follow."""
+        if self.lasting not in (None, label) and label in self.begun:
+            self.begun.remove(label)
+            self.receiver.finish(self.names.get(label, label))
 
     def stage(self, text: str) -> None:
-        """Pass it on."""
+        """Forward the report."""
         stage(self.receiver, text)
 
-    def end(self) -> None:
-        """Say that all of it is done."""
+    def end(self, cost: float | None = None) -> None:
+        """Report the completion, and the wall time in the results, s."""
+        tell = getattr(self.receiver, "cost", None)
         for label in self.begun:
+            if cost is not None and callable(tell):
+                tell(label, cost)
             self.receiver.finish(label)
         self.begun.clear()
 
 
 def expected(progress: Progress, totals: Mapping[str, int | None]) -> None:
-    """Return which methods will run, and how many realisations they take, to who wants to know."""
+    """Report the methods that will run, and their numbers of realisations, to receivers that accept this."""
     if callable(tell := getattr(progress, "expect", None)):
         tell(totals)
 
 
 def failed(progress: Progress, label: str) -> None:
-    """Tell that a method has failed, to who wants to know."""
+    """Report the failure of a method to receivers that accept it."""
     if callable(tell := getattr(progress, "fail", None)):
         tell(label)
 
 
 def stage(progress: Progress, text: str) -> None:
-    """Tell of work without a number that begins, to who wants to know."""
+    """Report the start of work without steps to receivers that accept it."""
     if callable(tell := getattr(progress, "stage", None)):
         tell(text)
 
 
+def in_notebook() -> bool:
+    """Return whether the program runs in a notebook, which is IPython with a kernel instead of a terminal."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
+
+
 def choose_receiver(progress: Progress | bool | None) -> Progress:
-    """Return the progress to report to: the given one, lines (True), none (False), or that of a notebook (None).
+    """Return the receiver of progress: the given one, lines (True), none (False), or bars in a notebook (None).
 
     >>> [type(choose_receiver(progress)).__name__ for progress in (None, True, False)]
     ['Silent', 'Lines', 'Silent']

@@ -1,4 +1,4 @@
-"""Progress as plain lines: for log files, pipes and terminals that cannot move their cursor."""
+"""Progress as plain lines, for log files, pipes and terminals without cursor control."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from uqmbd.wording import format_count, format_duration
 __all__ = ["Lines"]
 
 SOON, LATER = 1.8, 0.1
-"""A line comes this many seconds after the last one, or after this part of the work's time: a short run is followed
-closely, and a run of a day has some hundred lines."""
+"""Least time between two lines, s, and its least ratio to the elapsed time of the task.  So a short run has frequent
+lines, and a run of a day has about a hundred lines."""
 
 
 @dataclass
 class Lines:
-    """Progress as lines of text: one when a task begins, some while it runs, and one at its end."""
+    """Progress as lines of text: a line at the start of a task, some lines during the task, and a line at its end."""
 
     stream: TextIO
     clock: Callable[[], float] = time.monotonic  # time, s
@@ -27,20 +27,20 @@ class Lines:
     last: float = 0.0
 
     def expect(self, totals: Mapping[str, int | None]) -> None:
-        """Write how much all methods take together."""
+        """Write the number of methods and their total number of realisations."""
         self.board.expect(totals)
         if len(totals) > 1:
             counts = "" if None in totals.values() else f", {self.board.whole().count(realisations=True)}"
             self._write(f"{format_count(len(totals), 'method')}{counts}")
 
     def stage(self, text: str) -> None:
-        """Write what begins."""
+        """Write the label of a task that begins."""
         self.last = self.clock()
         self.board.stage(text, self.last)
         self._write(f"{text} ...")
 
     def beat(self) -> None:
-        """Write how far it is, if the last line is old enough: for work that tells nothing by itself."""
+        """Write the progress of a task without reports, if the last line is old enough."""
         now = self.clock()
         for label, work in reversed(list(self.board.works.items())):
             if work.state == "running":
@@ -49,7 +49,7 @@ class Lines:
                 return
 
     def start(self, label: str, total: int) -> None:
-        """Write that it begins; work that goes on grows without a line."""
+        """Write the start of a task; write nothing if a running task grows."""
         known = self.board.works.get(label)
         going = known is not None and known.state == "running"
         now = known.begin if going and known is not None else self.clock()
@@ -60,7 +60,7 @@ class Lines:
             self._write(f"{label}: {work.count()}{self._place(label)}")
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Write how far it is, if the last line is old enough."""
+        """Count realisations, and write the progress if the last line is old enough."""
         work = self.board.works.get(label)
         if work is None or work.state != "running":
             return
@@ -83,16 +83,20 @@ class Lines:
         ending = f", about {format_duration(left, rough=True)} left" if left is not None else ""
         self._write(f"{label}: {work.count()}{percent} after {spent}{ending}")
 
+    def cost(self, label: str, seconds: float) -> None:
+        """Record the wall time for the last line, s."""
+        self.board.costs(label, seconds)
+
     def finish(self, label: str) -> None:
-        """Write that it is done."""
+        """Write the end of a task."""
         self._end(label, "done")
 
     def fail(self, label: str) -> None:
-        """Write that it has failed."""
+        """Write the failure of a task."""
         self._end(label, "failed")
 
     def close(self) -> None:
-        """Write nothing: each line stands by itself."""
+        """Write nothing, because each line is complete."""
 
     def _end(self, label: str, state: State) -> None:
         work: TaskProgress | None = self.board.works.get(label)
@@ -100,7 +104,7 @@ class Lines:
             return
         begun = work.state == "running"
         now = self.clock() if begun else work.begin
-        after = f" after {format_duration(now - work.begin, rough=True)}" if begun else ""
+        after = f" after {format_duration(work.spent(now), rough=True)}" if begun else ""
         said = f" ({work.done})" if begun and work.at_most else ""
         self.board.ended(label, state, now)
         self._write(f"{label}: {state}{after}{said}")
@@ -110,6 +114,6 @@ class Lines:
         return f", method {expected.index(label) + 1} of {len(expected)}" if label in expected[1:] else ""
 
     def _write(self, text: str) -> None:
-        # at once: two threads may write
+        # write the complete line by one call, because two threads may write
         self.stream.write(f"{text}\n")
         self.stream.flush()

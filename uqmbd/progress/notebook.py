@@ -1,12 +1,11 @@
-"""Progress in the output of a notebook's cell, which changes in place.
+"""Progress in the output of a notebook cell, which is updated in place.
 
-The table is rich's, as on a terminal; it is shown as HTML by IPython, since rich's own display in notebooks needs
-ipywidgets.
+The table is created by rich, as on a terminal.  IPython shows it as HTML, because rich's own display in notebooks
+requires ipywidgets.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,21 +13,15 @@ from typing import Any
 
 from uqmbd.progress.board import Board
 
-__all__ = ["Notebook", "in_notebook"]
+__all__ = ["Notebook"]
 
 WIDTH = 90
-"""Characters of a row."""
-
-
-def in_notebook() -> bool:
-    """Return whether this is a notebook: an IPython with a kernel, not one on a terminal."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return getattr(shell, "kernel", None) is not None
+"""Number of characters of a row."""
 
 
 @dataclass
 class Notebook:
-    """Progress in a notebook: a row for each label, and one for their total."""
+    """Progress in a notebook, with a row for each label and a row for the total of the methods."""
 
     interval: float = 0.2  # least time between two updates, s
     clock: Callable[[], float] = time.monotonic  # time, s
@@ -42,12 +35,12 @@ class Notebook:
         self._show()
 
     def stage(self, text: str) -> None:
-        """Show what begins."""
+        """Show a task without a number of steps."""
         self.board.stage(text, self.clock())
         self._show()
 
     def start(self, label: str, total: int) -> None:
-        """Show a bar; one that has not ended grows, one that has starts again."""
+        """Show a bar; the bar of a running task grows, and the bar of an ended task restarts."""
         self.board.settle(self.clock())
         self.board.begun(label, total, self.clock())
         self._show()
@@ -58,13 +51,17 @@ class Notebook:
         if self.clock() - self.last >= self.interval:
             self._show()
 
+    def cost(self, label: str, seconds: float) -> None:
+        """Record the wall time for the row, s."""
+        self.board.costs(label, seconds)
+
     def finish(self, label: str) -> None:
-        """Fill the bar and say how long it took."""
+        """Fill the bar and show the elapsed time."""
         self.board.ended(label, "done", self.clock())
         self._show()
 
     def fail(self, label: str) -> None:
-        """Say that it has failed."""
+        """Mark the bar as failed."""
         self.board.ended(label, "failed", self.clock())
         self._show()
 
@@ -83,12 +80,12 @@ class Notebook:
 
         from rich.console import Console
 
-        # rich shows what it prints in a notebook by itself, besides
+        # without this setting, rich would also display the printed table in a notebook
         console = Console(
             file=io.StringIO(), record=True, width=WIDTH, force_terminal=True, force_jupyter=False, legacy_windows=False
         )
         console.print(self.board.table(self.last, WIDTH))
-        # the colours of the text and of its ground are the notebook's
+        # keep the text and background colours of the notebook
         table = console.export_html(inline_styles=True, code_format="<code>{code}</code>")
         style = "margin:0;padding:0;line-height:1.3;white-space:pre;overflow-x:auto;background:none"
         return f'<pre style="{style}" role="status" aria-label="progress">{table.strip()}</pre>'

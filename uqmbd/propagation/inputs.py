@@ -1,4 +1,4 @@
-"""Random inputs of a study: none, unused ones, and moments that do not exist."""
+"""Check the random inputs of a study: their existence, their use, and the existence of moments."""
 
 from __future__ import annotations
 
@@ -30,41 +30,41 @@ __all__ = ["POINTS", "Existence", "affordable", "existence_of", "grows", "unused
 
 @typechecked
 def nothing_random(inputs: JointInput, mechanism: str) -> str | None:
-    """Return why a method that needs random inputs cannot do a study, in one sentence; None: it has some.
+    """Return a message that a method without random inputs cannot run; None if there are random inputs.
 
     Parameters
     ----------
     inputs : JointInput
-        Of the mechanism.
+        Inputs of the mechanism.
     mechanism : str
-        Its name.
+        Name of the mechanism.
 
     Examples
     --------
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> print(uqmbd.extend.nothing_random(mechanism.inputs, mechanism.name))
-    nothing in mechanism 'stone' is random; declare a uqmbd.RandomVariable, or use uqmbd.simulate
+    mechanism 'stone' has no random variables; declare a uqmbd.RandomVariable, or use uqmbd.simulate
     """
     if len(inputs):
         return None
-    return f"nothing in mechanism {mechanism!r} is random; declare a uqmbd.RandomVariable, or use uqmbd.simulate"
+    return f"mechanism {mechanism!r} has no random variables; declare a uqmbd.RandomVariable, or use uqmbd.simulate"
 
 
 AT_LEAST = 8
-"""As many realisations are computed together in hardly more time than one: they are always spent."""
+"""Number of realisations that are always affordable: computed together they take hardly more time than one."""
 
 SHARE = 20
-"""Of more realisations at most this part of those that a method is to compute."""
+"""Ratio of the planned realisations of a method to the largest affordable number, above `AT_LEAST` realisations."""
 
 POINTS = 6
-"""From as many points an input is changed alone that changed nothing at the first: events may be rare."""
+"""Number of further points at which an input without effect at the first point is changed: events may be rare."""
 
 FAR = 1e-6
-"""To these quantiles, of either end, it is changed from the first two: what happens rarely often does so there."""
+"""Probability of the two extreme quantiles that replace the first two values: rare events often occur there."""
 
 SAME = 1e-12
-"""Outputs that differ by less, as a part of their largest value over time, are the same."""
+"""Relative difference up to which outputs are equal, with respect to their largest value over time."""
 
 
 def affordable(inputs: int, planned: int) -> bool:
@@ -77,16 +77,16 @@ def affordable(inputs: int, planned: int) -> bool:
 
 
 def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> tuple[str, ...]:
-    """Return the names of the inputs on which no output, with or without a time, and no requirement depends.
+    """Return the names of inputs on which no output (over time or scalar) and no requirement depends.
 
-    Each is changed alone, from one point; those without effect are changed at `POINTS` others, too. Failed realisations
-    count as different: such an input is not reported.
+    Each input is changed separately at one point. Inputs without effect are then changed at `POINTS` further points.
+    Failed realisations count as different, so the function does not report such an input.
     """
     size, everything = len(inputs), list(range(len(inputs)))
     kind: Kind = "outputs" if model.outputs.names else "scalars" if model.scalars is not None else "requirements"
 
     def unchanged(suspects: list[int], points: Array, others: Array) -> list[int]:
-        """Return the suspects that change nothing at any point, where they are moved to another."""
+        """Return the inputs without effect at any of the points (K, input) when they are set to their `others`."""
         rows = [points]
         for k in suspects:
             moved = points.copy()
@@ -109,7 +109,7 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
 
     found: list[int] = []
     with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
-        # the methods report what is wrong
+        # the methods report these warnings
         warnings.simplefilter("ignore")
         suspects = unchanged(everything, np.full((1, size), 0.3819660113), np.full((1, size), 0.7236067977))
         if suspects:
@@ -120,7 +120,7 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
 
 
 def _same(one: Array, other: Array) -> bool:
-    """Return whether outputs (K, output, T) are the same but for rounding; what does not happen in both is."""
+    """Return whether outputs (K, output, T) agree except for rounding; outputs that occur in neither also agree."""
     if not one.size:
         return True
     with np.errstate(invalid="ignore"):
@@ -134,33 +134,33 @@ NEEDS = {
     "mean": 1, "std": 2, "variance": 2, "std_error_mean": 2, "variance_reduction": 2,
     "skewness": 3, "kurtosis": 4, "std_error_std": 4, "variance_reduction_std": 4,
 }  # fmt: skip
-"""Statistic -> the moment that must exist for it; Sobol' indices need the variance."""
+"""Statistic -> order of the moment that it requires; Sobol' indices require the variance."""
 
 BOUNDED: tuple[type[sympy.Basic], ...] = (
     sympy.sin, sympy.cos, sympy.tanh, sympy.atan, sympy.acot, sympy.asin, sympy.acos, sympy.atan2, sympy.erf,
     sympy.sign, sympy.Heaviside,
 )  # fmt: skip
-"""Functions whose values are bounded, whatever they are taken of."""
+"""Functions with bounded values for every argument."""
 
 NAMED = 4
-"""Outputs that a sentence names."""
+"""Maximum number of outputs in a sentence."""
 
 
 @dataclass(frozen=True)
 class Existence:
     """Orders up to which the moments of outputs exist."""
 
-    orders: Mapping[str, float]  # output -> order below which its moments are finite, where that is not infinite
-    causes: Mapping[str, str]  # output -> name of the input whose tail is the reason
+    orders: Mapping[str, float]  # output -> order below which its moments are finite; no entry if all are finite
+    causes: Mapping[str, str]  # output -> name of the input with the heavy tail
     descriptions: Mapping[str, str]  # input -> its distribution as text
 
     def without(self, names: Collection[str]) -> Existence:
-        """Return what is known where inputs of these names have other distributions, whose moments all exist."""
+        """Return the orders for the case that the named inputs have other distributions with existing moments."""
         kept = [output for output, cause in self.causes.items() if cause not in names]
         return Existence({x: self.orders[x] for x in kept}, {x: self.causes[x] for x in kept}, self.descriptions)
 
     def applied(self, statistics: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...]]:
-        """Return statistics in which moments that do not exist are NaN, and a sentence for each input at fault."""
+        """Return statistics with NaN for moments that do not exist, and a sentence for each responsible input."""
         names = [str(name) for name in statistics["output"].values]
         orders = np.array([self.orders.get(name, np.inf) for name in names])
         if not np.isfinite(orders).any():
@@ -182,7 +182,7 @@ class Existence:
         return kept, self.sentences(names)
 
     def sentences(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Say which moments of these outputs do not exist, a sentence for each input that is to blame."""
+        """List the non-existent moments of these outputs, one sentence for each responsible input."""
         causes = dict.fromkeys(self.causes[name] for name in names if name in self.orders)
         return tuple(self._sentence(cause, names) for cause in causes)
 
@@ -195,22 +195,22 @@ class Existence:
         which = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
         outputs, verb = "output" if len(hit) == 1 else "outputs", "does" if len(missing) == 1 else "do"
         return (
-            f"the {which} of {outputs} {listed} {verb} not exist, unless the quantity that grows with input {cause!r} "
-            f"is bounded: moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. They are NaN, "
+            f"the {which} of {outputs} {listed} {verb} not exist, unless the output is a bounded function of input "
+            f"{cause!r}: moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. They are NaN, "
             "and so are errors that depend on them; quantiles are valid. For moments, truncate the input: "
             "chaospy.Trunc(distribution, lower, upper)"
         )
 
 
 def existence_of(mechanism: Mechanism) -> Existence:
-    """Find the outputs whose moments do not all exist.
+    """Find the outputs with non-existent moments.
 
-    The check assumes that every output grows, in proportion at most, with every input that enters the motion.
-    Exceptions are expressions that are bounded for every motion: orientations, and bounded functions. An input that
-    enters outputs only counts for those.
+    The check assumes that every output grows at most linearly with every input that affects the motion. Exceptions are
+    expressions that are bounded for every motion: orientations and bounded functions. An input that affects only
+    outputs counts for these outputs.
     """
     inputs = mechanism.inputs
-    heavy = {name: order for name, order in moment_orders(inputs).items() if not exists(4, order)}
+    heavy = {name: order for name, order in moment_orders(inputs.variables).items() if not exists(4, order)}
     if not heavy:
         return Existence({}, {}, {})
     moving = {v.name for v in mechanism.moving_inputs()}
@@ -226,7 +226,7 @@ def existence_of(mechanism: Mechanism) -> Existence:
 
 
 def grows(expression: Any, variable: RandomVariable | None = None) -> bool:
-    """Return whether an expression may grow without bounds with a random variable, or (None) with the motion."""
+    """Return whether an expression may be unbounded as a function of a random variable, or (None) of the motion."""
     value = as_symbolic(expression)
     if isinstance(value, BOUNDED) or not value.free_symbols or value == t:
         return False

@@ -1,15 +1,18 @@
-"""The error of the time integration, measured: some realisations are integrated again at a tighter tolerance.
+"""Measure the error of the time integration by a second integration of some realisations at a tighter tolerance.
 
-One of twenty is, at least three. Which ones does not depend on who computes: they are evenly spread over the successful
-realisations of a method.
-Where a method has computed none (it solves for all together), they are the medians of the inputs and two further points
-of their distribution.  The second integration is that of the built-in integrator ``auto``, at a hundredth of the
-tolerance: of realisations that IDA, or the integrator of a plugin, has integrated it is thereby a second route.
+The sample is one in twenty successful realisations of a method, evenly spread, and at least three. Of stored samples of
+few inputs, a quarter of them are the most sensitive ones, which have most of the error next to a separatrix. The choice
+does not depend on the workers. A method that solves for all realisations together computes no separate realisations.
+For such a method, the points are the medians of the inputs and two further points of their distribution.
+
+The second integration uses the built-in integrator ``auto`` at one hundredth of the tolerance. The comparison is
+therefore also an independent check of IDA and of integrators of plugins.
 """
 
 from __future__ import annotations
 
 import warnings
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
 
@@ -29,18 +32,27 @@ __all__ = ["LONG_NAME", "deviation", "tighter", "with_integration_error"]
 
 
 FACTOR = 0.01
-"""Tolerance of the second integration, over that of the first."""
+"""Ratio of the tolerance of the second integration to the tolerance of the first one."""
 
 LEAST = 1e-13
-"""Tightest tolerance that is of use in double precision."""
+"""Tightest useful tolerance in double precision."""
 
 LEVEL, TAIL = 0.99, 0.025
-"""Quantile of the errors that is stated, and probability on each side of the interval of their mean square."""
+"""Level of the stated quantile of errors, and tail probability on each side of the interval of their mean square."""
 
 OFTEN = 0.9
-"""Quantile over time of the relative variances of mean squares, of which none counts as smaller."""
+"""Level of the quantile, over time, that is a lower limit on the relative variances of mean squares."""
+
+SENSITIVE, LEAST_SENSITIVE = 4, 8
+"""One of so many repeated samples is a most sensitive one, and least number of repeated samples with such samples."""
+
+MOST_SAMPLES, MOST_INPUTS, MOST_TIMES = 2_000, 6, 64
+"""Largest numbers of samples and inputs for which sensitivities are estimated, and number of times in them."""
 
 GOLDEN = 0.6180339887498949
+
+TOGETHER = 8
+"""Number of realisations in one second integration: the batch size of a kernel, because other work waits for it."""
 
 LONG_NAME = "error of the time integration"
 
@@ -53,7 +65,7 @@ LONG_NAMES = {
 
 
 def tighter(rtol: float) -> float | None:
-    """Return the tolerance of the second integration; None where none is tighter by some digits.
+    """Return the tolerance of the second integration; None if it cannot be tighter by a factor of ten.
 
     >>> tighter(1e-6), tighter(1e-13)
     (1e-08, None)
@@ -63,69 +75,90 @@ def tighter(rtol: float) -> float | None:
 
 
 def deviation(first: Array, second: Array, turns: Array) -> Array:
-    """Return the absolute difference of responses (..., output, time), for angles up to whole turns.
+    """Return the absolute difference of responses (..., output, time); angles differ modulo whole turns.
 
-    `turns` (output,) is the length of a turn of each output, 0 for outputs that are no angles.
+    `turns` (output,) is the length of a turn in the units of each output, 0 for outputs other than angles.
 
     >>> deviation(np.array([[1.0]]), np.array([[361.5]]), np.array([360.0])).tolist()
     [[0.5]]
     """
     with np.errstate(invalid="ignore"):
-        difference = first - second  # of what is infinite, not a number
+        difference = first - second  # the difference of infinite values is not a number
     turn = np.where(turns > 0, turns, 1.0)[:, None]
     return np.abs(difference - np.where(turns[:, None] > 0, turn * np.round(difference / turn), 0.0))
 
 
-def stated_errors(wrong: Array, population: float) -> tuple[Array, Array, Array]:
+def stated_errors(wrong: Array, population: float, sensitive: int = 0) -> tuple[Array, Array, Array]:
     """Return root mean square, its factor of uncertainty and 99 % quantile of errors (K, output, time) at each time.
 
-    The mean square of a population is between those of its 95 % interval, which the factor describes: mean squares are
-    multiples of chi-square (Box), and those of all of a `population` are certain. Quantiles at single times are not
-    known from few realisations: those of errors over their root mean square are pooled over time.
+    The factor describes the 95 % confidence interval of the mean square of a population. Mean squares are approximated
+    as multiples of chi-square (Box); a sample of the complete `population` has no uncertainty. Few realisations do not
+    determine quantiles at single times. Ratios of errors to their root mean square are therefore pooled over time.
+
+    The first `sensitive` errors belong to chosen realisations, which represent themselves. The others represent the
+    rest of the population.
 
     >>> found = stated_errors(np.array([[[0.0, 3.0]], [[0.0, 4.0]], [[0.0, 5.0]]]), np.inf)
     >>> [one.round(2).tolist() for one in found]
     [[[0.0, 4.08]], [[1.0, 3.73]], [[0.0, 18.57]]]
     >>> stated_errors(np.array([[[2.0]]]), 1)
     (array([[2.]]), array([[1.]]), array([[2.]]))
+    >>> stated_errors(np.array([[[10.0]], [[1.0]], [[1.0]]]), 4, sensitive=1)[0].round(2).tolist()
+    [[5.07]]
     """
     from scipy.special import chdtri
 
-    count, squares = len(wrong), wrong**2
-    mean = squares.mean(axis=0)
+    rest = len(wrong) - sensitive
+    share = 1.0 - sensitive / population
+    weights = np.repeat([1.0 / population, share / rest], [sensitive, rest])
+    others = wrong[sensitive:] ** 2
+    of_others = others.mean(axis=0)
+    mean = share * of_others + (wrong[:sensitive] ** 2).sum(axis=0) / population
     rms, some = np.sqrt(mean), mean > 0
     ratios = wrong / np.where(some, rms, 1.0)
-    spread = ((squares - mean) ** 2).sum(axis=0) / max(1, count - 1) / count
-    relative = np.divide(spread, mean**2, out=np.zeros(mean.shape), where=some)
+    spread = ((others - of_others) ** 2).sum(axis=0) / max(1, rest - 1) / rest
+    relative = np.divide(share**2 * spread, mean**2, out=np.zeros(mean.shape), where=some)
+    least = 2 / rest * np.divide(share * of_others, mean, out=np.ones(mean.shape), where=some) ** 2
     largest = np.zeros((len(mean), 1))
     for output, known in enumerate(some):
         if known.any():
-            # few realisations underestimate the spread of long tails, mostly where the mean square is too small, too
+            # few realisations underestimate the spread of long tails, mostly at times with too small a mean square
             relative[output] = np.maximum(relative[output], np.quantile(relative[output, known], OFTEN))
-            largest[output] = np.quantile(ratios[:, output, known], LEVEL)
-    freedom = np.clip(2 / np.maximum(relative, 2 / count), 1.0, None)
-    factor = np.sqrt(freedom / chdtri(freedom, 1.0 - TAIL)) ** np.sqrt(max(0.0, 1.0 - count / population))
+            largest[output] = _quantile(ratios[:, output, known], weights, sensitive)
+    freedom = np.clip(2 / np.maximum(np.maximum(relative, least), 1e-9), 1.0, None)
+    left = max(0.0, 1.0 - rest / (population - sensitive))
+    factor = np.sqrt(freedom / chdtri(freedom, 1.0 - TAIL)) ** np.sqrt(left)
     factor = np.where(some, factor, 1.0)
     return rms, factor, np.maximum(rms * largest * factor, wrong.max(axis=0))
+
+
+def _quantile(ratios: Array, weights: Array, sensitive: int) -> float:
+    """Return the stated quantile of ratios (K, T) of realisations with weights (K,)."""
+    if not sensitive:
+        return float(np.quantile(ratios, LEVEL))
+    weighted = np.repeat(weights, ratios.shape[1])
+    return float(np.quantile(ratios.ravel(), LEVEL, weights=weighted, method="inverted_cdf"))
 
 
 def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
     """Add ``integration_error`` (output, time), in the units of the outputs, to the statistics of a method.
 
-    At most 1 % of realisations have a larger error, by an upper limit. ``integration_error_rms`` is the root mean
-    square over the realisations, and ``integration_error_factor`` the factor by which that may be off (95 %). NaN where
-    they are unknown, with the attribute ``reason``.
+    The value is an upper limit: at most 1 % of realisations have a larger error. ``integration_error_rms`` is the root
+    mean square over the realisations. ``integration_error_factor`` is the uncertainty factor of this root mean square
+    (95 %). Unknown values are NaN, with the attribute ``reason``.
     """
     if "statistics" not in node.children or (problem.timeless and not problem.model.scalars.needs_motion):
         return node
     statistics = node.children["statistics"].to_dataset(inherit=False)
     shape = problem.labels.shape
     mean = statistics.get("mean")
-    if "integration_error" in statistics or not shape[0] or _is_static(problem):
+    static = len(problem.whole_times) < 2
+    if "integration_error" in statistics or not shape[0] or static:
         return node
     if mean is None or mean.dims != ("output", "time") or mean.shape != shape:
         return node
-    found, attrs = _measured(problem, str(node.attrs.get("integrated_by", "")))
+    samples = node.children["samples"].to_dataset(inherit=False) if "samples" in node.children else None
+    found, attrs = _measured(problem, str(node.attrs.get("integrated_by", "")), samples)
     stated = {
         name: (mean.dims, np.where(np.isfinite(mean.values), error, np.nan), {"long_name": about, **attrs})
         for (name, about), error in zip(LONG_NAMES.items(), found, strict=True)
@@ -134,33 +167,36 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
     return node
 
 
-def _is_static(problem: Problem) -> bool:
-    """Return whether nothing is integrated."""
-    return len(problem.times if problem.over is None else problem.over) < 2
-
-
-def _measured(problem: Problem, by: str) -> tuple[tuple[Array, Array, Array], dict[str, str | int | float]]:
-    """Return the three `stated_errors` (output, time), and how they were found."""
+def _measured(
+    problem: Problem, by: str, samples: xr.Dataset | None
+) -> tuple[tuple[Array, Array, Array], dict[str, str | int | float]]:
+    """Return the three `stated_errors` (output, time), and attributes that describe the procedure."""
     unknown = (np.full(problem.labels.shape, np.nan),) * 3
     rtol = tighter(problem.rtol)
     if rtol is None:
-        return unknown, {"reason": f"rtol is {problem.rtol:g}, and none that is much tighter is of use"}
+        return unknown, {"reason": f"rtol is {problem.rtol:g}; a smaller tolerance would not reduce the error"}
     with warnings.catch_warnings():
-        # the run itself has told
+        # the run has already reported these warnings
         warnings.simplefilter("ignore", RedundantConstraintWarning)
         try:
             values, first = _integrated_once(problem, by)
+            values, first, sensitive = _with_sensitive(values, first, samples, problem.runner.observed.counted)
             if not len(values):
-                return unknown, {"reason": "no realisation succeeded that could be integrated again"}
-            again = _silent(problem, "again", rtol=rtol, integrator="auto").realise(values)
+                return unknown, {"reason": "all realisations failed, so none can be integrated again"}
+            # few realisations do not justify the start of workers
+            workers = problem.runner.executor if len(values) > AGAIN else None
+            again = _silent(problem, "again", workers, rtol=rtol, integrator="auto").realise(values)
         except Exception as raised:  # noqa: BLE001 - what is measured must not cost what is known
             return unknown, {"reason": f"integrating again with rtol {rtol:g} failed: {reason_of(raised)}"}
     good = np.flatnonzero(again.status == Status.OK)
     if not len(good):
         why = again.most_frequent_reason()
-        return unknown, {"reason": f"all {len(values)} realisations fail that are integrated with rtol {rtol:g}: {why}"}
+        return unknown, {
+            "reason": f"the repeated integrations of all {len(values)} realisations with rtol {rtol:g} failed: {why}"
+        }
     population = problem.runner.observed.counted or np.inf
-    error = stated_errors(deviation(first[good], again.response[good], problem.labels.turns), population)
+    sensitive = int(np.count_nonzero(good < sensitive))
+    error = stated_errors(deviation(first[good], again.response[good], problem.labels.turns), population, sensitive)
     comment = f"of {100 * LEVEL:g} % of realisations, from {len(good)} that were integrated again, with rtol {rtol:g}"
     failed = len(values) - len(good)
     more = f"; {failed} more failed there: {again.most_frequent_reason()}" if failed else ""
@@ -168,10 +204,10 @@ def _measured(problem: Problem, by: str) -> tuple[tuple[Array, Array, Array], di
 
 
 def _integrated_once(problem: Problem, by: str) -> tuple[Array, Array]:
-    """Return inputs (K, input) and responses (K, output, time) of realisations at the tolerance of the study.
+    """Return inputs (K, input) and responses (K, output, time) at the tolerance of the study.
 
-    Where a method that solves for all together has done so by another integrator (`by`) than its realisations, these
-    are integrated by that one.
+    A method that solves for all realisations together may have used another integrator (`by`) than for its separate
+    realisations. In this case `by` integrates the realisations.
     """
     seen = problem.runner.observed
     known = integrated_by(seen.counters, problem.integrator).get("integrated_by", "").split(", ")
@@ -184,6 +220,43 @@ def _integrated_once(problem: Problem, by: str) -> tuple[Array, Array]:
     return found.values[good], found.response[good]
 
 
+def _with_sensitive(
+    values: Array, responses: Array, samples: xr.Dataset | None, counted: int
+) -> tuple[Array, Array, int]:
+    """Replace some of the realisations (K, ...) by the most sensitive samples, which come first, and count these.
+
+    The sensitivity of a sample is the difference of its response from that of a neighbour, over their distance. Small
+    local errors grow by it. Samples have no sensitivities if they are not the whole population, or too many.
+    """
+    from scipy.spatial import cKDTree
+
+    unchanged = values, responses, 0
+    if samples is None or len(values) < LEAST_SENSITIVE or samples["response"].shape[1:] != responses.shape[1:]:
+        return unchanged
+    good = samples["status"].values == Status.OK
+    inputs = samples["inputs"].values[good]
+    if len(inputs) != counted or counted > MOST_SAMPLES or not 0 < inputs.shape[1] <= MOST_INPUTS:
+        return unchanged
+    every = max(1, -(-responses.shape[2] // MOST_TIMES))
+    known = samples["response"].values[good]
+    some, spread = known[:, :, ::every], known.std(axis=0).max(axis=-1)[:, None]
+    std = inputs.std(axis=0)
+    scaled = inputs / np.where(std > 0, std, 1.0)
+    distance, near = cKDTree(scaled).query(scaled, k=3)
+    slopes = np.zeros(len(inputs))
+    for apart, other in zip(distance.T[1:], near.T[1:], strict=True):
+        step = np.sqrt((((some - some[other]) / np.where(spread > 0, spread, 1.0)) ** 2).mean(axis=2)).max(axis=1)
+        slopes = np.maximum(slopes, np.divide(step, apart, out=np.zeros_like(step), where=apart > 0))
+    chosen = np.argsort(-slopes, kind="stable")[: len(values) // SENSITIVE]
+    others = np.flatnonzero(~(values[:, None] == inputs[chosen]).all(axis=2).any(axis=1))
+    kept = others[np.linspace(0, len(others) - 1, len(values) - len(chosen)).round().astype(int)]
+    return (
+        np.concatenate([inputs[chosen], values[kept]]),
+        np.concatenate([known[chosen], responses[kept]]),
+        len(chosen),
+    )
+
+
 def _points(problem: Problem) -> Array:
     """Return the medians of the inputs and further points of their distribution, shape (AGAIN, input)."""
     count = len(problem.inputs)
@@ -193,10 +266,10 @@ def _points(problem: Problem) -> Array:
     return problem.inputs.from_uniform((0.5 + steps) % 1.0)
 
 
-def _silent(problem: Problem, what: str, **changes: Any) -> Problem:
-    """Return a copy of a problem without progress reports and with a separate store of chunks."""
+def _silent(problem: Problem, what: str, workers: Executor | None = None, **changes: Any) -> Problem:
+    """Return a copy of a problem with the given workers, a separate store of chunks, and no progress reports."""
     part = problem.part(f"{problem.label}: {what}")
     known = problem.runner.again.setdefault(what, {})
-    silent = part.using(executor=None, progress=Silent(), known=known, ledger=None)
-    # errors of margins are not measured
+    silent = part.using(executor=workers, progress=Silent(), known=known, ledger=None, chunk=TOGETHER)
+    # the errors of margins are not measured
     return replace(silent, model=replace(problem.model, margins=None), **changes)

@@ -1,4 +1,4 @@
-"""The model of a mechanism that has something to observe, with the steps that a user asks for."""
+"""Build the model of a mechanism with outputs, and the requested limits on steps."""
 
 from __future__ import annotations
 
@@ -32,6 +32,9 @@ __all__ = [
     "warned_elsewhere",
 ]
 
+KNOWN = "findings of the model are known"
+"""Key of the record of a mechanism, for a time of its model, that its findings were listed or issued."""
+
 
 def build_observed_model(
     mechanism: Mechanism,
@@ -40,24 +43,25 @@ def build_observed_model(
     max_step: float = float("inf"),
     breaks: tuple[float, ...] = (),
 ) -> Model:
-    """Build a mechanism that has something to observe; `start`, `max_step` and `breaks` as for `Study`."""
+    """Build a mechanism with outputs; `Study` documents `start`, `max_step` and `breaks`."""
     from uqmbd.dynamics import build, referenced
 
     if not mechanism.observed():
         raise StudyError(
-            f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
-            "e.g. mechanism.output('x', body.position[0], units='m'), or what must hold, "
+            f"mechanism {mechanism.name!r} has no outputs; add one, "
+            "e.g. mechanism.output('x', body.position[0], units='m'), or a requirement, "
             "e.g. mechanism.require('clearance', body.position[0] <= 0.47)."
         )
     means = mechanism.inputs.means
-    # what is redundant is among the findings, of which the caller warns
+    # redundant constraints are among the findings, and the caller warns of them
     model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time, quiet=True), means))
     if start != "drawn":
         posed = [name for name, condition in mechanism.conditions.items() if not condition.of_velocities]
         if posed:
             raise StudyError(
-                f"mechanism {mechanism.name!r}: start condition {posed[0]} says where the bodies are, and so does "
-                "start='equilibrium'; leave one of them out. Conditions of velocities may stay."
+                f"mechanism {mechanism.name!r}: start condition {posed[0]} and start='equilibrium' both define the "
+                "initial pose; omit one of them. Start conditions on velocities are allowed with "
+                "start='equilibrium'."
             )
         built = model
         model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
@@ -69,9 +73,9 @@ def build_observed_model(
 
 
 def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:
-    """Return findings on the components that touch bodies of a mechanism and were never passed to its `add`.
+    """Return findings on components that refer to bodies of a mechanism but were never passed to its `add`.
 
-    A component that was replaced by another of its name, or rejected, does not count.
+    The findings exclude rejected components and components that another one with the same name has replaced.
     """
     touched: dict[tuple[str, str], list[str]] = {}
     for body in mechanism.bodies.values():
@@ -82,8 +86,8 @@ def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:
         Finding(
             Severity.WARNING,
             f"{kind} {name!r}",
-            f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was made and never "
-            "added, so that it has no effect",
+            f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was created but "
+            "not added to the mechanism, so it has no effect",
             "Call mechanism.add(...) with it",
         )
         for (name, kind), bodies in sorted(touched.items())
@@ -91,28 +95,24 @@ def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:
 
 
 def warn_of(model: Model, stacklevel: int) -> None:
-    """Give the Python warnings of what was found when a model was made."""
+    """Issue the Python warnings of findings on a model."""
     for finding in model.findings:
         if finding.warned:
             warnings.warn(f"{finding.text}.", finding.category, stacklevel=stacklevel + 1)
 
 
 def warn_once(mechanism: Mechanism, model: Model, stacklevel: int) -> None:
-    """Give these warnings unless they were given, or listed, since the mechanism was last changed."""
-    mechanism.remembered(_said(model.time), lambda: warn_of(model, stacklevel + 3))
+    """Issue the warnings of `warn_of` unless they were issued or listed since the last change of the mechanism."""
+    mechanism.remembered((KNOWN, model.time), lambda: warn_of(model, stacklevel + 3))
 
 
 def warned_elsewhere(mechanism: Mechanism, time: float) -> None:
-    """Note that what was found in the model of a mechanism is listed, or warned of, by the caller."""
-    mechanism.remembered(_said(time), lambda: None)
-
-
-def _said(time: float) -> tuple[str, float]:
-    return ("findings of the model are known", time)
+    """Record that the caller lists or issues the findings on the model of a mechanism at a time, s."""
+    mechanism.remembered((KNOWN, time), lambda: None)
 
 
 def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> None:
-    """Raise a `StudyError` if the position that is prescribed to a single realisation jumps within the times."""
+    """Raise a `StudyError` if a prescribed position of a single realisation jumps within the times."""
     from uqmbd.dynamics import position_jumps
 
     if len(times) > 1 and ensemble.model.rheonomic and (found := position_jumps(ensemble, times, rtol)):
@@ -120,19 +120,19 @@ def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> N
 
 
 def step_attributes(max_step: float, breaks: tuple[float, ...]) -> dict[str, Any]:
-    """Return the attributes that say how steps were bounded, if they were."""
+    """Return the attributes on step limits; empty without limits."""
     found: dict[str, Any] = {} if max_step == float("inf") else {"max_step": max_step}
     return found | ({"breaks": list(breaks)} if breaks else {})
 
 
 def not_unique_attribute(model: Model) -> dict[str, str]:
-    """Return the attribute that names outputs that redundant constraints leave undetermined, if there are any."""
+    """Return the attribute with the outputs that redundant constraints leave undetermined; empty if there are none."""
     names = model.outputs.not_unique
     return {"not_unique": ", ".join(names)} if names else {}
 
 
 def finding_attributes(findings: Sequence[Finding]) -> dict[str, str]:
-    """Return the attributes that hold findings, as JSON, if there are any: all, and the texts of those warned of."""
+    """Return the attributes with all findings, and with the texts of warnings, as JSON; empty without findings."""
     names = ("place", "message", "remedy")
     found = [{"severity": x.severity.value, **{name: getattr(x, name) for name in names}} for x in findings]
     warned = [x.text for x in findings if x.warned]
@@ -140,34 +140,32 @@ def finding_attributes(findings: Sequence[Finding]) -> dict[str, str]:
 
 
 LONGEST = 60
-"""Characters of an expression that is shown."""
+"""Maximum number of characters of a displayed expression."""
 
 
 def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
     """Return the attributes of results on their mechanism, each as JSON.
 
-    ``parts`` are bodies, and components with their types, by which `uqmbd compare` finds those of only one of two
-    mechanisms; ``model`` the parameters of both, in words; ``over`` outputs that are plotted over others; ``limits``
-    requirements that an output over time stays below or above a number.
+    ``parts`` contains bodies, and components with their types; `uqmbd compare` uses it to find parts that only one of
+    two mechanisms has. ``model`` contains the parameters of bodies and components as text. ``over`` contains outputs
+    that are plotted over other outputs. ``limits`` contains requirements that an output over time stays below or above
+    a number.
     """
     components = {c.name: type(c).__name__ for c in mechanism.components.values()}
     components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}
     found: dict[str, object] = {
         "parts": {"bodies": list(mechanism.bodies), "components": components},
-        "model": _model(mechanism),
+        "model": {
+            "bodies": {name: _shown(body.terms, {"gravity"}) for name, body in mechanism.bodies.items()},
+            "components": {
+                c.name: {"bodies": [body.name for body in c.attached.values()], "parameters": _shown(c)}
+                for c in mechanism.components.values()
+            },
+        },
         "over": {output.name: output.over for output in mechanism.outputs.values() if output.over},
         "limits": _limits(mechanism),
     }
     return {name: json.dumps(value, ensure_ascii=False) for name, value in found.items() if value}
-
-
-def _model(mechanism: Mechanism) -> dict[str, object]:
-    bodies = {name: _shown(body.terms, {"gravity"}) for name, body in mechanism.bodies.items()}
-    components = {
-        c.name: {"bodies": [body.name for body in c.attached.values()], "parameters": _shown(c)}
-        for c in mechanism.components.values()
-    }
-    return {"bodies": bodies, "components": components}
 
 
 def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, str]:
@@ -181,7 +179,7 @@ def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, st
 
 
 def _written(value: Any) -> str:
-    """Write a number, a row of them, or an expression; of a long expression what it holds."""
+    """Return a number, a row of numbers, or an expression as text; a long expression as its symbols."""
     if isinstance(value, (tuple, list, sympy.MatrixBase)):
         return f"({', '.join(_written(one) for one in value)})"
     try:

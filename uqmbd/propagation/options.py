@@ -1,4 +1,4 @@
-"""Options that studies and simulations share, checked."""
+"""Checks of the options that studies and simulations share."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ __all__ = [
 
 
 STARTS = ("drawn", "equilibrium")
-"""Where realisations may start."""
+"""Possible initial configurations of realisations."""
 
 
 LONGEST, SHORTEST = 1e30, 1e-9
-"""Times, and distances between them, s, beyond which the steps of an integration leave the range of numbers."""
+"""Largest time, and smallest distance between times, s: beyond these limits, steps leave the range of numbers."""
 
 APART = 1e-14
-"""Relative distance of times below which there is no room for steps."""
+"""Relative distance of times below which a step is smaller than the rounding error of time."""
 
 MOST = 10**7
-"""Times, at most: those of one output are 80 MB."""
+"""Maximum number of times: one output at these times has 80 MB."""
 
 NAMED = 5
-"""Outputs that a message names."""
+"""Maximum number of outputs in a message."""
 
 
 def _real(value: Any) -> float:
@@ -56,38 +56,38 @@ def _real(value: Any) -> float:
         return float("nan")
     try:
         return float(value)
-    except OverflowError:  # a whole number of hundreds of digits
+    except OverflowError:  # an integer may have hundreds of digits
         return float("inf")
 
 
 def _some(times: Any, where: str) -> None:
-    """Refuse arrays that are huge, and those with masked entries, whose values nobody means."""
+    """Reject huge arrays, and arrays with masked entries."""
     if isinstance(times, Mapping):
         raise StudyError(f"{where} are {times!r:.80}; expected a sequence of numbers in s, e.g. [0.4].")
     size = 0
-    if getattr(times, "ndim", None) != 0:  # an array of no dimension has no length, also where its class has one
+    if getattr(times, "ndim", None) != 0:  # an array without dimensions has no length, although its class has a length
         size = times.size if isinstance(times, np.ndarray) else len(times) if isinstance(times, Sized) else 0
     if size > MOST:
         raise StudyError(f"{where} are {size}; expected at most {MOST}.")
     if np.ma.is_masked(times):
-        raise StudyError(f"{where} are {times!r}; expected numbers in s, none of them masked.")
+        raise StudyError(f"{where} are {times!r}; expected numbers in s without masked values.")
 
 
 def check_times(times: ArrayLike, where: str) -> Array:
-    """Return output times as an array, or say what is wrong with them."""
+    """Return output times as an array after a check."""
     times = without_quantities(f"{where}: times", times, "s")
     _some(times, f"{where}: times")
     try:
         grid = np.array(times, dtype=float)
         if any(isinstance(x, (str, bytes)) for x in np.asarray(times, dtype=object).ravel().tolist()):
-            raise TypeError  # NumPy reads texts as numbers
+            raise TypeError  # NumPy would read texts as numbers
     except (TypeError, ValueError, OverflowError):
         raise StudyError(
             f"{where}: times are {times!r}; expected numbers in s, e.g. numpy.linspace(0, 2, 401)."
         ) from None
     if grid.ndim != 1 or len(grid) < 2:
         raise StudyError(
-            f"{where}: times have shape {grid.shape}; expected at least two numbers in a row, "
+            f"{where}: times have shape {grid.shape}; expected a one-dimensional sequence of at least two numbers, "
             "e.g. numpy.linspace(0, 2, 401)."
         )
     if np.asarray(times).dtype == bool:
@@ -98,23 +98,22 @@ def check_times(times: ArrayLike, where: str) -> Array:
     if len(wrong):
         k = int(wrong[0])
         raise StudyError(
-            f"{where}: times do not increase: times[{k}] = {grid[k]:g} is followed by times[{k + 1}] = "
-            f"{grid[k + 1]:g}; every output time must be later than the one before."
+            f"{where}: times do not increase: times[{k}] is {grid[k]:g}, and times[{k + 1}] is {grid[k + 1]:g}; "
+            "expected increasing output times."
         )
     steps, size = np.diff(grid), float(np.abs(grid).max())
     if size > LONGEST or steps.min() < max(SHORTEST, APART * size):
         k = int(np.argmin(steps))
         raise StudyError(
-            f"{where}: times lie between {grid[0]:g} and {grid[-1]:g} s, times[{k}] and times[{k + 1}] are "
-            f"{steps[k]:.3g} s apart: an integration has no steps so small, or so large, in numbers of 64 bits. Scale "
-            "the units."
+            f"{where}: times are between {grid[0]:g} and {grid[-1]:g} s, and times[{k}] and times[{k + 1}] differ by "
+            f"{steps[k]:.3g} s. 64-bit numbers cannot represent such steps. Scale the units."
         )
     grid.setflags(write=False)
     return grid
 
 
 def check_timeless(mechanism: Mechanism, where: str) -> Array:
-    """Return the times of a study without output times, 0 s alone, or say which outputs need some."""
+    """Return the single time 0 s of a study without output times; raise StudyError if outputs require times."""
     from uqmbd.mechanism import MotionSymbol
 
     timeless = (*mechanism.scalars.values(), *mechanism.margins.values())
@@ -124,8 +123,8 @@ def check_timeless(mechanism: Mechanism, where: str) -> Array:
         more = f" and {len(needing) - NAMED} more" if len(needing) > NAMED else ""
         raise StudyError(
             f"{where}: times are missing; expected output times in s, e.g. times=numpy.linspace(0, 2, 401), for "
-            f"{', '.join(map(repr, needing[:NAMED]))}{more}. They may be left out only "
-            "if no output needs a motion, as with frequencies."
+            f"{', '.join(map(repr, needing[:NAMED]))}{more}. Omit times only if no output depends on the motion, "
+            "e.g. for eigenfrequencies."
         )
     grid = np.zeros(1)
     grid.setflags(write=False)
@@ -133,36 +132,36 @@ def check_timeless(mechanism: Mechanism, where: str) -> Array:
 
 
 def check_rtol(rtol: Any, where: str) -> float:
-    """Return a usable relative tolerance, or say what is wrong with it."""
+    """Return a relative tolerance after a check."""
     if not 1e-13 <= _real(rtol) <= 1e-1:
         raise StudyError(f"{where}: rtol is {rtol!r}; expected a number between 1e-13 and 0.1, e.g. 1e-6.")
     return float(rtol)
 
 
 def check_integrator(integrator: str, where: str) -> str:
-    """Return the name of an integrator that is there, or name those that are."""
-    # plugins are not loaded for those of the core
+    """Return the name of an integrator after a check; the error on an unknown name lists the known names."""
+    # integrators of the core do not require the load of plugins
     if isinstance(integrator, str) and (integrator in built_in_names() or integrator in integrators()):
         return integrator
-    raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(integrators())}.")
+    raise StudyError(f"{where}: integrator is {integrator!r}; expected one of: {', '.join(integrators())}.")
 
 
 def check_max_step(max_step: Any, where: str) -> float:
-    """Return the longest step, infinite if there is none, or say what is wrong with it."""
+    """Return the longest step, s, after a check; infinite without a limit."""
     max_step = without_quantities(f"{where}: max_step", max_step, "s")
     if max_step is None:
         return float("inf")
     if not 0 < _real(max_step) < float("inf"):
         raise StudyError(
-            f"{where}: max_step is {max_step!r}; expected the longest step of the integration in s, a finite number "
-            "above 0, e.g. 1e-3; None for no bound."
+            f"{where}: max_step is {max_step!r}; expected the largest integration step in s, a finite number above 0 "
+            "such as 1e-3, or None for no limit."
         )
     return float(max_step)
 
 
 def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
-    """Return the times at which the integration starts anew, sorted, or say what is wrong with them."""
-    wanted = "expected times in s at which the integration starts anew, e.g. breaks=[0.2, 0.21]"
+    """Return the sorted times of integration restarts, s, after a check."""
+    wanted = "expected times in s at which the integration restarts, e.g. breaks=[0.2, 0.21]"
     breaks = without_quantities(f"{where}: breaks", breaks, "s")
     single = getattr(breaks, "ndim", None) == 0
     if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)) or single:
@@ -172,41 +171,41 @@ def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
     for given in breaks:
         time = given.item() if getattr(given, "ndim", None) == 0 and hasattr(given, "item") else given
         if not np.isfinite(_real(time)):
-            raise StudyError(f"{where}: breaks hold {time!r}; {wanted}, each a finite number.")
+            raise StudyError(f"{where}: breaks contain {time!r}; {wanted}, each a finite number.")
         found.append(float(time))
     return tuple(sorted(set(found)))
 
 
 def check_start(start: str, where: str) -> str:
-    """Return where realisations start, or say where they may."""
+    """Return the initial configuration of realisations after a check against the possible choices."""
     if not isinstance(start, str) or start not in STARTS:
         raise StudyError(
-            f"{where}: start is {start!r}; expected 'drawn' (as assembled from the drawn pose) or 'equilibrium' (each "
-            "realisation in its own static equilibrium)."
+            f"{where}: start is {start!r}; expected 'drawn' (the pose assembled from the drawn pose) or "
+            "'equilibrium' (the static equilibrium of each realisation)."
         )
     return start
 
 
 def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple[float, ...]:
-    """Return the times at which a report shows distributions, each within those of the study."""
+    """Return the times of distributions in a report, s, after a check that they are within the times of the study."""
     times = without_quantities(f"{where}: report_times", times, "s")
     _some(times, f"{where}: report_times")
     try:
         if any(isinstance(x, (str, bytes)) for x in (times, *times)):
-            raise TypeError  # Python reads texts as numbers
+            raise TypeError  # Python would read texts as numbers
         wanted = tuple(float(t) for t in times)
     except (TypeError, ValueError, OverflowError):
         raise StudyError(f"{where}: report_times are {times!r}; expected numbers in s, e.g. [0.4].") from None
     for t in wanted:
         if not grid[0] <= t <= grid[-1]:
             raise StudyError(
-                f"{where}: report_times holds {t:g} s; expected times between {grid[0]:g} and {grid[-1]:g} s."
+                f"{where}: report_times contains {t:g} s; expected times between {grid[0]:g} and {grid[-1]:g} s."
             )
     return wanted
 
 
 def check_folder(folder: Any, resume: Any, where: str) -> Path | None:
-    """Return the folder of finished chunks, or say what is wrong with it."""
+    """Return the folder of finished chunks after a check."""
     if not isinstance(resume, bool):
         raise StudyError(f"{where}: resume is {resume!r}; expected True or False.")
     if folder is None:

@@ -1,6 +1,6 @@
 """Random variables, their joint distribution, and the bases and quadratures of polynomial chaos.
 
-The only place that imports chaospy.
+No other package of uqmbd imports chaospy.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from uqmbd.randomness.distributions import (
 from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncate_germ
 from uqmbd.randomness.index_sets import index_set
-from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.joint import JointInput, why_not_drawn
 from uqmbd.randomness.monomials import as_numpoly
 from uqmbd.randomness.numpy_reductions import install as install_in_numpy
 from uqmbd.randomness.quadrature import (
@@ -83,6 +83,7 @@ __all__ = [
     "tolerance",
     "truncate_germ",
     "uniform_variable",
+    "why_not_drawn",
 ]
 
 install_in_numpy()

@@ -1,4 +1,4 @@
-"""Index sets: which products of one-dimensional polynomials a polynomial chaos holds."""
+"""Index sets: the products of one-dimensional polynomials in a polynomial chaos."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ KINDS = ("total", "tensor", "hyperbolic")
 """Kinds of index sets."""
 
 MOST_TERMS = 1_000_000
-"""Terms beyond which a basis is not built: its use would fill any memory."""
+"""Largest number of terms of a basis; using a larger basis would fill any memory."""
 
 ROUNDING = 1e-9
-"""Slack with which a weighted sum may reach the order."""
+"""Relative tolerance of the comparison of a weighted sum with the order."""
 
 
 @typechecked
@@ -33,10 +33,10 @@ def index_set(
 
     - ``"total"``: a sum of at most `order` (for weights of one there are ``binomial(dimension + order, order)`` rows),
     - ``"tensor"``: a maximum of at most `order`,
-    - ``"hyperbolic"``: a quasi-norm ``(sum((w * a)**q))**(1 / q)`` of at most `order`, which leaves out high
+    - ``"hyperbolic"``: a quasi-norm ``(sum((w * a)**q))**(1 / q)`` of at most `order`, which excludes high
       interactions (Blatman and Sudret, J. Comput. Phys. 230 (2011) 2345).
 
-    Only members are ever built: the memory is that of the result.
+    The algorithm constructs only members of the set, so it needs only the memory of the result.
 
     Parameters
     ----------
@@ -47,19 +47,19 @@ def index_set(
     kind : {"total", "tensor", "hyperbolic"}
         Kind of the set.
     weights : sequence of float, length d, optional
-        Anisotropy, all positive: a germ of weight 2 gets half the order.  Default: all one.
+        Positive weights of an anisotropic set: a germ of weight 2 gets half the order. By default, all are one.
     q : float
-        Of the quasi-norm of ``"hyperbolic"``, between 0 (exclusive) and 1; 1 is the total degree.
+        Exponent of the quasi-norm of ``"hyperbolic"``, between 0 (exclusive) and 1; 1 gives the total degree.
 
     Returns
     -------
     array of int, shape (P, d)
-        Row 0 holds zeros; sorted by the total degree, then so that earlier germs come first.
+        Degrees of the terms. Row 0 is zero; rows are sorted by total degree, and then earlier germs come first.
 
     Raises
     ------
     uqmbd.StudyError
-        If an argument cannot be used, or there would be more than a million terms.
+        If an argument is invalid, or there would be more than a million terms.
 
     Examples
     --------
@@ -98,11 +98,11 @@ def index_set(
         else:
             left = (budget - spent) + ROUNDING * max(budget, 1.0)
             allowed = np.searchsorted(cost, left, side="right")
-        # every row has a continuation in the germs that follow: there will be at least as many
+        # following germs extend every row, so the number of rows cannot decrease
         if int(allowed.sum()) > MOST_TERMS:
             raise StudyError(
                 f"index_set: the {kind} set of order {degree} has more than {MOST_TERMS} terms for {count} inputs; "
-                f"lower the order{', or use the total set' if kind == 'tensor' else ''}, or give weights."
+                f"use a lower order{', or use the total set' if kind == 'tensor' else ''}, or weights."
             )
         before = np.repeat(np.arange(len(rows)), allowed)
         digit = np.arange(len(before)) - np.repeat(np.cumsum(allowed) - allowed, allowed)
@@ -112,7 +112,7 @@ def index_set(
 
 
 def sort_indices(rows: Index) -> Index:
-    """Sort rows by their total degree, then so that earlier columns come first.
+    """Sort rows by their total degree, and then with earlier columns first.
 
     >>> sort_indices(np.array([[0, 1], [1, 0], [0, 0]])).tolist()
     [[0, 0], [1, 0], [0, 1]]
@@ -122,7 +122,7 @@ def sort_indices(rows: Index) -> Index:
 
 
 def whole_number(value: object, what: str, least: int) -> int:
-    """Return `value` as an int; raise StudyError if it is no whole number of at least `least`.
+    """Return `value` as an int; raise StudyError if it is not a whole number of at least `least`.
 
     >>> whole_number(3, "order", 0)
     3

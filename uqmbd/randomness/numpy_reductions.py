@@ -1,8 +1,9 @@
-"""NumPy functions of symbolic quantities: a reduction of one expression is refused, and the message names the remedy.
+"""NumPy functions of symbolic quantities: reducing one expression raises an error that states the remedy.
 
 NumPy turns an expression into an array of one object, whose maximum, mean or percentile is the expression itself. NumPy
-asks the type of an argument for two methods before it computes. Sums and products of quantities are SymPy's own types,
-so that the methods are put on `sympy.Expr`. Expressions without quantities of uqmbd are computed as before.
+looks up two methods of the type of an argument before it computes. Sums and products of quantities have types of
+SymPy, so this module adds the methods to `sympy.Expr`. Results for expressions without quantities of uqmbd are
+unchanged.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ __all__ = ["install"]
 
 _MEAN = "uqmbd.integral({x}) / T, with the duration T"
 _SAMPLES = (
-    "Uncertainty methods propagate no summary of this kind. Declare the expression as an output over time, and compute "
-    "numpy.{name} of tree['monte-carlo/samples']['response'] along its time after the run"
+    "Write a function of the values and their weights over time, and declare it with uqmbd.extend.summary, which "
+    "all methods support. docs/how-to/summaries.md shows a percentile"
 )
 _REMEDIES = (
     (("max", "amax", "nanmax", "maximum", "fmax"), "Write uqmbd.maximum({x})"),
@@ -58,7 +59,7 @@ _ARRANGING = frozenset(
         "transpose", "vdot", "vecdot", "vecmat", "vstack", "where", "zeros_like",
     }
 )  # fmt: skip
-"""Functions of NumPy that arrange or multiply expressions, without a decision and without a statistic."""
+"""Functions of NumPy that arrange or multiply expressions, without comparisons and without statistics."""
 
 
 def _quantities(values: Iterable[Any]) -> tuple[sympy.Expr, list[Symbolic]] | None:
@@ -77,18 +78,18 @@ def _refused(name: str, expression: sympy.Expr, quantities: list[Symbolic]) -> S
     short = text if len(text) <= 80 else text[:77] + "..."
     if all(hasattr(quantity, "distribution") for quantity in quantities):
         return StudyError(
-            f"numpy.{name} was given {short}, which is random and is no array of numbers. Statistics over realisations "
-            "are results of a study: declare the expression as an output, and read them from the results. "
-            "uqmbd.extend.nominal returns the value at the means of the inputs."
+            f"numpy.{name}: the argument is {short}, a random quantity instead of an array of numbers. A study "
+            "computes statistics over realisations: declare the expression as an output, and read them from the "
+            "results. uqmbd.extend.nominal returns the value at the means of the inputs."
         )
     return StudyError(
-        f"numpy.{name} was given {short}, which is one expression and no array of values over time. "
+        f"numpy.{name}: the argument is {short}, one expression instead of an array of values over time. "
         f"{_ADVICE.get(name, _OTHER).format(x=x, name=name)}."
     )
 
 
 def _of_function(self: Any, function: Callable[..., Any], types: Any, args: Any, kwargs: Any) -> Any:
-    """Refuse a function of NumPy of one expression with quantities; compute others as NumPy does without the method."""
+    """Raise StudyError for a function of one expression with quantities; compute others as NumPy without the method."""
     name = function.__name__
     if name not in _ARRANGING and (found := _quantities([*args, *kwargs.values()])):
         raise _refused(name, *found)
@@ -97,7 +98,7 @@ def _of_function(self: Any, function: Callable[..., Any], types: Any, args: Any,
 
 
 def _of_ufunc(self: Any, function: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
-    """Refuse a reduction of one expression with quantities; compute others as for an array of one object."""
+    """Raise an error for a reduction of one expression with quantities; treat others as an array of one object."""
     name = function.__name__
     if (method != "__call__" or hasattr(Symbolic, name)) and (found := _quantities(inputs)):
         if method != "__call__":

@@ -1,13 +1,16 @@
-"""Symbols of uqmbd in functions of NumPy, and in conditions of Python: a message states the replacement.
+"""Messages for symbols of uqmbd that are used as numbers of Python or NumPy; each message states the replacement.
 
-Both need numbers.  SymPy's relations have no truth value, and say so in terms of SymPy; there is no hook for the
-message, so that the method is replaced, for relations with symbols of uqmbd alone.  What is raised is a TypeError, as
-SymPy expects it of itself.
+SymPy reports conditions, comparisons with NaN, and conversions to numbers in terms of SymPy. It has no hook for the
+message. This module replaces the methods, only for expressions with symbols of uqmbd. SymPy catches its own TypeError
+and ValueError, so the errors also have these classes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+import math
+import numbers
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from uqmbd.errors import StudyError
@@ -16,14 +19,14 @@ if TYPE_CHECKING:
     import sympy
 
 MYPY = False
-"""True to mypy alone."""
+"""True for mypy only."""
 
 __all__ = ["Symbol", "Symbolic"]
 
 if MYPY:
 
     class Symbol:
-        """SymPy has no types for mypy, to which a class derived from it is everything, and ``2 * length`` an int."""
+        """Types for mypy: without them, a class that derives from SymPy has any type, and ``2 * length`` is an int."""
 
         name: str
 
@@ -61,7 +64,7 @@ _WRITTEN = {
     "fabs": "Abs", "hypot": "sqrt(x**2 + y**2)", "deg2rad": "x * sympy.pi / 180", "radians": "x * sympy.pi / 180",
     "rad2deg": "x * 180 / sympy.pi", "degrees": "x * 180 / sympy.pi", "rint": "floor(x + 1/2)",
 }  # fmt: skip
-"""Functions of NumPy, and how they are written with SymPy."""
+"""Functions of NumPy and the equivalent functions or expressions of SymPy."""
 
 
 def _refusal(name: str, written: str) -> Callable[..., NoReturn]:
@@ -69,20 +72,20 @@ def _refusal(name: str, written: str) -> Callable[..., NoReturn]:
 
     def refuse(self: Any, *others: Any) -> NoReturn:
         raise StudyError(
-            f"numpy.{name} was given {self}, which represents a quantity and is no number: NumPy computes with numbers "
-            f"alone; write {write}."
+            f"numpy.{name}: the argument is the quantity {self}, but NumPy functions accept numbers "
+            f"only. Write {write}."
         )
 
     return refuse
 
 
 class Symbolic:
-    """Base of symbols: NumPy calls the method of a function's name, which raises with advice."""
+    """Base of symbols: NumPy calls the method with the name of a function; the method raises an error with advice."""
 
     __slots__ = ()
 
     units = ""
-    """Units of the symbol; empty: unknown."""
+    """Units of the symbol; empty if unknown."""
 
 
 for _name, _function in _WRITTEN.items():
@@ -93,23 +96,134 @@ class UndecidedError(StudyError, TypeError):
     """A relation between quantities was used as a condition of Python."""
 
 
+class UnrealComparisonError(StudyError, TypeError, ValueError):
+    """A quantity was compared with a value that is not real."""
+
+
+class SymbolicNumberError(StudyError, TypeError):
+    """An expression with quantities was converted to a number of Python."""
+
+
+def _quantities(*values: Any) -> list[Symbolic]:
+    """Return the quantities of uqmbd in some expressions."""
+    return [x for value in values for x in getattr(value, "free_symbols", ()) if isinstance(x, Symbolic)]
+
+
+def _short(value: Any) -> str:
+    """Return a value as text of at most 80 characters."""
+    text = str(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
 def _refuse_truth(plain: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    @functools.wraps(plain)
     def truth(self: Any) -> bool:
-        if not any(isinstance(symbol, Symbolic) for symbol in self.free_symbols):
+        if not _quantities(self):
             return plain(self)
         left, right = self.args[:2]
         raise UndecidedError(
-            f"{self} has no truth value, since it differs between realisations or times. Write "
-            f"sympy.Piecewise((a, {self}), (b, True)) for a value that is a where it is true and b elsewhere. Write "
-            "sympy.Max, sympy.Min, sympy.And and sympy.Or instead of max, min, and, or. "
-            f"To choose by the means, write uqmbd.nominal({left - right}) {self.rel_op} 0."
+            f"{self} has no truth value, because it differs between realisations or times. Write sympy.Piecewise((a, "
+            f"{self}), (b, True)) for a value that is a where the relation is true, and b elsewhere. Write "
+            "sympy.Max, sympy.Min, sympy.And and sympy.Or instead of max, min, and, or. To choose by the means, "
+            f"write uqmbd.nominal({left - right}) {self.rel_op} 0."
         )
 
     return truth
 
 
-if not MYPY:
-    from sympy.core.relational import Relational
+def _unreal(called: str, values: Iterable[Any]) -> UnrealComparisonError | None:
+    """Return the error for a comparison of some values; None if all are real, or none is a quantity."""
+    given = list(values)
+    wrong = [x for x in given if _is_nan(x) or getattr(x, "is_extended_real", None) is False or isinstance(x, complex)]
+    if not wrong or not _quantities(*given):
+        return None
+    return UnrealComparisonError(
+        f"{called} is undefined, because {_short(wrong[0])} is "
+        f"{'not a number' if _is_nan(wrong[0]) else 'not real'}. Compare with a real number, or with "
+        "sympy.oo for no limit."
+    )
 
-    if Relational.__bool__.__qualname__ != _refuse_truth.__qualname__ + ".<locals>.truth":
-        Relational.__bool__ = _refuse_truth(Relational.__bool__)
+
+def _is_nan(value: Any) -> bool:
+    import sympy
+
+    return value is sympy.nan or (isinstance(value, numbers.Real) and math.isnan(value))
+
+
+def _refuse_unreal_relation(plain: Callable[..., Any]) -> Any:
+    @functools.wraps(plain)
+    def make(cls: Any, left: Any, right: Any, **options: Any) -> Any:
+        try:
+            return plain(cls, left, right, **options)
+        except TypeError as error:
+            raise _unreal(f"{_short(left)} {cls.rel_op} {_short(right)}", (left, right)) or error from None
+
+    return staticmethod(make)
+
+
+def _refuse_unreal_extreme(plain: Callable[..., Any]) -> Any:
+    @functools.wraps(plain)
+    def make(cls: Any, *values: Any, **options: Any) -> Any:
+        try:
+            return plain(cls, *values, **options)
+        except ValueError as error:
+            called = f"sympy.{cls.__name__}({', '.join(map(_short, values))})"
+            raise _unreal(called, values) or error from None
+
+    return staticmethod(make)
+
+
+_CONVERSIONS = {
+    "__float__": (
+        "float, or a function of math,",
+        " In an expression, write functions of SymPy: sympy.sin for math.sin.",
+    ),
+    "__int__": ("int", " In an expression, write sympy.floor."),
+    "__complex__": ("complex", ""),
+    "__round__": ("round", " In an expression, write sympy.floor(x + 1/2)."),
+    "__trunc__": ("math.trunc", " In an expression, write sympy.floor."),
+    "__format__": ("", " To print the expression as text, omit the format."),
+}
+"""Methods of expressions that need a number, with their names in messages and advice for expressions."""
+
+
+def _refuse_conversion(name: str, plain: Callable[..., Any]) -> Callable[..., Any]:
+    called, advice = _CONVERSIONS[name]
+
+    @functools.wraps(plain)
+    def convert(self: Any, *options: Any) -> Any:
+        try:
+            return plain(self, *options)
+        except TypeError:
+            found = _quantities(self)
+            if not found:
+                raise
+            asked = f"the format {options[0]!r}" if name == "__format__" else called
+            if all(hasattr(quantity, "distribution") for quantity in found):
+                value = f"Write uqmbd.nominal({_short(self)}) for its value at the means of the inputs."
+            else:
+                value = "Declare it as an output, and read its values from the results."
+            raise SymbolicNumberError(
+                f"{_short(self)} differs between realisations or times, but {asked} needs a number. {value}{advice}"
+            ) from None
+
+    return convert
+
+
+def _install() -> None:
+    """Replace the methods of SymPy; a second call changes nothing."""
+    from sympy.core.expr import Expr
+    from sympy.core.relational import Relational, _Inequality
+    from sympy.functions.elementary.miscellaneous import MinMaxBase
+
+    if hasattr(Relational.__bool__, "__wrapped__"):
+        return
+    Relational.__bool__ = _refuse_truth(Relational.__bool__)
+    _Inequality.__new__ = _refuse_unreal_relation(_Inequality.__new__)
+    MinMaxBase.__new__ = _refuse_unreal_extreme(MinMaxBase.__new__)
+    for name in _CONVERSIONS:
+        setattr(Expr, name, _refuse_conversion(name, getattr(Expr, name)))
+
+
+if not MYPY:
+    _install()

@@ -1,4 +1,4 @@
-"""Random variables that enter expressions: SymPy symbols which carry a distribution."""
+"""Random variables in expressions: SymPy symbols with a distribution."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import scipy.special
 import sympy
 
 from uqmbd.arguments import typechecked
+from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness.rosenblatt import NotUnderstood, Transform, means_of, rewritten, supports_of
@@ -24,7 +25,7 @@ __all__ = ["JointDistribution", "RandomVariable", "random_vector", "uniform_vari
 
 @dataclass(frozen=True, eq=False)
 class JointDistribution:
-    """A distribution of one or more dependent variables, with their names, which the members of a group share."""
+    """Distribution of one or more dependent variables with their names; all members of a group share it."""
 
     distribution: Any
     names: tuple[str, ...]
@@ -43,12 +44,12 @@ class JointDistribution:
 
     @cached_property
     def transform(self) -> Transform:
-        """Rosenblatt's transform, of variables that depend on each other."""
+        """Rosenblatt transform of dependent variables."""
         return Transform.of(self.distribution)
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """Intervals that hold all values, shape ``(dimension, 2)``; infinite ones may end far out."""
+        """Intervals that contain all values, shape ``(dimension, 2)``; an infinite interval may end far out."""
         from uqmbd.randomness.distributions import is_dependent
 
         if not is_dependent(self.distribution) or self.transform.gaussian:
@@ -58,10 +59,10 @@ class JointDistribution:
 
     @cached_property
     def separated(self) -> tuple[JointDistribution, ...]:
-        """Return whole numbers that depend on no other variable, each alone, and the rest.
+        """Distribution of the other variables, and of each discrete variable that is independent of all others.
 
-        Return the joint itself if there are none. Names are those of their members. Raise StudyError if such a variable
-        takes values that are no whole numbers.
+        Without such discrete variables, the only element is this distribution. Variables keep their names. Raise
+        StudyError if such a variable takes values that are not whole numbers.
         """
         import chaospy
 
@@ -87,29 +88,29 @@ class JointDistribution:
         return tuple(self.names[k] for k in rows), tuple(self.units[k] for k in rows)
 
     def members(self) -> tuple[RandomVariable, ...]:
-        """All variables of the group."""
+        """Return all variables of the group."""
         return tuple(RandomVariable._member(self, i) for i in range(len(self.names)))
 
 
 class RandomVariable(Symbolic, Symbol):
-    """A scalar that is not known exactly, usable in any SymPy expression.
+    """A scalar with a probability distribution, usable in any SymPy expression.
 
     Parameters
     ----------
     name : str
-        What appears in data, plots and messages.
+        Name of the variable in data, plots and messages.
     distribution : uqmbd.typing.Distribution
-        Its distribution, of one dimension: of chaospy, a frozen one of ``scipy.stats`` or one of its newer
-        infrastructure, or one of OpenTURNS.  The attribute of this name is a distribution of chaospy in any case.
+        One-dimensional distribution: of chaospy, of ``scipy.stats`` (a frozen distribution or one of the newer
+        infrastructure), or of OpenTURNS. The attribute `distribution` is always a distribution of chaospy.
     units : str
-        Its units, as ``m``, ``N m`` or ``1`` for a pure number: they are checked where the variable is used
-        (``docs/how-to/units.md``), and nothing is converted.  Left out, they are those of a size of `uqmbd.iso286`,
-        else any.
+        Units, such as ``m``, ``N m``, or ``1`` for a pure number. Units are checked where the variable is used
+        (``docs/how-to/units.md``), and never converted. The default is the units of a size of `uqmbd.iso286`, otherwise
+        any units.
 
     Raises
     ------
     uqmbd.StudyError
-        If the name is unusable, the distribution is none, or not of one dimension, or it states other units.
+        If the name is invalid, if the distribution is invalid or not one-dimensional, or if it states other units.
 
     Examples
     --------
@@ -138,15 +139,15 @@ class RandomVariable(Symbolic, Symbol):
         stated = stated_tolerance(distribution)
         if stated is not None and stated.units and units not in ("", stated.units):
             raise StudyError(
-                f"{where}: units is {units!r}, but {distribution} is in {stated.units}. Nothing is converted: give the "
-                f"size in the units of the mechanism, as in uqmbd.iso286(0.030, 'H7', units='m')."
+                f"{where}: units is {units!r}, but {distribution} is in {stated.units}. Define the size in the units "
+                "of the mechanism, e.g. uqmbd.iso286(0.030, 'H7', units='m'); uqmbd does not convert units."
             )
         return cls._member(JointDistribution(distribution, (name,), (units or (stated.units if stated else ""),)), 0)
 
     if not TYPE_CHECKING:  # the arguments are those of ``__new__``
 
         def __init__(self, *args: Any, **kwargs: Any) -> None:
-            """Accept the arguments of ``__new__``; a symbol is made there."""
+            """Accept the arguments of ``__new__``, which constructs the symbol."""
 
     @classmethod
     def _member(cls, joint: JointDistribution, component: int) -> RandomVariable:
@@ -158,7 +159,7 @@ class RandomVariable(Symbolic, Symbol):
         return self
 
     def _hashable_content(self) -> tuple[Any, ...]:
-        # Two variables of one name but different distributions must not be exchanged by SymPy's cache.
+        # SymPy's cache must not exchange two variables of one name with different distributions.
         return (*super()._hashable_content(), id(self.joint), self.component)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -166,15 +167,19 @@ class RandomVariable(Symbolic, Symbol):
 
     @property
     def mean(self) -> float:
-        """The expectation of the distribution: the value at which deterministic simulations run."""
+        """Expectation of the distribution, which deterministic simulations use."""
         return float(self.joint.means[self.component])
 
     @property
     def description(self) -> str:
-        """The distribution as text, e.g. ``Normal(mu=0.15, sigma=0.003)`` or ``component 1 of MvNormal(...)``."""
+        """Distribution as text, such as ``Normal(mu=0.15, sigma=0.003)`` or ``component 1 of MvNormal(...)``."""
         if len(self.joint.names) == 1:
             return str(self.distribution)
         return f"component {self.component + 1} of {self.joint.distribution}"
+
+    def _repr_html_(self) -> str | None:
+        """Return the distribution, units and density, for notebooks."""
+        return html_of(self)
 
 
 @checked
@@ -186,22 +191,23 @@ def random_vector(
     Parameters
     ----------
     names : sequence of str
-        One name for each dimension of the distribution.
+        Names of the variables, one for each dimension of the distribution.
     distribution : uqmbd.typing.Distribution
-        A joint distribution, e.g. ``chaospy.MvNormal(mean, covariance)``; ``scipy.stats.multivariate_normal`` with its
-        parameters, or one of OpenTURNS with a normal copula or none.
+        Joint distribution, such as ``chaospy.MvNormal(mean, covariance)``. The function also accepts
+        ``scipy.stats.multivariate_normal`` with its parameters, and distributions of OpenTURNS with a normal copula or
+        independent components.
     units : str or sequence of str
-        Units of all, or of each.
+        Units of all variables, or of each variable.
 
     Returns
     -------
     tuple of RandomVariable
-        In the order of `names`.
+        Random variables in the order of `names`.
 
     Raises
     ------
     uqmbd.StudyError
-        If the number of names is not the dimension of the distribution.
+        If the number of names differs from the dimension of the distribution.
 
     Examples
     --------
@@ -211,21 +217,30 @@ def random_vector(
     (10.0, 'N s/m')
     """
     if isinstance(names, str):
-        raise StudyError(f"random_vector: names is the text {names!r}; expected a sequence of names, one each.")
+        raise StudyError(
+            f"random_vector: names is the string {names!r}; expected a sequence with one name for each variable."
+        )
     if not isinstance(names, Sequence):
-        raise StudyError(f"random_vector: names is {names!r}; expected a sequence of names, one each.")
+        raise StudyError(f"random_vector: names is {names!r}; expected a sequence with one name for each variable.")
     names = tuple(check_name(name, "random_vector, one of names") for name in names)
     where = f"random_vector {names}"
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise StudyError(f"{where}: the name {twice[0]!r} occurs twice; every random variable needs its own.")
+        raise StudyError(
+            f"{where}: the name {twice[0]!r} occurs twice; expected a different name for each random variable."
+        )
     distribution = _checked_distribution(where, distribution, len(names))
     if not isinstance(units, (str, Sequence)):
-        raise StudyError(f"{where}: units is {units!r}; expected a text, or a sequence of texts, one each.")
+        raise StudyError(
+            f"{where}: units is {units!r}; expected one string for all variables, or a sequence with one string for "
+            "each variable."
+        )
     given = (units,) * len(names) if isinstance(units, str) else units
     unit = tuple(check_units(x, where) for x in given)
     if len(unit) != len(names):
-        raise StudyError(f"{where}: {len(unit)} units given for {len(names)} names; give one each, or one for all.")
+        raise StudyError(
+            f"{where}: {len(unit)} units are given for {len(names)} names; expected one for each name, or one for all."
+        )
     return JointDistribution(distribution, names, unit).members()
 
 
@@ -236,19 +251,21 @@ def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> 
     Parameters
     ----------
     name : str
+        Name of the variable.
     lower, upper : float
-        Ends, in the units.
+        Ends of the interval, in `units`.
     units : str
+        Units of the variable.
 
     Returns
     -------
     RandomVariable
-        In the units given.
+        Uniform random variable.
 
     Raises
     ------
     uqmbd.StudyError
-        As of `RandomVariable`.
+        If an argument is invalid, as for `RandomVariable`.
 
     Examples
     --------
@@ -261,7 +278,7 @@ def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> 
 
 
 def _checked_distribution(where: str, given: Distribution, dimension: int) -> Any:
-    """Return a distribution of chaospy that exists and has a dimension."""
+    """Return a valid distribution of chaospy with the given dimension; raise StudyError for other arguments."""
     import chaospy
 
     from uqmbd.randomness.distributions import adopt_distribution, flaw_of, is_dependent
@@ -270,12 +287,13 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
     if isinstance(distribution, type) and issubclass(distribution, chaospy.Distribution):
         kind = f"chaospy.{distribution.__name__}"
         raise StudyError(
-            f"{where}: the distribution is the class {kind}; give it its parameters, as in chaospy.Normal(0.15, 0.003)."
+            f"{where}: the distribution is the class {kind}; expected an object with parameters, e.g. "
+            "chaospy.Normal(0.15, 0.003)."
         )
     if not isinstance(distribution, chaospy.Distribution):
         raise StudyError(
-            f"{where}: the distribution is {distribution!r} ({type(distribution).__name__}); "
-            "expected a chaospy distribution, e.g. chaospy.Normal(0.15, 0.003), or one of scipy.stats or OpenTURNS."
+            f"{where}: the distribution is {distribution!r} ({type(distribution).__name__}); expected a chaospy "
+            "distribution, e.g. chaospy.Normal(0.15, 0.003), or a distribution of scipy.stats or OpenTURNS."
         )
     if len(distribution) != dimension:
         count = f"{len(distribution)} dimension{'s' * (len(distribution) != 1)}"
@@ -284,7 +302,7 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
             if dimension == 1
             else "give one name for each dimension"
         )
-        raise StudyError(f"{where}: the distribution has {count}, expected {dimension}; {remedy}.")
+        raise StudyError(f"{where}: the distribution has {count}; expected {dimension}: {remedy}.")
     try:
         distribution = rewritten(distribution)
     except StudyError as error:
@@ -292,16 +310,17 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
     flaw = _flaw_of_joint(where, distribution) if is_dependent(distribution) else flaw_of(distribution)
     if flaw:
         raise StudyError(
-            f"{where}: no random number is distributed as {distribution}: {flaw}. Look at its parameters: deviations, "
-            "scales and shapes are positive, and lower ends are below upper ones; what does not vary is a plain number."
+            f"{where}: {distribution} is not a valid distribution: {flaw}. Check its parameters: standard "
+            "deviations, scales and shapes must be positive, and lower limits below upper limits. Use a plain "
+            "number for a constant."
         )
     return distribution
 
 
 def _flaw_of_joint(where: str, distribution: Any) -> str:
-    """Return why a distribution of dependent variables is invalid; empty where it is valid.
+    """Return why a distribution of dependent variables is invalid; empty if it is valid.
 
-    Raise StudyError if its structure cannot be evaluated.
+    Raise StudyError if the structure cannot be evaluated.
     """
     import chaospy
 
@@ -316,21 +335,21 @@ def _flaw_of_joint(where: str, distribution: Any) -> str:
         return flaw_of(distribution) if transform.gaussian else transform.flaw()
     except NotUnderstood as part:
         raise StudyError(
-            f"{where}: the joint distribution {distribution} is not supported: conditional quantiles of {part} are not "
-            "known, or chaospy computes them by a random search, so that a seed does not reproduce the realisations. "
-            "Expected are chaospy.J of distributions with numbers, other members or arithmetic of members as "
-            "parameters, copulas, MvNormal, MvLogNormal, MvStudentT and GaussianMixture. Or declare independent random "
-            "variables, and write dependent quantities as expressions of them."
+            f"{where}: the joint distribution {distribution} is not supported: conditional quantiles of {part} are "
+            "unknown, or chaospy computes them by a random search that a seed does not reproduce. Expected copulas, "
+            "chaospy.J of distributions (their parameters may be numbers, other variables of J, or arithmetic of "
+            "these), MvNormal, MvLogNormal, MvStudentT and GaussianMixture. Or declare independent random "
+            "variables, and define dependent quantities as expressions of them."
         ) from None
     except StudyError as error:
         raise StudyError(f"{where}: {error}.") from None
-    except Exception as error:  # whatever chaospy raises: it has no common class for bad parameters
+    except Exception as error:  # any exception, because chaospy has no common class for bad parameters
         said = " ".join(str(error).split())
         return f"chaospy cannot sample it ({said or type(error).__name__})"
 
 
 def _moments_known(distribution: Any) -> bool:
-    """Return whether chaospy has the means of dependent variables: of normal vectors, and of marginals of a copula."""
+    """Return whether means of dependent variables are known, as for normal vectors and marginals of a copula."""
     import chaospy
 
     from uqmbd.randomness.distributions import is_dependent
@@ -345,8 +364,8 @@ def _moments_known(distribution: Any) -> bool:
 def mean_of(distribution: Any) -> np.ndarray:
     """Return the expectation of a chaospy distribution, shape ``(dimension,)``.
 
-    Known moments first, then the median for those that have none: their tails are too heavy, and chaospy returns some
-    number for them (4e13 for a Pareto distribution), which the quantiles contradict.
+    The result is the median if a distribution has no mean because of heavy tails. For such a distribution, chaospy
+    returns some number (4e13 for a Pareto distribution) that contradicts the quantiles.
     """
     import chaospy
 
@@ -354,7 +373,7 @@ def mean_of(distribution: Any) -> np.ndarray:
     from uqmbd.randomness.germs import discretise, discretise_quantiles
 
     if isinstance(distribution, chaospy.CopulaDistribution):
-        # chaospy has no moments of what depends on each other; a copula leaves those of its marginals as they are
+        # chaospy has no moments of dependent variables; a copula does not change the moments of its marginals
         marginals = distribution._parameters["dist"]
         if not is_dependent(marginals):
             return np.concatenate([mean_of(rewritten(marginals[k])) for k in range(len(marginals))])

@@ -1,4 +1,4 @@
-"""One self-contained HTML file with everything a study found: it opens offline, prints, and reads on a phone."""
+"""Write the report: one self-contained HTML file that works offline, in print and on phones."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import PluginWarning, StudyError, StudyWarning
 from uqmbd.files import replacing, scratch
 from uqmbd.isolation import Isolated
+from uqmbd.report.charts import json_script, share_arrays
 from uqmbd.report.drawing import CHARTED, write_images
 from uqmbd.report.live import page_scripts
 from uqmbd.report.overview import ANSWERS, contributed
@@ -33,7 +34,7 @@ from uqmbd.report.sections import (
 from uqmbd.report.view import StudyResult
 from uqmbd.results.storage import FIGURES, errors_of_files, has_manifest, move_unlisted, record
 
-__all__ = ["Section", "write_report"]
+__all__ = ["Section", "first_screen", "write_report"]
 
 
 REPORT = "report.html"
@@ -55,28 +56,29 @@ def write_report(
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study.
+        Result of a study.
     path : path-like
-        Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one. In the
-        folder of a run the name ``report.html`` is taken by what uqmbd wrote alone: a report of another origin is moved
-        to a folder ``previous-N`` there, and anything else is an error.
+        Path of the HTML file; missing folders are created. Only a complete report replaces an earlier report. In the
+        folder of a run, ``report.html`` replaces only a file that uqmbd wrote. A report of another origin is moved to a
+        folder ``previous-N`` there, and any other file of this name is an error.
     sections : sequence of Section
-        Sections of plugins, shown after the outputs. One that raises, or returns no text, becomes a note with its name
-        and the reason, and a `uqmbd.extend.PluginWarning`. One that returns an empty text is left out.
+        Sections of plugins, which follow the outputs. A section that raises an error, or does not return a text,
+        becomes a note with its name and the reason, and a `uqmbd.extend.PluginWarning`. A section with an empty text is
+        omitted.
     folder : path-like, optional
-        Folder for a file of every figure of the core's sections (SVG, the animation as GIF). The name of a file
-        consists of the names of output and figure; one that cannot be drawn is a warning. Default: nowhere.
+        Folder for a file of every figure of the sections of the core (SVG, the animation as GIF). The name of a file
+        consists of the names of output and figure. A figure that cannot be drawn gives a warning. Default: no files.
 
     Returns
     -------
     pathlib.Path
-        The path.
+        Path of the report.
 
     Raises
     ------
     StudyError
-        If the tree holds no propagator, the file cannot be written, or something of the user has its name in the folder
-        of a run; if the tree was read from a file whose content does not keep to the schema.
+        If the tree contains no propagator, or was read from a file whose content violates the schema. Also if the file
+        cannot be written, or if a file of the user has its name in the folder of a run.
 
     Examples
     --------
@@ -112,7 +114,7 @@ def write_report(
 
 
 def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str, Content]]:
-    """Return the page, and what its sections show."""
+    """Return the HTML of the page, and the contents of its sections."""
     result = StudyResult.of(tree)
     if not result.methods:
         raise StudyError("A report needs the result of at least one propagator; the tree contains none.")
@@ -123,7 +125,7 @@ def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str
         *(one for one in of_plugins if one["html"] or one["problem"]),
         *_built_in(ABOUT_METHODS, result, contents),
     ]
-    screens = [_first_screen(section, tree) for section in sections]
+    screens = [first_screen(section, tree) for section in sections]
     (first,) = _built_in((ANSWERS,), result, contents, contributions=[one for one in screens if one])
     created = str(tree.attrs.get("created", ""))
     page = environment().get_template("report.html.j2")
@@ -137,11 +139,19 @@ def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str
         outputs=[output["name"] for output in contents.get("outputs", {}).get("outputs", ())],
         scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,
     )
-    return text, contents
+    return _with_shared(text), contents
+
+
+def _with_shared(page: str) -> str:
+    """Return a page that contains each array of its charts once."""
+    before, end, after = page.rpartition("</main>")
+    before, arrays = share_arrays(before)
+    data = f'\n<script type="application/json" id="shared-arrays">{json_script(arrays)}</script>' if arrays else ""
+    return f"{before}{end}{data}{after}"
 
 
 def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Path | None) -> Path:
-    """Write a report, and figures beside it, to the folder of a run: only what uqmbd wrote there is replaced."""
+    """Write a report and its figures to the folder of a run, and replace only files of uqmbd."""
     run = target.parent
     beside = figures is not None and figures.resolve() == (run / FIGURES).resolve()
     previous = move_unlisted(run, [REPORT, *([FIGURES] if beside else [])])
@@ -162,7 +172,7 @@ def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Pa
 
 
 def _charted(content: object) -> bool:
-    """Return whether anything in nested lists and dictionaries is the data of a chart, a player or sliders."""
+    """Return whether nested lists and dictionaries contain the data of a chart, a player or sliders."""
     if isinstance(content, Mapping):
         return not {"chart", "player", "explorer"}.isdisjoint(content) or any(map(_charted, content.values()))
     return isinstance(content, (list, tuple)) and any(_charted(value) for value in content)
@@ -171,7 +181,7 @@ def _charted(content: object) -> bool:
 def _built_in(
     sections: Sequence[TemplateSection], result: StudyResult, contents: dict[str, Content], **more: Any
 ) -> Iterator[dict[str, str]]:
-    """Make sections of the core, and keep what each shows under its name; `more`: further content."""
+    """Make the sections of the core, with their contents by name; `more` contains further content."""
     from markupsafe import Markup
 
     for section in sections:
@@ -184,7 +194,7 @@ def _built_in(
 
 
 def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, str]:
-    """Make a section of a plugin; if it fails, a warning names it, and the other sections are unaffected."""
+    """Make a section of a plugin; a failure gives a warning with the section, and does not affect other sections."""
     from markupsafe import Markup
 
     kind = type(section)
@@ -195,7 +205,7 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
             raise TypeError(f"title is a {type(given).__name__}; expected a text")
         title = str(given)
     problem = work.reason
-    # it may do to its copy what it likes
+    # the plugin receives a copy, which it may change
     with Isolated() as work, _own_settings():
         made: Any = section.render(tree.copy())
         if not isinstance(made, str):
@@ -209,8 +219,8 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
     return {"title": title, "anchor": anchor, "html": Markup(fragment), "problem": ""}
 
 
-def _first_screen(section: Section, tree: xr.DataTree) -> Content | None:
-    """Return what a section adds to the first screen; None if nothing; a failure is a warning and a note."""
+def first_screen(section: Section, tree: xr.DataTree) -> Content | None:
+    """Return the part of a section on the first screen, or None; a failure gives a warning and a note."""
     make = getattr(section, "first_screen", None)
     if make is None:
         return None
@@ -226,7 +236,7 @@ def _first_screen(section: Section, tree: xr.DataTree) -> Content | None:
 
 @contextmanager
 def _own_settings() -> Iterator[None]:
-    """Undo what a section changes of the settings of Matplotlib, which is not loaded for sections that do without."""
+    """Restore the Matplotlib settings that a section changed; Matplotlib is not loaded for sections without it."""
     earlier = sys.modules.get("matplotlib")
     try:
         with nullcontext() if earlier is None else earlier.rc_context():
@@ -242,7 +252,7 @@ def _write(page: str, target: Path) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as scratch:
             written = Path(scratch) / "report.html"
-            # Names may hold lone surrogates (from file names); they must not cost the report.
+            # names may contain lone surrogates (from file names), which must not prevent the report
             written.write_text(page, encoding="utf-8", errors="replace")
             os.replace(written, target)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Results as figures and sections read them: a tree is parsed once, and its parts have names and types."""
+"""View of results for figures and sections: a tree is parsed once, and its parts have names and types."""
 
 from __future__ import annotations
 
@@ -23,71 +23,71 @@ __all__ = ["Method", "StudyResult"]
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """The result of one method."""
+    """Result of one method."""
 
     label: str
-    node: xr.DataTree  # what figures are drawn from
+    node: xr.DataTree  # data of the figures
 
     @cached_property
     def statistics(self) -> xr.Dataset:
-        """Mean, standard deviation and what else is known of each output."""
+        """Return mean, standard deviation and other statistics of each output."""
         return self.node.children["statistics"].to_dataset()
 
     @cached_property
     def samples(self) -> xr.Dataset | None:
-        """Inputs, status and response of each sample that it kept."""
+        """Return inputs, status and response of each stored sample."""
         return dataset_of(self.node, "samples")
 
     @cached_property
     def surrogate_data(self) -> xr.Dataset:
-        """What a surrogate is stored in; where outputs have surrogates of several kinds, that with the most terms."""
+        """Return the data of the surrogate; if there are several kinds, return the kind with the most terms."""
         held = [data.to_dataset() for _, data in surrogate_parts(self.node).values()]
         return max(held, key=lambda data: int(data.sizes["term"]))
 
     @cached_property
     def scalars(self) -> Method | None:
-        """Outputs without a time, as a result of their own."""
+        """Return the scalar outputs, as a separate result."""
         inner = self.node.children.get("scalars")
         return None if inner is None else Method(self.label, inner)
 
     @property
     def realisations(self) -> int:
-        """How many it computed."""
+        """Return the number of computed realisations."""
         return int(self.node.attrs.get("realisations", 0))
 
     @property
     def counted(self) -> int:
-        """Of how many of these its statistics are."""
+        """Return the number of realisations in the statistics."""
         return int(self.node.attrs.get("statistics_samples", self.realisations))
 
     @property
     def failures(self) -> int:
-        """How many of these failed."""
+        """Return the number of failed realisations."""
         return int(self.node.attrs.get("failures", 0))
 
     @property
     def wall_time(self) -> float:
-        """Seconds."""
+        """Return the wall time, s."""
         return float(self.node.attrs.get("wall_time", math.nan))
 
     @property
     def population(self) -> str:
-        """Where the distributions of its inputs come from; empty: from the study."""
+        """Return the source of the input distributions; empty if the source is the study."""
         return str(self.node.attrs.get("population", ""))
 
     @property
     def separate(self) -> bool:
-        """Whether it computed realisations one by one, so that each has a cost; others solve all at once."""
+        """Return whether realisations are computed separately, so that each has a cost."""
         return self.realisations > 0 and "unknowns" not in self.node.attrs
 
     @property
     def fit(self) -> str:
-        """How its surrogate was found; empty if in the usual way."""
+        """Describe the method of the surrogate fit; empty for the default fit."""
         return str(self.node.attrs.get("fit", ""))
 
     @property
     def clock(self) -> str:
-        """Of which clock realisations were compared at equal phase, how far it runs, and what that cost; or empty."""
+        """Describe the clock for comparisons at equal phase, its range and its cost; empty without a clock."""
         known = self.node.attrs
         if "clock" not in known:
             return ""
@@ -109,55 +109,60 @@ class Method:
 
     @property
     def ends_at(self) -> float | None:
-        """Time at which its results end, before that of the study."""
+        """Return the last time of the results, s; None if this is the end of the study."""
         return None if "ends_at" not in self.node.attrs else float(self.node.attrs["ends_at"])
 
     @property
     def lacking(self) -> tuple[int, int] | None:
-        """Realisations that have not all of the outputs without a time, and all; None if each has."""
+        """Return the number of realisations that lack a scalar output, and the total; None if all are complete."""
         inner = self.scalars
         return (inner.failures, inner.realisations) if inner is not None and inner.failures else None
 
     @cached_property
     def names(self) -> list[str]:
-        """Names of its outputs."""
+        """Return the names of the outputs."""
         return [str(name) for name in self.statistics["output"].values]
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Return the index of each output by its name."""
+        return {name: k for k, name in enumerate(self.names)}
 
     @property
     def histories(self) -> list[str]:
-        """Names of its outputs over time."""
+        """Return the names of the outputs over time."""
         return self.names if "time" in self.statistics.sizes else []
 
     @property
     def sampled(self) -> bool:
-        """Whether it kept samples that succeeded."""
+        """Return whether the method stored successful samples."""
         return self.samples is not None and bool(np.any(self.samples["status"] == Status.OK))
 
     @cached_property
     def statements(self) -> dict[str, str]:
-        """What it states of its own error at each output, whatever others say."""
+        """Return the stated errors of each output, independent of other methods."""
         return dict(zip(self.names, own_statements(self.node), strict=True))
 
     def of(self, name: str) -> xr.Dataset:
         """Return the statistics of an output."""
-        return self.statistics.isel(output=self.names.index(name))
+        return self.statistics.isel(output=self.places[name])
 
     def units(self, name: str) -> str:
         """Return the units of an output."""
         return str(self.of(name)["output_units"].item())
 
     def varies(self, name: str) -> bool:
-        """Return whether an output varies beyond the integration error."""
-        return self._varying[self.names.index(name)]
+        """Return whether an output varies by more than the integration error."""
+        return self._varying[self.places[name]]
 
     @cached_property
     def _varying(self) -> list[bool]:
-        """Whether each output varies: found once, since it compares all outputs in the same units."""
+        """Return whether each output varies; the result is cached, because it compares all outputs of equal units."""
         return [bool(one) for one in varying(self.statistics, rtol_of(self.node))]
 
     @cached_property
     def integration_shares(self) -> dict[str, IntegrationShare]:
-        """The error of the time integration by output; empty where the results do not state it."""
+        """Return the error of the time integration by output; empty if the results do not state it."""
         return {one.output: one for one in integration_shares(self.statistics)}
 
     def pairs(self, attribute: str) -> list[tuple[str, str]]:
@@ -167,10 +172,10 @@ class Method:
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """The result of a study."""
+    """Result of a study."""
 
     tree: xr.DataTree
-    methods: dict[str, Method]  # by label; times at which none of them has a result are left out
+    methods: dict[str, Method]  # methods by label; times without any result are omitted
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> StudyResult:
@@ -180,40 +185,40 @@ class StudyResult:
 
     @property
     def nodes(self) -> dict[str, xr.DataTree]:
-        """What figures of several methods are drawn from."""
+        """Return the nodes for figures of several methods."""
         return {label: method.node for label, method in self.methods.items()}
 
     @property
     def several(self) -> bool:
-        """Whether there is more than one method."""
+        """Return whether there is more than one method."""
         return len(self.methods) > 1
 
     @property
     def study(self) -> str:
-        """Its name."""
+        """Return the name of the study."""
         return str(self.tree.attrs.get("study", "study"))
 
     @property
     def mechanism(self) -> str:
-        """Name of its mechanism."""
+        """Return the name of the mechanism."""
         return str(self.tree.attrs.get("mechanism", ""))
 
     @property
     def report_times(self) -> list[float] | None:
-        """Times at which the study wants distributions to be shown; None: the figure chooses."""
+        """Return the times, s, of distributions that the study requests; None: the figure chooses."""
         wanted = self.tree.attrs.get("report_times")
         return None if wanted is None else [float(t) for t in np.atleast_1d(wanted)]
 
     @property
     def over(self) -> dict[str, str]:
-        """Outputs that are drawn over other ones, and over which."""
+        """Return the other output over which an output is drawn, by the name of the output."""
         return dict(pairs_of(self.tree.attrs.get("over")))
 
     @cached_property
     def limits(self) -> list[dict[str, object]]:
-        """Requirements that are limits of outputs: ``requirement``, ``output``, ``limit``, and which ``end`` it is.
+        """Return requirements that limit outputs: ``requirement``, ``output``, ``limit`` and ``end``.
 
-        It is the ``highest`` or ``lowest`` value that is allowed; empty, where results do not tell.
+        ``end`` is ``highest`` or ``lowest`` for the largest or smallest allowed value, or empty if unknown.
         """
         try:
             found = json.loads(self.tree.attrs.get("limits", "[]"))
@@ -231,60 +236,60 @@ class StudyResult:
 
     @cached_property
     def assessment(self) -> Assessment:
-        """Agreement of methods, stated errors, reliability of outputs, and the recommendation: of the whole tree."""
+        """Return the assessment of the whole tree: agreement, stated errors, reliability, recommendation."""
         return assess(self.tree)
 
     @cached_property
     def comparison(self) -> xr.Dataset | None:
-        """Differences and verdicts of two methods or more."""
+        """Return differences and verdicts of two or more methods."""
         found = dataset_of(self.tree, "comparison")
         return None if found is None or found.sizes.get("method", 0) < 2 else found
 
     @cached_property
     def convergence(self) -> xr.Dataset | None:
-        """Errors of methods at several levels."""
+        """Return the errors of methods at several levels."""
         return dataset_of(self.tree, "convergence")
 
     @cached_property
     def motion(self) -> xr.Dataset | None:
-        """What the animation is made of: the means and realisations around them, without the named ones."""
+        """Return the data of the animation: the motion at the means, and realisations, without named realisations."""
         data = dataset_of(self.tree, "motion")
         return None if data is None else _without_named(data)
 
     @cached_property
     def histories(self) -> list[str]:
-        """Names of all outputs over time, in the order of the study."""
+        """Return the names of all outputs over time, in the order of the study."""
         return list(dict.fromkeys(name for method in self.methods.values() for name in method.histories))
 
     @cached_property
     def scalars(self) -> dict[str, Method]:
-        """Methods that have outputs without a time, as results of these."""
+        """Return the results of scalar outputs, by method."""
         return {label: m.scalars for label, m in self.methods.items() if m.scalars is not None}
 
     @cached_property
     def scalar_names(self) -> list[str]:
-        """Names of all outputs without a time, in the order of the study."""
+        """Return the names of all scalar outputs, in the order of the study."""
         return list(dict.fromkeys(name for method in self.scalars.values() for name in method.names))
 
     def alike(self, label: str) -> StudyResult:
-        """Return the result of the methods whose inputs are distributed as those of a method."""
+        """Return the result of the methods with the same input distributions as a given method."""
         wanted = self.methods[label].population
         return replace(self, methods={k: m for k, m in self.methods.items() if m.population == wanted})
 
     def holders(self, name: str) -> dict[str, Method]:
         """Return the methods that have this output over time."""
-        return {label: method for label, method in self.methods.items() if name in method.histories}
+        return {k: method for k, method in self.methods.items() if name in method.places and method.histories}
 
     @property
     def problems(self) -> list[str]:
-        """Which methods gave no results, and why, and what else could not be computed."""
+        """Return the methods without results, with the reasons, and other computations that failed."""
         said = [f"{label} has no results: {reason}" for label, reason in failed_methods(self.tree).items()]
         problem = self.tree.children["comparison"].attrs.get("problem") if "comparison" in self.tree.children else None
         return said + ([f"The methods could not be compared: {problem}"] if problem else [])
 
     @property
     def findings(self) -> list[Finding]:
-        """Probable mistakes in the study, each once: of the study, then of each method, with its label."""
+        """Return the findings on the study, without repetitions: of the study, then of each method."""
         found = _findings_of(self.tree)
         known = {one.text for one in found}
         for label, method in self.methods.items():
@@ -296,10 +301,10 @@ class StudyResult:
 
 
 def _without_named(data: xr.Dataset) -> xr.Dataset:
-    """Return poses without the realisations of the attribute ``named``, which are no samples of the inputs."""
+    """Return poses without the realisations of the attribute ``named``, which are not samples of the inputs."""
     try:
         rows = {int(one["realisation"]) for one in json.loads(str(data.attrs.get("named", "[]")))}
-    except (KeyError, TypeError, ValueError):  # the node may come from anywhere
+    except (KeyError, TypeError, ValueError):  # another program may have written the node
         return data
     if not rows or "realisation" not in data.dims:
         return data
@@ -309,12 +314,12 @@ def _without_named(data: xr.Dataset) -> xr.Dataset:
 
 
 def dataset_of(node: xr.DataTree, child: str) -> xr.Dataset | None:
-    """Return the data of a child; None if there is no such child."""
+    """Return the data of a child; None if the child is missing."""
     return node.children[child].to_dataset() if child in node.children else None
 
 
 def pairs_of(text: object) -> list[tuple[str, str]]:
-    """Return the names and texts of a JSON object; what is none has no name."""
+    """Return the names and texts of a JSON object; empty for other JSON values."""
     try:
         content = json.loads(text) if isinstance(text, str) else {}
     except ValueError:
@@ -325,14 +330,14 @@ def pairs_of(text: object) -> list[tuple[str, str]]:
 
 
 def _written(value: object) -> str:
-    """Write what JSON holds; a truth value as options have it that are a choice."""
+    """Return a JSON value as text; a truth value becomes the text of the option."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _drop_unknown_times(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Leave out times at which no method has a result: where all end early."""
+    """Remove times without a result of any method, because all methods end earlier."""
     ends = [node.attrs.get("ends_at") for node in nodes.values()]
     if not ends or any(end is None for end in ends):
         return dict(nodes)
@@ -348,13 +353,13 @@ def _drop_unknown_times(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTr
 
 
 def _findings_of(node: xr.DataTree) -> list[Finding]:
-    """Read the findings that a node stores; earlier versions, and methods, store texts of warnings."""
+    """Return the findings that a node stores; earlier versions and some methods store texts of warnings."""
     for name in ("findings", "warnings"):
         try:
             stored = json.loads(node.attrs[name])
             if name == "findings":
                 return [Finding(Severity(one.pop("severity")), **one) for one in stored]
             return [Finding(Severity.WARNING, "", str(said)) for said in stored] if isinstance(stored, list) else []
-        except (AttributeError, KeyError, TypeError, ValueError):  # there are none, or somebody else wrote them
+        except (AttributeError, KeyError, TypeError, ValueError):  # missing, or written by another program
             continue
     return []

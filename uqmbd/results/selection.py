@@ -16,7 +16,7 @@ from uqmbd.results.schema import CF, propagator_nodes, united
 __all__ = ["by_output", "output"]
 
 RESPONSE = "response"
-"""The variable that is an output itself, not a statistic of it."""
+"""Name of the variable with the output itself, not a statistic of the output."""
 
 _OF_OUTPUTS = ("output_units", "output_angle")
 
@@ -38,19 +38,19 @@ def output(
     Parameters
     ----------
     data : xarray.DataTree, xarray.Dataset or xarray.DataArray
-        Of the result of a study its statistics, with a dimension ``propagator`` (labels); of the node of a method its
-        ``statistics`` (those of an output without a time are found, too); else what is given: one of the datasets of
-        a node, what :func:`uqmbd.simulate` returns, or a variable along ``output``.
+        Result of a study, node of a method, one of its datasets, return value of :func:`uqmbd.simulate`, or variable
+        along ``output``. Of the result of a study, its statistics are used, with a dimension ``propagator`` (labels).
+        Of a node, its ``statistics`` are used, including those of scalar outputs.
     name : str
-        Of the output.
+        Name of the output.
     input : str, optional
-        Only what belongs to this input, of variables along ``input``: Sobol' indices, derivatives.
+        Name of an input, which selects its part of variables along ``input``: Sobol' indices, derivatives.
 
     Returns
     -------
     xarray.Dataset, or xarray.DataArray of one
-        Without the dimension ``output``; each variable has ``units``, where they are known, and ``long_name``, with
-        which ``.plot()`` labels its axes.  A variable of derivatives has units where it is of one input.
+        The output, without the dimension ``output``; a DataArray if `data` is one. Each variable has ``long_name`` and,
+        if known, ``units``, with which ``.plot()`` labels its axes. Derivatives have units if `input` is given.
 
     Raises
     ------
@@ -100,21 +100,22 @@ def output(
 
 @typechecked
 def by_output(data: xr.Dataset | xr.DataTree | xr.DataArray, variable: str = "mean") -> xr.Dataset:
-    """Return a variable of results as one variable for each output, as :func:`uqmbd.simulate` gives a motion.
+    """Return a variable of results as one variable for each output, in the form of :func:`uqmbd.simulate`.
 
     Parameters
     ----------
     data : xarray.DataTree, xarray.Dataset or xarray.DataArray
-        The node of a method, one of its datasets, or a variable along ``output``. A node also contains its outputs
-        without a time, with no dimension ``time``.
+        Node of a method, one of its datasets, or a variable along ``output``. A node also gives its scalar outputs,
+        without the dimension ``time``.
     variable : str
-        Of the statistics or the dataset, as ``mean`` or ``response``; not needed for a DataArray.
+        Name of a variable of the statistics or the dataset, such as ``mean`` or ``response``. Not needed for a
+        DataArray.
 
     Returns
     -------
     xarray.Dataset
-        With ``units`` for each variable, as CF conventions have it: pint-xarray reads it as it is.  A dimension that
-        has the name of an output gets an underscore.
+        One variable for each output, with the attribute ``units`` of the CF conventions, which pint-xarray reads. A
+        dimension with the name of an output gets an underscore.
 
     Raises
     ------
@@ -137,7 +138,9 @@ def by_output(data: xr.Dataset | xr.DataTree | xr.DataArray, variable: str = "me
         parts = [dataset[variable]] if variable in dataset.variables else []
     parts = [part for part in parts if "output" in part.dims]
     if not parts:
-        raise StudyError(f"There is no variable {variable!r} along 'output'; expected one, as 'mean' of statistics.")
+        raise StudyError(
+            f"The dataset has no variable {variable!r} with the dimension 'output'; expected e.g. 'mean' of statistics."
+        )
     names = [name for part in parts for name in _names(part)]
     taken = {str(dim): f"{dim}_" for part in parts for dim in part.dims if str(dim) in names}
     found = {}
@@ -149,7 +152,7 @@ def by_output(data: xr.Dataset | xr.DataTree | xr.DataArray, variable: str = "me
 
 
 def _statistics(node: xr.DataTree) -> list[xr.Dataset]:
-    """Return the statistics of a method, of outputs over time and without a time."""
+    """Return the statistics of a method, for outputs over time and for scalar outputs."""
     inner = [node, *([node.children["scalars"]] if "scalars" in node.children else [])]
     return [one.children["statistics"].to_dataset() for one in inner if "statistics" in one.children]
 
@@ -200,7 +203,7 @@ def _chosen(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
 
 
 def _motion(data: xr.Dataset, name: str) -> xr.Dataset:
-    """Choose an output of a dataset that has a variable for each of them, with the error of its integration."""
+    """Select an output, with its integration error, from a dataset with one variable for each output."""
     kind = next((dim for dim in ("output", "scalar") if dim in data.coords and name in data[dim].values), None)
     if kind is None:
         return data[[name]]

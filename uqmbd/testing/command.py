@@ -1,4 +1,4 @@
-"""Is a command listed and explained, and does its module cost `uqmbd --help` nothing."""
+"""Test that a command is listed and explained, and that its module does not slow down `uqmbd --help`."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from uqmbd.plugins import KINDS, Command, command_line, registered_name
 __all__ = ["check_command"]
 
 HEAVY = ("matplotlib", "numpy", "pandas", "rich", "scipy", "sklearn", "sympy", "symengine", "xarray")
-"""What a module that offers commands does not import."""
+"""Packages that a module of commands must not import."""
 
 
 def check_command(command: type[Command], module: str = "") -> None:
     """Check a command of the command line.
 
-    - It has a name and a help, and is made without arguments.
-    - Typer takes the parameters of its method ``run``; each of them has a help.
-    - The module that its entry point names imports nothing heavy: `uqmbd --help` waits for it.
+    - The command has a name and a help text, and is made without arguments.
+    - Typer accepts the parameters of its method ``run``; each parameter has a help text.
+    - The module of the entry point imports no heavy package, because `uqmbd --help` waits for this import.
 
     Parameters
     ----------
     command : type
-        As `uqmbd.extend.Command` says.
+        Class with the interface of `uqmbd.extend.Command`.
     module : str
-        Name of the module that the entry point in the group ``uqmbd.commands`` names; not looked at if empty.
+        Name of the module of the entry point in the group ``uqmbd.commands``; not checked if empty.
 
     Raises
     ------
     AssertionError
-        If something is wrong; the message says what.
+        If a check fails; the message states which.
 
     Examples
     --------
@@ -49,25 +49,30 @@ def check_command(command: type[Command], module: str = "") -> None:
     """
     _, problem = registered_name(command, KINDS["commands"])
     assert not problem, f"{command.__name__} is a class {problem}."
-    assert command.__doc__, f"{command.__name__} has no docstring; say what it is."
+    assert command.__doc__, f"{command.__name__} has no docstring; describe the command in one sentence."
     made: Any = None
     with Isolated() as work:
         made = command_line(command)
-    assert not work.failed, f"{command.__name__}: no command can be made of it: {work.reason}"
+    assert not work.failed, f"{command.__name__} cannot be converted to a command of the command line: {work.reason}"
     for parameter in made.params:
         where = f"{command.__name__}: the parameter {parameter.name!r}"
-        assert getattr(parameter, "help", None), f"{where} has no help; say what it is, e.g. typer.Option(help=...)."
-        assert "--debug" not in parameter.opts, f"{where} is --debug, which uqmbd takes itself, to show tracebacks."
+        assert getattr(parameter, "help", None), (
+            f"{where} has no help text; describe it, e.g. with typer.Option(help=...)."
+        )
+        assert "--debug" not in parameter.opts, (
+            f"{where} uses the option --debug, which uqmbd reserves for showing tracebacks. Choose another name."
+        )
     if module:
         found = _imported(module)
         assert not found, (
-            f"{command.__name__}: its module {module} imports {', '.join(found)}; `uqmbd --help` waits for it. Import "
-            "that inside of `run`; the package that the module is in is imported, too."
+            f"{command.__name__}: the import of its module {module} also imports {', '.join(found)}, which delays "
+            "`uqmbd --help`. Import such packages inside `run`. Also check the `__init__` of the package that "
+            "contains the module."
         )
 
 
 def _imported(module: str) -> list[str]:
-    """Import a module in an interpreter of its own and name what is heavy of all that it brings."""
+    """Import a module in a separate interpreter, and return the heavy modules that it imports."""
     code = f"import sys, {module}; print(*(name for name in {HEAVY!r} if name in sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.returncode == 0, f"the module {module!r} cannot be imported: {run.stderr.strip()}"

@@ -1,10 +1,10 @@
-"""Units that people write: what they mean, how they are spelt here, and what is wrong with others."""
+"""Units in texts: their dimension and size, their spelling in uqmbd, and messages on other spellings."""
 
 from __future__ import annotations
 
 from uqmbd.units.names import SPELLINGS, TABLE
 from uqmbd.units.quantities import is_quantity, without_quantities
-from uqmbd.units.text import advice_on, read_units, spelling
+from uqmbd.units.text import advice_on, read_units, same_units, spelling
 from uqmbd.units.unit import PURE, Dimension, Unit, in_words
 from uqmbd.units.warn_units import warn
 
@@ -18,6 +18,7 @@ __all__ = [
     "in_words",
     "is_quantity",
     "read_units",
+    "same_units",
     "spelling",
     "warn",
     "without_quantities",

@@ -1,4 +1,4 @@
-"""Quantities of pint: numbers with units, taken where numbers are."""
+"""Conversion of quantities of pint, which users can give instead of numbers."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def is_quantity(value: Any) -> bool:
 def without_quantities(what: str, value: Any, units: str) -> Any:
     """Return a value with its quantities replaced by numbers in `units`, such as ``m``.
 
-    The value is a number, expression or quantity, or a sequence or array of them; a quantity may hold numbers, an
-    array, or an expression.  A value without quantities is returned as it is.  Raises `uqmbd.StudyError`, which begins
-    with `what`, if a quantity has another dimension, or the expected units are unknown.
+    The value is a number, expression or quantity, or a sequence or array of them.  The magnitude of a quantity may be a
+    number, an array or an expression.  A value without quantities is returned unchanged.  Raise `uqmbd.StudyError` if a
+    quantity has another dimension, or the expected units are unknown; the message begins with `what`.
     """
     if "pint" not in sys.modules:
         return value
@@ -44,7 +44,7 @@ def _number(what: str, value: Any, units: str) -> Any:
     expected, given = read_units(units), unit_of_pint(value.units)
     if expected is None:
         raise StudyError(
-            f"{what} is the quantity {value}, and nothing is known of its units here; give a number, as "
+            f"{what} is the quantity {value}, and the required units are unknown; give a number, as "
             "quantity.m_as('m') returns."
         )
     if given is None or given.dimension != expected.dimension:
@@ -57,7 +57,7 @@ def _number(what: str, value: Any, units: str) -> Any:
 
 
 def _in(value: Any, given: Unit, expected: Unit) -> Any:
-    """Return the numbers of a quantity in other units; those of pint where they are numbers."""
+    """Return the magnitude of a quantity in the expected units; pint converts numbers, but not expressions."""
     if given == expected:
         return value.magnitude
     if hasattr(value.magnitude, "free_symbols"):

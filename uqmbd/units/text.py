@@ -1,4 +1,4 @@
-"""Units as text: read, and where they are spelt in another way than here, how to write them."""
+"""Reading of units from text, and advice on other spellings."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from uqmbd.units.names import SPELLINGS, TABLE
 from uqmbd.units.pint_units import unit_from_name
 from uqmbd.units.unit import Unit
 
-__all__ = ["advice_on", "read_units", "spelling"]
+__all__ = ["advice_on", "read_units", "same_units", "spelling"]
 
 EXAMPLES = "'m', 'N m', 'kg m^2', 'rad/s', or '1' for a pure number"
 
 LONGEST = 200
-"""Characters of units: what is longer is another text, and takes long to read."""
+"""Largest number of characters of units; a longer text is probably not units, and takes long to read."""
 
 LARGEST = 99
-"""Exponent of a base quantity, either way."""
+"""Largest absolute value of an exponent of a base quantity."""
 
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
@@ -43,17 +43,41 @@ _NAME = re.compile(r"°C|[^\W\d]+|[°%‰]")
 
 
 class _Unreadable(Exception):
-    """A text is no product of powers, or a name in it is unknown."""
+    """A text is not a product of powers, or contains an unknown name."""
 
 
 def read_units(text: str) -> Unit | None:
     """Return the unit that a text denotes; None if it is unknown or empty.
 
-    The text holds symbols of units with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``, ``**2``,
-    ``²``, ``^(1/2)``), read from left to right: ``m/N s`` is ``(m/N) s``.  Names in words are read, too.  Alternatives
-    with commas, as ``N/m, N m/rad``, and units with a variable exponent, as ``N/m^n``, are unknown.
+    The text consists of symbols of units with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``,
+    ``**2``, ``²``, ``^(1/2)``).  They are read from left to right: ``m/N s`` is ``(m/N) s``.  The text may also contain
+    names in words.  Alternatives with commas, such as ``N/m, N m/rad``, and units with a variable exponent, such as
+    ``N/m^n``, are unknown.
     """
     return _read(text)[0]
+
+
+def same_units(one: str, other: str) -> bool:
+    """Return whether two texts denote the same units.
+
+    Parameters
+    ----------
+    one, other : str
+        Units, such as ``"m/s^2"``.
+
+    Returns
+    -------
+    bool
+        False for different or unknown units.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.extend.same_units("m/s^2", "m s^-2"), uqmbd.extend.same_units("m", "mm")
+    (True, False)
+    """
+    found = read_units(one)
+    return found is not None and found == read_units(other)
 
 
 def advice_on(text: str) -> str:
@@ -74,16 +98,16 @@ def spelling(where: str, units: str) -> str:
 
 @functools.lru_cache(maxsize=1024)
 def _read(text: str) -> tuple[Unit | None, str]:
-    """Return what a text means, and what is to be written instead of it."""
+    """Return the unit in a text or None, and advice on the spelling or an empty text."""
     if not text.strip():
         return None, ""
     if len(text) > LONGEST:
         return None, f"which has {len(text)} characters; write units in at most {LONGEST}, such as {EXAMPLES}"
     if found := TABLE.get(text):
         return found, ""
-    if "," in text:  # one of several, as of a coefficient of force or moment
+    if "," in text:  # alternative units, for example of a coefficient of a force or a moment
         return None, next((advice for part in text.split(",") if (advice := _read(part)[1])), "")
-    if (plain := _OPEN.sub("", text)) != text:  # a power that is given elsewhere, as the exponent of a law of contact
+    if (plain := _OPEN.sub("", text)) != text:  # a variable power, for example the exponent of a contact law
         return None, _read(plain)[1] and _unknown(text)
     if text.strip() in ("-", "[-]", "–", "--"):
         return Unit(), "write '1' for a pure number"
@@ -113,11 +137,11 @@ def _unknown(text: str) -> str:
         for x in difflib.get_close_matches(name.casefold(), [*SPELLINGS, *TABLE], 1, 0.8)
     ]
     meant = f"; is {SPELLINGS.get(near[0], near[0])!r} meant? Write" if near else "; write"
-    return f"which is no unit that is known here{meant} units such as {EXAMPLES}, or leave them out"
+    return f"which is not a known unit{meant} units such as {EXAMPLES}, or omit them"
 
 
 def _symbol(name: str) -> str:
-    """Return the symbol of a unit in words, or those of several without a space; the name where there is none."""
+    """Return the symbol of a unit in words, or the split symbols of joined units; otherwise return the name."""
     if name in TABLE:
         return name
     if symbol := SPELLINGS.get(name.casefold(), "") or " ".join(_split(name)):
@@ -128,7 +152,7 @@ def _symbol(name: str) -> str:
 
 @functools.lru_cache(maxsize=1024)
 def _split(name: str) -> tuple[str, ...]:
-    """Split ``Nm`` or ``kgm`` into symbols, each as long as can be; empty where it does not consist of them."""
+    """Split ``Nm`` or ``kgm`` into the longest possible symbols; empty if the name does not consist of symbols."""
     for length in range(len(name), 0, -1):
         if name[:length] in _JOINED:
             rest = _split(name[length:]) if length < len(name) else ()
@@ -138,14 +162,14 @@ def _split(name: str) -> tuple[str, ...]:
 
 
 _JOINED = ("N", "kN", "kg", "m", "mm", "s", "rad", "Pa", "W", "J")
-"""Symbols that people write one after the other without a space."""
+"""Symbols that users often join without a space."""
 
 
 def _product(text: str, unit_of: Callable[[str], Unit | None]) -> Unit:
-    """Read products, quotients and powers, from left to right; a number out of range makes no unit."""
+    """Return the unit of a product, quotient or power, read from left to right; raise for numbers out of range."""
     try:
         found = _multiplied(text, unit_of)
-    except (ArithmeticError, ValueError):  # an exponent such as 1/0, or a factor beyond the numbers of 64 bits
+    except (ArithmeticError, ValueError):  # an exponent such as 1/0, or a factor out of the range of 64-bit numbers
         raise _Unreadable from None
     if not 0 < found.factor < math.inf or any(abs(power) > LARGEST for power in found.dimension):
         raise _Unreadable

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
-__all__ = ["CORE", "PLUGINS", "file_names", "kind", "public_names", "returned", "told_at_its_place"]
+__all__ = ["CORE", "PLUGINS", "file_names", "kind", "owners", "public_names", "returned", "told_at_its_place"]
 
 CORE = ("uqmbd", "uqmbd.extend", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
 """Public modules of uqmbd."""
@@ -27,6 +27,7 @@ PLUGINS = (
     "uqmbd_reliability",
     "uqmbd_calibration",
     "uqmbd_models",
+    "uqmbd_processes",
 )
 """Packages of built-in plugins."""
 
@@ -61,7 +62,7 @@ def returned() -> dict[type, list[str]]:
     public = {id(x) for x in everything.values()}
     found: dict[type, list[str]] = {}
     for (module, name), x in everything.items():
-        owned = vars(x).items() if kind(x) == "class" else ()
+        owned = [one for owner in owners(x) for one in vars(owner).items()] if kind(x) == "class" else ()
         functions = {f"{module}.{name}": x} if kind(x) == "function" else {}
         functions |= {f"{module}.{name}.{key}": f for key, f in owned if not key.startswith("_")}
         for place, function in functions.items():
@@ -69,6 +70,11 @@ def returned() -> dict[type, list[str]]:
                 if cls.__module__.startswith("uqmbd") and id(cls) not in public:
                     found.setdefault(cls, []).append(place)
     return dict(sorted(found.items(), key=lambda item: item[0].__name__))
+
+
+def owners(cls: type) -> list[type]:
+    """Return the classes whose members the page of a class shows: it, and the base that holds its data."""
+    return [x for x in cls.__mro__ if x is cls or x.__name__ == f"{cls.__name__}Data"]
 
 
 def _stated_return(function: Any) -> Any:

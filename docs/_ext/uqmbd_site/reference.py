@@ -9,7 +9,7 @@ from typing import Any
 
 import uqmbd
 from uqmbd_site.components import component_page, draw
-from uqmbd_site.names import CORE, PLUGINS, file_names, kind, public_names, returned, told_at_its_place
+from uqmbd_site.names import CORE, PLUGINS, file_names, kind, owners, public_names, returned, told_at_its_place
 
 __all__ = ["is_component", "write_if_changed", "write_reference"]
 
@@ -134,5 +134,8 @@ def _object_page(module: str, name: str, found: Any) -> str:
         shown = [f".. py:data:: {name}", "   :module: " + module, "", f"   {told_at_its_place(name, found)}", ""]
         return "\n".join([name, "=" * len(name), "", *shown])
     options = [] if is_component(found) else [f"   {option}" for option in OPTIONS.get(which, ())]
+    if which == "class" and options and len(shown := owners(found)) > 1:
+        others = ", ".join(base.__name__ for base in found.__mro__ if base not in shown)
+        options.append(f"   :inherited-members: {others}")
     lines = [name, "=" * len(name), "", f".. currentmodule:: {module}", "", f".. auto{which}:: {title}", *options, ""]
     return "\n".join(lines)

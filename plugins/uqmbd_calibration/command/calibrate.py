@@ -17,9 +17,9 @@ class Calibrate:
 
     name = "calibrate"
     help = (
-        "Find the inputs of a study from records of a machine.\n\n"
-        "Writes the posterior to DIR/calibration.nc. Writes DIR/results.nc and DIR/report.html, for which each method "
-        "of the study runs with the inputs before and after calibration."
+        "Calibrate the inputs of a study with records of a machine.\n\nWrites the posterior to DIR/calibration.nc. "
+        "Runs each method of the study with the inputs before and after calibration, and writes DIR/results.nc and "
+        "DIR/report.html."
     )
 
     def run(
@@ -43,7 +43,7 @@ class Calibrate:
             typer.Option(
                 "--units",
                 metavar="OUTPUT=UNITS",
-                help="Units of an output, where a record does not state them (may be repeated).",
+                help="Units of an output, if a record does not state them (may be repeated).",
             ),
         ] = None,
         known: Annotated[
@@ -51,7 +51,7 @@ class Calibrate:
             typer.Option(
                 "--known",
                 metavar="INPUT=VALUE",
-                help="An input that is known in all records, as the speed that was set (may be repeated).",
+                help="Value of an input that is known in all records, such as a set speed (may be repeated).",
             ),
         ] = None,
         robust: Annotated[
@@ -63,24 +63,27 @@ class Calibrate:
                 "--realisations",
                 metavar="N",
                 min=1,
-                help="Realisations, at most, of each operating point and machine (200, or 45 for each random input).",
+                help="Maximum number of realisations for each operating point and machine (default: 200, or 45 per "
+                "random input).",
             ),
         ] = None,
         seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the draws.")] = 0,
         only: Annotated[
             list[str] | None,
-            typer.Option("--only", metavar="LABEL", help="Predict by this method of the study only (may be repeated)."),
+            typer.Option(
+                "--only", metavar="LABEL", help="Use only this method of the study for predictions (may be repeated)."
+            ),
         ] = None,
         *,
         workers: uqmbd.Workers,
     ) -> None:
         """Calibrate, predict and report."""
-        # before anything that takes long to import
+        # check the path before slow imports
         if not script.is_file():
-            raise uqmbd.StudyError(f"There is no file {script} (looked in {Path.cwd()}).")
+            raise uqmbd.StudyError(f"The study script {script} does not exist (current folder: {Path.cwd()}).")
         for path in records:
             if not path.is_file():
-                raise uqmbd.StudyError(f"{path}: there is no such file.")
+                raise uqmbd.StudyError(f"The record {path} does not exist.")
         from uqmbd_calibration.command.running import Options, run
 
         run(

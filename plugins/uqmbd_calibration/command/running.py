@@ -1,7 +1,4 @@
-"""Implementation of `uqmbd calibrate`.
-
-Options of the form NAME=VALUE.
-"""
+"""Implementation of `uqmbd calibrate`, and parsers of options of the form NAME=VALUE."""
 
 from __future__ import annotations
 
@@ -24,9 +21,9 @@ __all__ = ["Options", "run"]
 
 
 def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
-    """Return the texts of an option, by name; a name may contain equals signs, its value none.
+    """Return the texts of an option, by name; a name can contain equals signs, but a value cannot.
 
-    Raise StudyError if one has no equals sign or no name, or a name is given twice.
+    Raise StudyError if a word has no equals sign or no name, or a name occurs twice.
 
     >>> texts_of(["force=N", "a=b=m"], "--units")
     {'force': 'N', 'a=b': 'm'}
@@ -37,7 +34,7 @@ def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
         if not mark or not name.strip():
             raise uqmbd.StudyError(f"{option} {word}: expected NAME=VALUE.")
         if name in found:
-            raise uqmbd.StudyError(f"{option} {word}: {name!r} is given twice; expected once.")
+            raise uqmbd.StudyError(f"{option} {word}: the name {name!r} is given twice; give each name once.")
         found[name] = value.strip()
     return found
 
@@ -45,7 +42,7 @@ def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
 def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
     """Return the numbers of an option, by name.
 
-    Raise StudyError if one is no number, infinite, or as for `texts_of`.
+    Raise StudyError if a value is not a finite number, or under the conditions of `texts_of`.
 
     >>> numbers_of(["force=2", "angle=1e-3"], "--noise")
     {'force': 2.0, 'angle': 0.001}
@@ -57,12 +54,12 @@ def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
         except ValueError:
             found[name] = math.nan
         if not math.isfinite(found[name]):
-            raise uqmbd.StudyError(f"{option} {name}={text}: {text!r} is no finite number.")
+            raise uqmbd.StudyError(f"{option} {name}={text}: {text!r} is not a finite number.")
     return found
 
 
 WRITTEN = ("calibration.nc", "results.nc", "report.html", "figures")
-"""Files that the command writes into its folder."""
+"""Files and folders that the command writes into its output folder."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,7 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
             workers=workers,
             progress=True,
         )
-        # before anything else that may go wrong
+        # save the posterior before any later step can fail
         files = {"calibration": found.save(out / "calibration.nc")}
         print(found)
         failed = _predicted(study, methods, found, out, workers, files)
@@ -112,17 +109,17 @@ def _predicted(
     workers: int | Executor,
     files: dict[str, Path],
 ) -> bool:
-    """Run methods before and after, write results and report; return whether something failed."""
+    """Run methods with the prior and the posterior, and write results and report; return whether a method failed."""
     after = {f"{method.node_name}, calibrated": method for method in methods}
     both = [*methods, *(Calibrated(method, found, label=label) for label, method in after.items())]
     labels = [one.node_name for one in both]
-    # by their labels: curves of error against cost are no matter of this command
+    # select by label, because this command does not need curves of error against cost
     tree = study.with_propagators(both).run(workers, only=labels, progress=True)
     files["results"] = save(tree, out / "results.nc")
     files["report"] = write_report(tree, out / "report.html", sections=installed_sections(), folder=out / "figures")
     failed = failed_methods(tree)
     for label, reason in failed.items():
-        print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
+        print(f"Error: the method {label} failed: {reason}", file=sys.stderr, flush=True)
     return bool(failed)
 
 
@@ -147,12 +144,13 @@ def _records(paths: Sequence[Path], options: Options) -> list[Record]:
 
 
 def chosen_methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.extend.Propagator]:
-    """Choose methods of a study; one that has none is predicted by collocation."""
+    """Return the selected methods of a study, or collocation for a study without methods."""
     known = {method.node_name: method for method in study.propagators}
     for label in only:
         if label not in known:
             raise uqmbd.StudyError(
-                f"--only {label}: the study has no method of that label; it has {', '.join(known) or 'none'}."
+                f"--only {label}: the study has no method with this label; its methods are "
+                f"{', '.join(known) or 'none'}."
             )
     if not known:
         return [uqmbd.extend.propagator("collocation")(order=3)]

@@ -1,4 +1,4 @@
-"""From records to the posterior of inputs: likelihood, search, surrogates, draws, and checks on the mechanism."""
+"""Inference of the posterior of the inputs: likelihood, search, surrogates, draws, and checks with the mechanism."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from uqmbd_calibration.inference.bias import Bias
 from uqmbd_calibration.inference.blocks import FREEDOM, Block
 from uqmbd_calibration.inference.climbing import Peaks, climb
 from uqmbd_calibration.inference.identifiability import Direction, combination, directions, expected_covariance
-from uqmbd_calibration.inference.inferring import Inferred, Mode, PosteriorCheck, infer
+from uqmbd_calibration.inference.inferring import PART, Inferred, Mode, PosteriorCheck, infer
 from uqmbd_calibration.inference.machine_records import MachineRecords
+from uqmbd_calibration.inference.maxima import shares_of
 from uqmbd_calibration.inference.points import OperatingPoint
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_methods, read_prior_surrogates
@@ -18,6 +19,7 @@ from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, UnknownInp
 __all__ = [
     "FREEDOM",
     "LEVEL_SPREAD",
+    "PART",
     "Bias",
     "Block",
     "MachineRecords",
@@ -44,5 +46,6 @@ __all__ = [
     "require_sampler",
     "sample",
     "search",
+    "shares_of",
     "spread_over_prior",
 ]

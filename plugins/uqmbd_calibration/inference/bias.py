@@ -1,4 +1,4 @@
-"""A bias of an output: the error of the model, as a random function with its own prior."""
+"""Bias of an output: model error, as a random function with a prior distribution."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class Bias:
     Parameters
     ----------
     sd : float
-        Its standard deviation, in the units of the output.
+        Standard deviation, in the units of the output.
     length : float, optional
-        Time over which it changes, s: its covariance at two times is ``sd**2 exp(-(s - t)**2 / (2 length**2))``.
-        Left out, it is a constant offset of each record.
+        Correlation time, s: the covariance of two times is ``sd**2 exp(-(s - t)**2 / (2 length**2))``.
+        Default: the bias is a constant offset of each record.
 
     Raises
     ------
     uqmbd.StudyError
-        If one of them is not a positive number.
+        If `sd` or `length` is not a positive number.
 
     Examples
     --------
@@ -48,24 +48,29 @@ class Bias:
             number(self.length, "Bias", "length", positive=True)
 
     def modes(self, times: object) -> Array:
-        """Return functions of time (T, k) whose sums with standard normal coefficients are distributed as the bias.
+        """Return modes of the bias: their sum with standard normal coefficients has the distribution of the bias.
 
         Parameters
         ----------
         times : array_like, shape (T,)
-            s, increasing.
+            Times, s, increasing.
+
+        Returns
+        -------
+        array, shape (T, k)
+            Values of the modes, in the units of the output.
 
         Raises
         ------
         uqmbd.StudyError
-            If the times are no finite numbers.
+            If a time is not a finite number.
         """
         at = numbers(times, "Bias", "times")
         if not np.isfinite(at).all():
-            raise uqmbd.StudyError("Bias: times are not all finite; expected numbers, s.")
+            raise uqmbd.StudyError("Bias: times contains values that are not finite; expected finite times in s.")
         if self.length is None or len(at) < 2:
             return np.full((len(at), 1), float(self.sd))
-        # at points a third of the length apart the process is known: between them its deviation is below 1e-3 sd
+        # values at points a third of the length apart leave a deviation below 1e-3 sd between the points
         wanted = int(np.ceil(3 * np.ptp(at) / self.length)) + 1
         points = at if wanted >= len(at) else np.linspace(at[0], at[-1], wanted)
         values, vectors = np.linalg.eigh(self._covariance(points, points))

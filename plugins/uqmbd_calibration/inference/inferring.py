@@ -1,7 +1,8 @@
-"""From a surrogate over the prior to draws of the posterior that realisations of the mechanism confirm."""
+"""Computation of posterior draws that realisations of the mechanism verify, from a surrogate over the prior."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,38 +12,49 @@ from uqmbd.typing import Array
 from uqmbd_calibration.inference.climbing import Peaks
 from uqmbd_calibration.inference.correcting import CorrectedPredictions
 from uqmbd_calibration.inference.machine_records import MachineRecords
+from uqmbd_calibration.inference.maxima import (
+    CombinedPosterior,
+    PartOfPosterior,
+    Parts,
+    combined_draws,
+    log_mass_of,
+    shares_of,
+)
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
 from uqmbd_calibration.inference.settling import Mode, settle
 from uqmbd_calibration.inference.unknowns import Unknowns
 from uqmbd_calibration.inference.working import CHECKED, CalibrationState, peak_of
 
-__all__ = ["PosteriorCheck", "Inferred", "Mode", "infer"]
+__all__ = ["PART", "PosteriorCheck", "Inferred", "Mode", "infer"]
 
 
 EVEN, SHIFT = 0.8, 0.1
-"""Share of the weights, and shift of the means over their standard deviations, at which a surrogate is good enough."""
+"""Least effective share of weights, and largest shift of means in standard deviations, of an accepted surrogate."""
 
+
+PART = 0.01
+"""Probability of another maximum of the posterior above which it has draws, or a warning reports it."""
 
 WITHIN = 4.0
-"""Deviations of the posterior, in addition to three times the root of its dimension, within which it is sampled."""
+"""Limit of the sampled region, in deviations of the posterior; three times the root of the dimension is added."""
 
 
 @dataclass(frozen=True)
 class PosteriorCheck:
-    """Real realisations at draws of the posterior."""
+    """Check of the surrogate by realisations at draws of the posterior."""
 
-    draws: int  # how many
-    share: float  # effective share of their weights, 1 where all are even
-    shift: float  # largest shift of a mean by the weights, over its standard deviation
-    spread: float  # largest of the standard deviations by the weights over that without, or its inverse
-    failures: int  # realisations that failed
-    degree: int | None  # of the correction of the surrogate; None: none
+    draws: int  # number of draws
+    share: float  # effective share of their weights, 1 for equal weights
+    shift: float  # largest shift of a mean by the weights, in standard deviations
+    spread: float  # largest ratio of standard deviations with and without weights, or its inverse
+    failures: int  # number of failed realisations
+    degree: int | None  # of the correction of the surrogate; None: no correction
 
     @property
     def chance(self) -> float:
-        """Standard error of the shift of one mean, over its standard deviation, from the scatter of the weights."""
-        # a share of 1 may be a little more by rounding
+        """Standard error of the shift of one mean, in standard deviations, from the scatter of the weights."""
+        # rounding can make a share slightly larger than 1
         return float(np.sqrt(max(1 / self.share - 1, 0.0) / self.draws)) if self.share > 0 else float("inf")
 
     @property
@@ -55,13 +67,13 @@ class PosteriorCheck:
 class Inferred:
     """Results of an inference."""
 
-    target: Posterior  # by the last surrogate
-    peak: Array  # (N,): its maximum
-    draws: Draws  # of the posterior
-    checks: tuple[PosteriorCheck, ...]  # one after another
-    modes: tuple[Mode, ...]  # the best first
-    widened: bool  # whether the errors of the surrogate are in the likelihood, as they were not small enough in the end
-    unseen: int  # maxima of the surrogate, about as likely as the best one, that were not followed on the mechanism
+    target: Posterior  # posterior by the last surrogate
+    peak: Array  # (N,): maximum of its density
+    draws: Draws  # draws of the posterior
+    checks: tuple[PosteriorCheck, ...]  # in order of time
+    modes: tuple[Mode, ...]  # maxima, the best first
+    widened: bool  # whether the likelihood includes the surrogate errors, because the last errors were too large
+    unseen: int  # number of maxima of the surrogate, about as likely as the best one, without a search on the mechanism
 
 
 def infer(
@@ -75,40 +87,117 @@ def infer(
     chains: int,
     seed: int,
     mechanism: bool = False,
+    further: int = 0,
 ) -> Inferred:
-    """Find the posterior.
+    """Return draws of the posterior with checks.
 
-    `cases`: with all values, without the variance of the surrogate; `base`: predictions over the prior, of each case;
-    `variances`: mean square errors that they state, of each case and block; `peaks`: where the surrogate over the
-    prior has maxima, the best first; `draws`, `chains`, `seed`: of the sampler; `mechanism`: whether draws are those
-    of the mechanism itself, not of a surrogate.
+    `cases`: records without the variance of the surrogate; `base`: predictions over the prior for each case;
+    `variances`: their stated mean square errors for each case and block; `peaks`: maxima of the surrogate over the
+    prior, the best first; `draws`, `chains`, `seed`: options of the sampler; `mechanism`: whether to sample with the
+    mechanism itself instead of a surrogate; `further`: realisations that each additional maximum may add.
     """
     work = CalibrationState(unknowns, cases, base, variances)
     modes, start, unseen = settle(work, peaks)
     seeds = iter(np.random.SeedSequence(seed).generate_state(4096).tolist())
-    checks: list[PosteriorCheck] = []
-    peak, factor = peak_of(work.target, start)
-    # far out in each direction, and where chance leads in so many dimensions
-    about: dict[str, Any] = {"draws": draws, "chains": chains, "within": WITHIN + 3.0 * np.sqrt(len(peak))}
+    # limit of the sampled region: far in each direction, plus the typical distance in this dimension
+    about: dict[str, Any] = {"draws": draws, "chains": chains, "within": WITHIN + 3.0 * np.sqrt(len(start))}
     if mechanism:
-        peak, factor = work.follow(peak, factor, seeds, explored=False)
+        peak, factor = work.follow(*peak_of(work.target, start), seeds, explored=False)
         found = work.draw(peak, factor, draws=draws, chains=chains, seed=next(seeds))
         return Inferred(work.target, peak, found, (), modes, False, unseen)
+    shares = shares_of([mode.log_mass for mode in modes])
+    likely = [k for k in range(len(modes)) if k == 0 or shares[k] > PART]
+    parts, numbers = Parts.separate([modes[k].vector for k in likely], [modes[k].hessian for k in likely])
+    numbers = [likely[k] for k in numbers]
+    sampled: list[_SampledPart] = []
+    for k, number in enumerate(numbers or [0]):
+        if k:
+            for point in {id(case.point): case.point for case in cases}.values():
+                point.most += further
+            if not work.affordable(2 * CHECKED):
+                break
+            start, work.predictors = modes[number].vector, list(modes[number].predictors)
+        sampled.append(_sampled(work, start, parts, k, len(numbers) > 1, seeds, about))
+    return _combined(sampled, parts, modes, numbers, unseen, seed)
+
+
+@dataclass(frozen=True, eq=False)
+class _SampledPart:
+    """Part of a posterior, checks of its surrogate, and whether surrogate errors widen the part."""
+
+    part: PartOfPosterior
+    checks: tuple[PosteriorCheck, ...]
+    widened: bool
+
+
+def _sampled(
+    work: CalibrationState,
+    start: Array,
+    parts: Parts,
+    number: int,
+    several: bool,
+    seeds: Iterator[int],
+    about: dict[str, Any],
+) -> _SampledPart:
+    """Draw from the part of a maximum, and correct the surrogate until realisations confirm it."""
+    checks: list[PosteriorCheck] = []
+    peak, factor = peak_of(work.target, start)
+
+    def drawn(target: Posterior) -> PartOfPosterior:
+        density = parts.density(number, target.log_density) if several else target.log_density
+        found = sample(density, peak, factor, seed=next(seeds), **about)
+        mass = log_mass_of(density, peak, factor, found, next(seeds), about["within"]) if several else 0.0
+        return PartOfPosterior(target, peak, found, mass)
+
     while work.affordable(CHECKED):
         peak, factor = work.follow(peak, factor, seeds, explored=bool(checks))
-        found = sample(work.target.log_density, peak, factor, seed=next(seeds), **about)
-        checks.append(_checked(work, found, next(seeds)))
+        part = drawn(work.target)
+        checks.append(_checked(work, part.draws, next(seeds)))
         if checks[-1].passed:
-            return Inferred(work.target, peak, found, tuple(checks), modes, False, unseen)
+            return _SampledPart(part, tuple(checks), False)
     peak, factor = work.refit(peak, factor)
     widened = _widened(work)
     peak, factor = peak_of(widened, peak)
-    found = sample(widened.log_density, peak, factor, seed=next(seeds), **about)
-    return Inferred(widened, peak, found, tuple(checks), modes, True, unseen)
+    return _SampledPart(drawn(widened), tuple(checks), True)
+
+
+def _combined(
+    sampled: Sequence[_SampledPart],
+    parts: Parts,
+    modes: tuple[Mode, ...],
+    numbers: Sequence[int],
+    unseen: int,
+    seed: int,
+) -> Inferred:
+    """Combine the draws about all maxima; the check of a widened part becomes the last check."""
+    first = sampled[0].part
+    if len(sampled) == 1:
+        one = sampled[0]
+        return Inferred(first.target, first.peak, first.draws, one.checks, modes, one.widened, unseen)
+    masses = {number: one.part.log_mass for number, one in zip(numbers, sampled, strict=False)}
+    # maxima that were not sampled keep the mass of a normal distribution
+    modes = tuple(replace(mode, log_mass=masses.get(k, mode.log_mass)) for k, mode in enumerate(modes))
+    target = CombinedPosterior(
+        first.target.unknowns,
+        first.target.cases,
+        first.target.predictors,
+        Parts(parts.vectors[: len(sampled)], parts.hessians[: len(sampled)]),
+        tuple(one.part.target for one in sampled),
+    )
+    ordered = sorted(sampled, key=lambda one: one.widened)
+    return Inferred(
+        target,
+        first.peak,
+        combined_draws([one.part for one in sampled], seed),
+        tuple(check for one in ordered for check in one.checks),
+        modes,
+        any(one.widened for one in sampled),
+        unseen,
+    )
 
 
 def _checked(work: CalibrationState, found: Draws, seed: int) -> PosteriorCheck:
-    """Weigh draws by the likelihood of the mechanism over that of the surrogate."""
+    """Weight draws by the ratio of the likelihoods by the mechanism and by the surrogate."""
     flat = found.flat
     rows = np.sort(np.random.default_rng(seed).choice(len(flat), CHECKED, replace=False))
     vectors = flat[rows]
@@ -132,7 +221,7 @@ def _checked(work: CalibrationState, found: Draws, seed: int) -> PosteriorCheck:
 def _widened(work: CalibrationState) -> Posterior:
     """Return the posterior whose likelihood includes the errors of the surrogate.
 
-    Those of realisations that are left out; where there are none, what the surrogate over the prior states.
+    The errors are leave-one-out errors, or the stated errors of the surrogate over the prior if there are none.
     """
     cases = []
     for case, predictor, stated in zip(work.cases, work.predictors, work.variances, strict=True):

@@ -1,6 +1,6 @@
-"""The mechanism at an operating point: realisations at standard normal variables, each counted and stored.
+"""Mechanism at an operating point: realisations at standard normal variables, with their count and storage.
 
-How well a surrogate follows outputs over time.
+The module also computes the error of a surrogate of outputs over time.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ __all__ = ["SearchExhausted", "OperatingPoint", "picked"]
 
 
 def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
-    """Return the error of a surrogate at its verification realisations, over the largest deviation of an output.
+    """Return the error of a surrogate at its verification realisations, divided by the largest deviation of an output.
 
-    Root mean square over time, of the output that is followed worst; infinite where it is not known.
+    The error is the root mean square over time, for the output with the largest error; infinite if it is unknown.
     """
     worst = 0.0
     for output in outputs:
@@ -40,15 +40,15 @@ def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
 
 
 NARROW = 1e-9
-"""Width of the distribution of a known value, over the value, for methods that need a distribution."""
+"""Relative width of the distribution of a known value, for methods that require a distribution."""
 
 
 FOLLOWED = 0.05
-"""Error of a surrogate, over the largest deviation of an output, at which no other method is tried."""
+"""Error of a surrogate, relative to the largest deviation of an output, below which no other method is tried."""
 
 
 class SearchExhausted(Exception):
-    """The realisations that are allowed are spent."""
+    """All allowed realisations are spent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,16 +58,18 @@ class _NamedPropagator(uqmbd.extend.Propagator):
     name: ClassVar[str] = "calibration"
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Refuse: it is no method."""
-        raise uqmbd.StudyError(f"{problem.label} is not a method of a study; call calibrate(study, record) instead.")
+        """Raise an error, because this class is only a name."""
+        raise uqmbd.StudyError(
+            f"{problem.label} cannot run as a method of a study; call calibrate(study, record) instead."
+        )
 
 
 class OperatingPoint:
-    """A mechanism with known values of some inputs.
+    """Mechanism with known values of some inputs.
 
-    `study`: with the times of the records; `known`: values of inputs; `moving`, `still`: whether outputs over time,
-    and outputs without a time, are wanted; `most`: realisations that may be computed; `executor`, `progress`: who
-    computes, and whom to tell.
+    `study`: study at the times of the records; `known`: values of known inputs; `moving`, `still`: whether outputs over
+    time, and scalar outputs, are needed; `most`: largest number of realisations; `executor`, `progress`: executor of
+    the realisations, and progress display.
     """
 
     def __init__(
@@ -95,7 +97,7 @@ class OperatingPoint:
 
     @property
     def left(self) -> int:
-        """Realisations that may still be computed."""
+        """Number of realisations that may still be computed."""
         return self.most - self.spent
 
     def inputs(self, normals: Array) -> Array:
@@ -106,9 +108,9 @@ class OperatingPoint:
         return values
 
     def run(self, normals: Array) -> Index:
-        """Compute realisations at standard normal variables (K, d); return their numbers (K,).
+        """Compute realisations at standard normal variables (K, d); return their indices (K,).
 
-        Raise Exhausted where more than what is left is asked for: nothing is computed then.
+        Raise SearchExhausted, without any computation, if more than the remaining realisations are required.
         """
         over, without = self._realised(normals)
         self._over.append(over)
@@ -120,13 +122,13 @@ class OperatingPoint:
     def passing(self, normals: Array, blocks: Sequence[Block]) -> list[Array]:
         """Compute realisations that are counted but not stored; return values (K, n) of each block.
 
-        Raise Exhausted as of `run`.
+        Raise SearchExhausted under the same condition as `run`.
         """
         over, without = self._realised(normals)
         return [picked(without if block.timeless else over, block) for block in blocks]
 
     def _realised(self, normals: Array) -> tuple[Array, Array]:
-        """Return outputs over time, and those without, (K, output, time); NaN where a realisation failed."""
+        """Return outputs over time and scalar outputs, each (K, output, time); NaN for failed realisations."""
         if len(normals) > self.left:
             raise SearchExhausted
         inputs = self.inputs(normals)
@@ -143,16 +145,16 @@ class OperatingPoint:
         return found[0], found[1]
 
     def values(self, rows: Index, blocks: Sequence[Block]) -> list[Array]:
-        """Return the values of some realisations, (K, n) for each block; NaN if one failed."""
+        """Return the values (K, n) of each block for some realisations; NaN for failed ones."""
         over, without = np.concatenate(self._over)[rows], np.concatenate(self._without)[rows]
         return [picked(without if block.timeless else over, block) for block in blocks]
 
     def surrogates(self, methods: Sequence[uqmbd.extend.Propagator], outputs: Sequence[str]) -> list[xr.DataTree]:
-        """Run methods on the outputs over time, and the first one on those without; known inputs are as good as fixed.
+        """Return the best surrogate of outputs over time, and the surrogate of scalar outputs by the first method.
 
-        `methods`: for outputs over time: the next one is tried where those before leave an error that is too large,
-        and the one with the least error is taken; `outputs`: those over time that are recorded. Return of outputs
-        over time, if there are some, and of those without.
+        `methods`: tried in this order for outputs over time until the error is small enough; `outputs`: recorded
+        outputs over time. Known inputs have a very narrow distribution. The surrogates of outputs over time come first;
+        they are missing if no output over time is needed.
         """
         found: list[xr.DataTree] = []
         if self._moving is not None:
@@ -163,7 +165,7 @@ class OperatingPoint:
                 except (uqmbd.StudyError, uqmbd.IntegrationError):
                     if best is None:
                         raise
-                    # such as a motion without a clock, which is seen when it has been followed
+                    # for example, a motion without a clock is detected only after the nodes were integrated
                     self.spent += _expected(method, self.study)
                     continue
                 error = followed(node, outputs) if len(methods) > 1 else 0.0
@@ -194,7 +196,7 @@ class OperatingPoint:
         return node
 
     def same(self, other: OperatingPoint) -> bool:
-        """Return whether surrogates of another one are those of this one."""
+        """Return whether the surrogates of another operating point are valid for this one."""
         first, second = self.study, other.study
         return (
             np.array_equal(first.times, second.times)
@@ -209,7 +211,7 @@ class OperatingPoint:
 
 
 def _expected(method: uqmbd.extend.Propagator, study: uqmbd.Study) -> int:
-    """Return how many realisations a method takes, by its own estimate."""
+    """Return the number of realisations that a method predicts."""
     found = method.estimate(study)
     return 0 if found is None else found.realisations
 

@@ -1,4 +1,4 @@
-"""The surrogate over the prior, that a method of another plugin makes, as a predictor of records."""
+"""Surrogate over the prior, computed by a method of another plugin, as a predictor of records."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ __all__ = ["PriorSurrogate", "default_methods", "read_prior_surrogates"]
 
 
 ROWS = 4_000_000
-"""Numbers that are evaluated at once."""
+"""Largest number of values in one evaluation."""
 
 HIGHEST, OVER, VERIFY = 6, 1.5, 16
-"""Highest order of the method that is chosen, its realisations for each term, and those that state its error."""
+"""Highest order of a default method, its realisations for each term, and its verification realisations."""
 
 SHARE = 0.62
-"""Part of all realisations that surrogates over the prior may take."""
+"""Largest part of all realisations for surrogates over the prior."""
 
 
 @dataclass(frozen=True, eq=False)
 class PriorSurrogate:
-    """Predictions from standard normal variables over the whole prior."""
+    """Predictions at standard normal variables over the whole prior."""
 
-    point: OperatingPoint  # of which mechanism
-    # for each block its surrogate, the rows of its times in that, and the mean square error that it states
+    point: OperatingPoint  # operating point of the mechanism
+    # for each block: its surrogate, the rows of its times in the surrogate, and the stated mean square errors
     parts: tuple[tuple[Any, Index, Array], ...]
     germs: bool
 
@@ -51,17 +51,17 @@ class PriorSurrogate:
 
     @property
     def variances(self) -> list[Array]:
-        """The mean square errors (n,) that it states, of each block."""
+        """Stated mean square errors (n,) of each block."""
         return [variance for _, _, variance in self.parts]
 
 
 def read_prior_surrogates(
     nodes: Sequence[xr.DataTree], point: OperatingPoint, blocks: Sequence[Block]
 ) -> PriorSurrogate:
-    """Read the surrogates of some values of records.
+    """Return predictors of the recorded values from surrogates.
 
-    `nodes`: of `OperatingPoint.surrogates`: of outputs over time, then of those without; `point`: of which; `blocks`:
-    what is to be predicted. Raise StudyError if the method gives no surrogate.
+    `nodes`: return value of `OperatingPoint.surrogates`; `point`: their operating point; `blocks`: recorded values.
+    Raise StudyError if the method does not provide a surrogate.
     """
     parts: list[tuple[Any, Index, Array]] = []
     independent = point.space.independent
@@ -72,7 +72,7 @@ def read_prior_surrogates(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             rms = chaos.verification_rms() if chaos.verification_response is not None else np.zeros((1, len(wanted)))
-        # where it is not known it is not trusted at all
+        # a surrogate with an unknown error has no influence
         variance = np.where(np.isfinite(rms[0]), rms[0] ** 2, np.inf)[rows]
         largest = np.max(variance[np.isfinite(variance)], initial=0.0)
         parts.append(
@@ -84,24 +84,25 @@ def read_prior_surrogates(
 def default_methods(
     study: uqmbd.Study, *, moving: bool, known: Sequence[str], most: int
 ) -> tuple[uqmbd.extend.Propagator, ...]:
-    """Choose collocations of the installed plugins that about half of the realisations suffice for.
+    """Return default collocation methods of the installed plugins, for which about half of the realisations suffice.
 
-    The first is at equal times; where it does not follow outputs over time those that are aligned, at events and at
-    phases, are next.  These split no germ space: a motion that is damped took 2500 realisations so.
+    The first method collocates at equal times. If its error for outputs over time is too large, methods aligned at
+    events and at phases follow. These do not split the germ space: with splitting, a damped motion needed 2500
+    realisations.
     """
     collocation = uqmbd.extend.propagator("collocation")
     inputs = study.mechanism.inputs
     free = len(inputs) - len(known)
-    # an order that no term of a known input has
+    # weights exclude all terms of a known input
     weights = {"weights": tuple(1e3 if name in known else 1.0 for name in inputs.names)} if known else {}
     best: dict[str, Any] = {}
     for order in range(1, HIGHEST + 1):
         samples = int(np.ceil(OVER * len(uqmbd.extend.index_set(max(free, 1), order, "total"))))
-        # an aligned one follows its nodes up to three times
+        # an aligned collocation integrates its nodes up to three times
         cost = samples + VERIFY + (3 * samples + VERIFY if moving else 0)
         if order == 1 and cost > most:
             raise uqmbd.StudyError(
-                f"calibrate: realisations is {most}, and the first surrogate takes {cost}; expected {2 * cost} or more."
+                f"calibrate: realisations is {most}, but the first surrogate needs {cost}; expected {2 * cost} or more."
             )
         if order > 1 and cost > SHARE * most:
             break

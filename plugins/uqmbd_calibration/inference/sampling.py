@@ -1,9 +1,9 @@
-"""Draws of the posterior by the ensemble sampler of emcee, and whether they have converged, by ArviZ.
+"""Draws of the posterior by the ensemble sampler of emcee, with convergence diagnostics by ArviZ.
 
-Half of the proposals are those of a Student's t distribution about the maximum, which is nearly the posterior where a
-record says much; the other half are emcee's stretches, which need no such knowledge.  Evaluations of the density for
-each effective draw, of 400 values and 3 (6) inputs: 7.6 (7.5) so; 37 (65) by stretches alone; 15 (16) by dynesty 3.1,
-which evaluates one vector after another, and took 5 (16) times as long.  blackjax needs JAX.
+Half of the proposals are from a Student's t distribution about the maximum, close to the posterior of an informative
+record. The other half are emcee's stretch moves, which do not depend on the maximum. For 400 values and 3 (6) inputs,
+an effective draw costs 7.6 (7.5) evaluations of the density. Stretch moves alone cost 37 (65), and dynesty 3.1 costs
+15 (16); dynesty evaluates single vectors, and took 5 (16) times as long. blackjax requires JAX.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ BURN, BLOCK, BLOCKS = 100, 150, 12
 """Steps of the burn-in, steps between checks of convergence, and the largest number of checks."""
 
 WALKERS = 32
-"""Least walkers of an ensemble."""
+"""Least number of walkers of an ensemble."""
 
 ENOUGH, ALIKE = 400.0, 1.01
-"""Effective draws of each unknown, and the largest R-hat, of draws that have converged."""
+"""Least number of effective draws of each unknown, and largest R-hat, for convergence."""
 
 FREEDOM = 5.0
 """Degrees of freedom of the independent proposals: Student's t about the maximum, with the covariance there."""
@@ -41,14 +41,14 @@ class Draws:
 
     vectors: Array  # (chain, draw, N): of independent ensembles
     log_density: Array  # (chain, draw)
-    # rhat, ess: (N,), of all steps, not only of the draws that are kept
+    # rhat, ess: (N,), from all steps, not only from the stored draws
     rhat: Array
     ess: Array
-    # acceptance, correlation: share of proposals that were taken; largest autocorrelation time, in steps
+    # acceptance, correlation: share of accepted proposals; largest autocorrelation time, in steps
     acceptance: float
     correlation: float
-    steps: int  # of each walker, those left out not counted
-    converged: bool  # whether R-hat and effective draws are as they should be
+    steps: int  # steps of each walker after the burn-in
+    converged: bool  # whether R-hat and the number of effective draws satisfy their limits
 
     @property
     def flat(self) -> Array:
@@ -80,14 +80,14 @@ def sample(
     within: float = np.inf,
     affordable: Callable[[int], bool] = lambda _: True,
 ) -> Draws:
-    """Sample a density that is about normal, with a centre and a factor of its covariance.
+    """Return draws of a density that is nearly normal, with a known centre and factor of the covariance.
 
-    `log_density`: from vectors (K, N) to (K,); `centre`, `factor` (N,) and (N, N): the maximum, and a lower
-    triangular factor of the covariance there; `draws`, `chains`: how many draws are kept in all, and how many
-    independent ensembles there are; `seed`: the same seed gives the same bits; `walkers`: of each ensemble, at least;
-    `burn`, `block`: steps that are left out, and after which convergence is looked at; `within`: deviations from the
-    centre beyond which the density is taken as zero: a surrogate knows nothing there; `affordable`: whether the
-    density can be evaluated at so many more vectors: else it ends.
+    `log_density`: function of vectors (K, N) that returns (K,); `centre` (N,) and `factor` (N, N): maximum, and lower
+    triangular factor of the covariance there; `draws`: total number of stored draws; `chains`: number of independent
+    ensembles; `seed`: the same seed gives the same bits; `walkers`: least number in an ensemble; `burn`: steps of the
+    burn-in; `block`: steps between checks of convergence; `within`: distance from the centre, in deviations, beyond
+    which the density is zero because the surrogate is not valid there; `affordable`: whether this many more vectors can
+    be evaluated; sampling stops if not.
     """
     import emcee
 
@@ -126,7 +126,7 @@ def sample(
         converged = bool(np.all(rhat < ALIKE) and np.all(ess > ENOUGH)) and steps >= 30 * correlation
         if converged and kept.shape[0] * kept.shape[1] >= draws:
             break
-    # rather less thinned, which effective draws tell, than fewer than were asked for
+    # shorten the steps between draws to avoid too few draws; effective draws account for their dependence
     each = -(-draws // chains)
     thin = max(1, min(thin, steps * count // (each + count)))
     kept = paths[:, thin - 1 :: thin].reshape(chains, -1, dimension)
@@ -145,7 +145,7 @@ def sample(
 
 
 def _starts(density: Callable[[Array], Array], generator: np.random.Generator, count: int, dimension: int) -> Array:
-    """Return starts (count, N) at which the density is not zero, a little wider than it."""
+    """Return starts (count, N) with nonzero density from a distribution slightly wider than the density."""
     found = np.zeros((0, dimension))
     width = 1.2
     for _ in range(20):
@@ -155,13 +155,13 @@ def _starts(density: Callable[[Array], Array], generator: np.random.Generator, c
             return found[:count]
         width *= 0.7
     raise uqmbd.IntegrationError(
-        "calibrate: the posterior density is zero nearly everywhere about its maximum; look at the supports of the "
-        "distributions of the inputs, and at realisations there."
+        "calibrate: the posterior density is zero nearly everywhere around its maximum. Check the supports of the "
+        "input distributions, and realisations near their limits."
     )
 
 
 def _independent(dimension: int) -> Callable[[Array, np.random.RandomState], tuple[Array, Array]]:
-    """Return a proposal that does not depend on where a walker is."""
+    """Return a proposal that does not depend on the position of a walker."""
 
     def log_q(points: Array) -> Array:
         constant = gammaln((FREEDOM + dimension) / 2) - gammaln(FREEDOM / 2)
@@ -177,9 +177,9 @@ def _independent(dimension: int) -> Callable[[Array, np.random.RandomState], tup
 
 
 def _diagnosed(kept: Array) -> tuple[Array, Array]:
-    """Return R-hat and effective draws (N,) of draws (chain, draw, N)."""
+    """Return R-hat and the number of effective draws, each (N,), of draws (chain, draw, N)."""
     with warnings.catch_warnings():
-        # it announces its next version when it is imported
+        # ArviZ announces its next version in a warning at import
         warnings.simplefilter("ignore")
         import arviz
 

@@ -1,9 +1,9 @@
 """Maxima of the posterior density on the mechanism: Gauss-Newton method in a trust region.
 
-Each step computes one realisation and climbs on the surrogate, moved so that it is exact there, within the trust
-region.  A surrogate over a wide prior can have slopes that are wrong by more than their size.  Where a step does not
-gain about what the surrogate predicts, realisations about the point give the slopes instead (forward differences).  So
-they do where a climb would end without any step: slopes that no step has tested may be wrong.
+Each step computes one realisation and shifts the surrogate to be exact there. It then climbs on this surrogate within
+the trust region. Over a wide prior, slopes of a surrogate can have errors larger than the slopes. Forward differences
+of realisations replace them if a step does not gain about the predicted increase. They also replace them if a climb
+would end without any step, because no step has then tested the slopes.
 """
 
 from __future__ import annotations
@@ -21,40 +21,42 @@ __all__ = ["Mode", "settle"]
 
 
 MODES, WORSE = 4, 30.0
-"""Maxima that are computed on the mechanism, and by how much their log-density may be below the best one's."""
+"""Largest number of maxima computed on the mechanism, and their largest distance in log-density below the best one."""
 
 AS_LIKELY = 3.0
-"""Log-mass by which a reported, but not followed, maximum may be below the best one."""
+"""Largest difference of log-mass below the best maximum, for a maximum that is reported without a search."""
 
 SETTLED, SETTLING = 0.3, 24
-"""Step, in standard deviations of the posterior, at which a maximum is found; and how many steps there are at most."""
+"""Step length, in standard deviations of the posterior, at which a search ends; and largest number of steps."""
 
 POOR, GOOD, MORE = 0.25, 0.75, 2.0
-"""Gain of a step over the predicted gain: slopes are wrong below the first and above the last one; a step may become
+"""Ratios of actual to predicted gain: slopes are wrong below the first and above the last one; a step may become
 longer above the second one."""
 
 FREE = 4
-"""Steps by the slopes of the surrogate, at most."""
+"""Largest number of steps with the slopes of the surrogate."""
 
 WIDEST = 2.0
 """Initial half-width of the trust region, in standard deviations of the prior."""
 
 DIFFERENCE = 0.1, 1e-4
-"""Forward differences: in standard deviations of the posterior, and at least of the prior."""
+"""Forward differences: length in standard deviations of the posterior, and least length in those of the prior."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """A maximum of the posterior density, on the mechanism."""
+    """Maximum of the posterior density on the mechanism."""
 
-    vector: Array  # (N,): of unknowns
-    log_density: float  # there
-    log_mass: float  # logarithm of the mass that a normal distribution there has, up to a constant that all share
+    vector: Array  # (N,): vector of unknowns
+    log_density: float  # log-density at the vector
+    log_mass: float  # logarithm of the mass about it, up to a common constant; initially for a normal distribution
+    hessian: Array  # (N, N): of minus the log-density
+    predictors: tuple[Predictor, ...]  # surrogates that are exact at the vector, one for each case
 
 
 @dataclass(frozen=True, eq=False)
 class _Computed:
-    """Realisations of the cases at a vector: minus the log-density there, with the most probable noise levels."""
+    """Realisations of the cases at a vector, minus the log-density there, and the most probable noise levels."""
 
     vector: Array
     real: list[list[Array]]
@@ -63,29 +65,27 @@ class _Computed:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """A maximum, and the best realisation on the way to it."""
+    """Maximum, and the best realisation of its search."""
 
     mode: Mode
     at: _Computed
-    hessian: Array
-    predictors: list[Predictor]
 
     def same(self, other: _Followed) -> bool:
-        """Return whether another one ended in the same maximum, within a deviation."""
+        """Return whether another search ended within one deviation of the same maximum."""
         away = other.mode.vector - self.mode.vector
-        return bool(away @ self.hessian @ away < 1.0)
+        return bool(away @ self.mode.hessian @ away < 1.0)
 
 
 def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
-    """Follow the best maxima of the surrogate on the mechanism; the predictions are moved to the best of them.
+    """Search on the mechanism from the best maxima of the surrogate; shift the predictions to the best result.
 
-    Returns the maxima, the best first, and the vector (N,) to start from. Also returns the number of maxima of the
-    surrogate that are about as likely as the best one and were not followed.
+    Return the maxima, the best first, and the vector (N,) to start from. Return also the number of maxima of the
+    surrogate that are about as likely as the best one but had no search.
     """
     found: list[_Followed] = []
     mass = -peaks.cost - 0.5 * np.linalg.slogdet(peaks.hessian)[1]
     unseen = mass > mass.max() - AS_LIKELY
-    # the surrogate's maxima compete with the median of the prior, in case it is wrong about all of them
+    # also start from the median of the prior, because the surrogate may be wrong about all its maxima
     centre = np.zeros_like(peaks.vectors[0])
     for k in range(min(MODES, len(peaks.cost))):
         if peaks.cost[k] > peaks.cost[0] + WORSE:
@@ -104,7 +104,7 @@ def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Arra
     if not found:
         return (), peaks.vectors[0], int(unseen.sum())
     found.sort(key=lambda one: -one.mode.log_mass)
-    work.predictors = list(found[0].predictors)
+    work.predictors = list(found[0].mode.predictors)
     return tuple(one.mode for one in found), found[0].mode.vector, int(unseen.sum())
 
 
@@ -112,7 +112,7 @@ def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followe
     """Climb from a realisation to a maximum; stop a climb that stays far above the cost `best` of another maximum."""
     at, width, exact, tested, possible, settled = start, WIDEST, False, False, True, False
     inputs = len(work.unknowns.inputs)
-    # realisations that are too few for a check all go to the maximum
+    # spend all realisations on the maximum if they are too few for a check
     reserve = CHECKED if work.affordable(2 * CHECKED) else 0
     work.shift(at.vector, at.real)
     peak = climb(work.target, at.vector[None], within=width)
@@ -135,7 +135,7 @@ def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followe
             width = max(0.25 * length, 1e-6)
         elif gain > GOOD * predicted:
             width = max(width, 2.0 * length)
-        # slopes are computed once at a point, and at each one after those of the surrogate were wrong
+        # compute slopes once at a point, then at each new point after slopes of the surrogate were wrong
         if exact and gain > 0 and not _differences(work, at, metric):
             break
         if not exact and possible and (wrong or near):
@@ -146,14 +146,14 @@ def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followe
         peak = climb(work.target, at.vector[None], within=width)
         if -float(peak.cost[0]) < -best - WORSE:
             break
-    # a point that no realisation is near is no maximum on the mechanism
+    # without a nearby realisation, the peak of the surrogate is not a maximum on the mechanism
     place, cost = (peak.vectors[0], float(peak.cost[0])) if settled else (at.vector, at.cost)
     mass = -cost - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
-    return _Followed(Mode(place, -cost, mass), at, peak.hessian[0], list(work.predictors))
+    return _Followed(Mode(place, -cost, mass, peak.hessian[0], tuple(work.predictors)), at)
 
 
 def _computed(work: CalibrationState, vector: Array) -> _Computed:
-    """Compute the realisations of a vector (N,); its noise levels become the most probable ones."""
+    """Compute the realisations of a vector (N,), and set its noise levels to the most probable ones."""
     real = work.run(vector[None])
     target = work.target
     if all(np.isfinite(values).all() for blocks in real for values in blocks):
@@ -163,9 +163,9 @@ def _computed(work: CalibrationState, vector: Array) -> _Computed:
 
 
 def _differences(work: CalibrationState, at: _Computed, hessian: Array) -> bool:
-    """Give the predictions the slopes of the mechanism at a point; return whether they could be computed.
+    """Set the slopes of the predictions to those of the mechanism at a point; return whether this succeeded.
 
-    An input that machines do not share is moved for all of them at once.
+    Separate inputs of several machines are moved at the same time.
     """
     inputs = max(len(case.columns) for case in work.cases)
     if not work.affordable(inputs + CHECKED):

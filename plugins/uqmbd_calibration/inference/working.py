@@ -1,4 +1,4 @@
-"""State of a calibration: cases, their realisations, and the surrogates that these correct."""
+"""State of a calibration: cases, their realisations, and the surrogates that the realisations correct."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = ["CHECKED", "CalibrationState", "peak_of"]
 
 
 CHECKED = 24
-"""Draws that are computed on the mechanism at once."""
+"""Number of draws that are computed on the mechanism at once."""
 
 STACK, BURNED, STEPS = 64, 10, 25
 """Walkers on the mechanism, steps of the burn-in, and steps between checks of convergence."""
 
 WIDER = 1.3
-"""Width of the distribution of correcting realisations, over that of the posterior."""
+"""Ratio of the widths of the distribution of correcting realisations and of the posterior."""
 
 NEAR, FOLLOWED = 1.5, 6
-"""Deviations of the posterior within which its maximum stays, and how often realisations follow it at most."""
+"""Largest change of a converged maximum, in deviations of the posterior, and largest number of corrections."""
 
 
 @dataclass(eq=False)
@@ -51,18 +51,18 @@ class CalibrationState:
 
     @property
     def target(self) -> Posterior:
-        """The posterior by the present surrogates."""
+        """Posterior by the present surrogates."""
         return Posterior(self.unknowns, self.cases, tuple(self.predictors))
 
     def affordable(self, count: int) -> bool:
-        """Return whether so many vectors can be computed on the mechanism."""
+        """Return whether this number of vectors can be computed on the mechanism."""
         wanted: dict[int, int] = {}
         for case in self.cases:
             wanted[id(case.point)] = wanted.get(id(case.point), 0) + count
         return all(case.point.left >= wanted[id(case.point)] for case in self.cases)
 
     def run(self, vectors: Array) -> list[list[Array]]:
-        """Compute vectors (K, N) on the mechanism: values (K, n) of each block of each case."""
+        """Compute vectors (K, N) on the mechanism; return values (K, n) of each block of each case."""
         found = []
         for case in self.cases:
             rows = case.point.run(case.normals(vectors))
@@ -70,7 +70,7 @@ class CalibrationState:
         return found
 
     def shift(self, vector: Array, real: list[list[Array]]) -> None:
-        """Set the predictions to the base, moved to the realisation at a vector."""
+        """Set the predictions to the base plus a constant, so that they are exact at a vector (N,)."""
         for k, case in enumerate(self.cases):
             free, at = case.free, case.normals(vector[None])
             nothing = np.zeros(len(free)), np.eye(len(free))
@@ -82,7 +82,7 @@ class CalibrationState:
         """Set the predictions of a case to the base, with values and slopes of the mechanism at a vector.
 
         ``values`` (1 + f, n) of each block are realisations at the vector, and with each unknown input moved by one
-        over its ``scale`` (f,).
+        divided by its ``scale`` (f,).
         """
         case = self.cases[k]
         centre = case.normals(vector[None])[0, case.free]
@@ -91,7 +91,7 @@ class CalibrationState:
         )
 
     def explore(self, peak: Array, factor: Array, count: int, seed: int) -> bool:
-        """Compute realisations from a slightly wider posterior; return whether there were any."""
+        """Compute realisations from a slightly wider posterior; return whether any were computed."""
         while count >= CHECKED // 3 and not self.affordable(count + CHECKED):
             count -= 1
         if not self.affordable(count + CHECKED):
@@ -101,7 +101,7 @@ class CalibrationState:
         return True
 
     def follow(self, peak: Array, factor: Array, seeds: Iterator[int], *, explored: bool) -> tuple[Array, Array]:
-        """Correct the surrogate about a maximum, and again about the one that follows, until it stays where it is."""
+        """Correct the surrogate about a maximum, and repeat about the new maximum until it converges."""
         inputs = max(len(case.free) for case in self.cases)
         count = max(CHECKED, enough(inputs))
         for _ in range(FOLLOWED):
@@ -116,10 +116,10 @@ class CalibrationState:
         return self.refit(peak, factor)
 
     def refit(self, peak: Array, factor: Array, times: int = 2) -> tuple[Array, Array]:
-        """Fit corrections to all realisations about a maximum, with a factor of the covariance there; return new ones.
+        """Fit corrections to all realisations about a maximum; return the new maximum and covariance factor.
 
-        Where the posterior is decides which realisations count, and in which coordinates, so that it is done twice
-        where these are around it.
+        The posterior determines the weights of realisations and the coordinates. The fit is therefore repeated once if
+        realisations surround the posterior.
         """
         if not any(len(case.point.points) for case in self.cases):
             return peak_of(self.target, peak)
@@ -148,8 +148,8 @@ class CalibrationState:
         if not self.affordable(first):
             spent = max(case.point.spent for case in self.cases)
             raise uqmbd.StudyError(
-                f"calibrate: on='mechanism' takes {spent + first} realisations at least, with {chains} chains of "
-                f"{STACK} walkers; allow more, as realisations={2 * (spent + first)}, or sample on the surrogate."
+                f"calibrate: on='mechanism' needs at least {spent + first} realisations, with {chains} chains of "
+                f"{STACK} walkers. Increase realisations, e.g. to {2 * (spent + first)}, or use on='surrogate'."
             )
         about: dict[str, Any] = {"draws": draws, "chains": chains, "seed": seed}
         steps: dict[str, Any] = {"walkers": STACK, "burn": BURNED, "block": STEPS, "affordable": self.affordable}
@@ -157,13 +157,14 @@ class CalibrationState:
             return sample(target.log_density, peak, factor, **about, **steps)
         except SearchExhausted:
             raise uqmbd.StudyError(
-                "calibrate: the realisations were spent before the chains had started; many of them failed."
+                "calibrate: the chains could not start within the allowed realisations, because many realisations "
+                "failed. Increase realisations, or check the input distributions."
             ) from None
 
     def _measure(self, k: int, peak: Array) -> Callable[[Array], Array]:
-        """Return how much errors (K, N) of a case matter, in squares of the log-likelihood.
+        """Return a function that weighs errors (K, N) of a case, in squares of the log-likelihood.
 
-        Where values are far from all predictions, as of a wrong model, errors count by their product with the misfit.
+        If values are far from all predictions, as for a wrong model, errors count by their product with the misfit.
         """
         case, sigma, misfit = self.cases[k], [], []
         predicted = self.predictors[k](case.normals(peak[None]))
@@ -190,12 +191,12 @@ class CalibrationState:
 
 
 def peak_of(target: Posterior, start: Array) -> tuple[Array, Array]:
-    """Return the maximum near a start, and a lower triangular factor of the covariance there."""
+    """Return the maximum near a start (N,), and a lower triangular factor of the covariance (N, N) there."""
     found = climb(target, start[None])
     for _ in range(2):
-        # differences over a part of the posterior: as wide as rounding allows, as narrow as curvature asks
+        # differences over a part of the posterior: wide enough for rounding errors, small enough for the curvature
         deviation = np.sqrt(np.diag(np.linalg.inv(found.hessian[0])))[: len(target.unknowns.inputs)]
-        # a record that contradicts the prior leads further than is looked at first
+        # a record that contradicts the prior has its maximum beyond the initial limit of the search
         reach = 10 * REACH if np.abs(found.vectors).max() >= REACH else REACH
         found = climb(target, found.vectors, difference=np.clip(0.1 * deviation, 1e-7, 1e-2), reach=reach)
     covariance = np.linalg.inv(found.hessian[0])

@@ -1,4 +1,4 @@
-"""Columns of outputs in a file or a dataset, before they are checked as a record."""
+"""Columns of outputs in a file or a dataset, before the checks of a record."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def series_of(
     outputs: Collection[str] | None,
     where: str,
 ) -> tuple[Series, ...]:
-    """Join columns with the arguments of the caller.
+    """Return series from columns and the arguments of the caller.
 
-    Units of both must agree; noise of the caller takes the place of what is found.
+    Units in the file and from the caller must agree. Noise given by the caller replaces the noise in the file.
     """
     found = [column.output for column in columns]
     units = check_mapping(units, found, "units", "{'angle': 'rad'}", where)
@@ -40,10 +40,10 @@ def series_of(
     if outputs is not None:
         row = isinstance(outputs, Collection) and not isinstance(outputs, str) and getattr(outputs, "ndim", 1) == 1
         if not row or not all(isinstance(name, str) for name in outputs):
-            raise uqmbd.StudyError(f"{where}: outputs is {outputs!r}; expected a list of names such as ['angle'].")
+            raise uqmbd.StudyError(f"{where}: outputs is {outputs!r}; expected a list of output names, e.g. ['angle'].")
         for name in outputs:
             if name not in found:
-                raise uqmbd.StudyError(f"{where}: there is no output {name!r}{near(name, found)}")
+                raise uqmbd.StudyError(f"{where}: the file has no output {name!r}{near(name, found)}")
     series = []
     for column in columns:
         if outputs is not None and column.output not in outputs:
@@ -59,17 +59,17 @@ def series_of(
 
 
 def _units(name: str, found: str | None, given: str | None, where: str) -> str:
-    """Return the units that a file or its reader states."""
+    """Return the units from the file or the caller."""
     if given is not None:
         check_units(given, f"{where}: output {name!r}")
     if found is None and given is None:
         raise uqmbd.StudyError(
-            f"{where}: the units of {name!r} are not stated; state them in the file (CSV: 'name [m]' in the header; "
-            f"netCDF: the attribute units), or by units={{{name!r}: 'm'}}; '' is a number without units."
+            f"{where}: the units of {name!r} are missing. State them in the file (CSV: 'name [m]' in the header; "
+            f"netCDF: the attribute units), or with units={{{name!r}: 'm'}}; '' means a pure number."
         )
     if found is not None and given is not None and not same_units(found, given):
         raise uqmbd.StudyError(
-            f"{where}: the units of {name!r} are {found!r} in the file and {given!r} in units=; leave units= out, or "
-            "correct the file. Values are not converted."
+            f"{where}: the units of {name!r} are {found!r} in the file and {given!r} in units=. Omit units=, or "
+            "correct the file; uqmbd does not convert values."
         )
     return given if found is None or given is not None else found  # type: ignore[return-value]  # one of them is stated

@@ -1,4 +1,4 @@
-"""Records as datasets of xarray, and as netCDF files."""
+"""Records as xarray datasets and netCDF files."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ if TYPE_CHECKING:
 __all__ = ["dataset_attributes", "dataset_columns", "dataset_of", "read_dataset"]
 
 REPETITION = "repetition"
-"""Dimension of an output without a time; its coordinate, if present, is no time."""
+"""Dimension of a scalar output; its coordinate, if present, is not a time."""
 
 
 def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory; times remain numbers for any units."""
+    """Read a netCDF file into memory; times remain numbers, with any units."""
     from uqmbd.extend import read_root
 
     try:
         return read_root(path)
     except uqmbd.StudyError as error:
         reason = " ".join(str(error.__cause__ or error).split())
-        raise uqmbd.StudyError(f"{path}: this is no netCDF file that can be read: {reason[:300]}") from error
+        raise uqmbd.StudyError(f"{path} is not a readable netCDF file: {reason[:300]}") from error
 
 
 def dataset_columns(dataset: xr.Dataset, where: str) -> list[OutputColumn]:
-    """Return the variables of a dataset, each with the times of its one dimension, if it has times."""
+    """Return the variables of a dataset, each with the times of its dimension if it has times."""
     columns = []
     for key, variable in dataset.data_vars.items():
         name = check_name(key, f"{where}: a variable")
         if variable.ndim > 1:
             raise uqmbd.StudyError(
-                f"{where}: variable {name!r} has the dimensions {', '.join(map(str, variable.dims))}; "
-                "expected one, its times."
+                f"{where}: variable {name!r} has the dimensions {', '.join(map(str, variable.dims))}; expected one "
+                "dimension, the times."
             )
         times: Any = ()
         for dimension in variable.dims:
@@ -52,18 +52,20 @@ def dataset_columns(dataset: xr.Dataset, where: str) -> list[OutputColumn]:
                 stated = times.attrs.get("units", "s")
                 if not isinstance(stated, str) or not seconds(stated):
                     raise uqmbd.StudyError(
-                        f"{where}: the coordinate {str(dimension)!r} of variable {name!r} is in {short(stated)}; "
-                        "expected times in s: convert them, and state the attribute units = 's'."
+                        f"{where}: the coordinate {str(dimension)!r} of variable {name!r} has the units "
+                        f"{short(stated)}; expected 's'. Convert the times, and set the attribute units = 's'."
                     )
                 times = times.values
         units = variable.attrs.get("units")
         if units is not None and not isinstance(units, str):
             raise uqmbd.StudyError(
-                f"{where}: the attribute units of variable {name!r} is {short(units)}; expected a text."
+                f"{where}: the attribute units of variable {name!r} is {short(units)}; expected a string."
             )
         columns.append(OutputColumn(name, times, np.atleast_1d(variable.values), units, variable.attrs.get("noise")))
     if not columns:
-        raise uqmbd.StudyError(f"{where}: there are no variables; expected one for each output that was measured.")
+        raise uqmbd.StudyError(
+            f"{where}: the dataset has no variables; expected one variable for each measured output."
+        )
     return columns
 
 
@@ -85,7 +87,7 @@ def dataset_attributes(dataset: xr.Dataset, where: str) -> dict[str, Any]:
 
 
 def dataset_of(name: str, machine: str, known: Mapping[str, float], series: Sequence[Series]) -> xr.Dataset:
-    """Return the dataset of a record; outputs with equal times share their dimension."""
+    """Return the dataset of a record; outputs with equal times share a dimension."""
     import xarray as xr
 
     taken = {one.output for one in series}
@@ -104,7 +106,7 @@ def dataset_of(name: str, machine: str, known: Mapping[str, float], series: Sequ
 
 
 def _free(wanted: str, series: Series, taken: set[str]) -> str:
-    """Return a name of a dimension that nothing else has."""
+    """Return an unused name for a dimension."""
     name = wanted if wanted not in taken else f"{wanted} of {series.output}"
     while name in taken:
         name += "'"

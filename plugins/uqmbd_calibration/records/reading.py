@@ -1,7 +1,4 @@
-"""Files of records: their formats and contents.
-
-CSV files of records.
-"""
+"""Formats of record files, and readers of CSV files."""
 
 from __future__ import annotations
 
@@ -24,11 +21,11 @@ _HEAD = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<units>[^\[\]]*)\])?", re.S)
 
 
 def csv_columns(path: Path) -> list[OutputColumn]:
-    """Read the columns of a CSV file: the header contains names and optional units, as in ``angle [rad]``.
+    """Return the columns of a CSV file; the header contains names with optional units, such as ``angle [rad]``.
 
-    A column ``time`` or ``time [s]`` holds the times of all others; without one, they are outputs without a time.
-    Columns are separated by tabs, semicolons or commas: the first of these that the header has.  Lines that begin with
-    ``#`` are left out, cells that are empty or ``nan`` are gaps.
+    A column ``time`` or ``time [s]`` contains the times of all other columns. Without this column, all outputs are
+    scalar outputs. The separator is the first of tab, semicolon and comma that the header contains. Lines that begin
+    with ``#`` are ignored. Empty cells and ``nan`` are gaps.
     """
     lines = _lines(path)
     if not lines:
@@ -40,26 +37,28 @@ def csv_columns(path: Path) -> list[OutputColumn]:
     for name in names:
         if names.count(name) > 1:
             raise uqmbd.StudyError(
-                f"{path}, line {number}: there are {names.count(name)} columns {name!r}; expected one."
+                f"{path}, line {number}: the header has {names.count(name)} columns {name!r}; expected one."
             )
     rows = [(line, _numbers(text, mark, names, path, line)) for line, text in lines[1:]]
     if not rows:
-        raise uqmbd.StudyError(f"{path}: there is a header, and no line of numbers below it.")
+        raise uqmbd.StudyError(f"{path}: the file has a header, but no lines with values; expected at least one.")
     columns = dict(zip(names, zip(*(values for _, values in rows), strict=True), strict=True))
     times: tuple[float, ...] = ()
     if "time" in columns:
         units = dict(heads)["time"]
         if units is not None and not seconds(units):
             raise uqmbd.StudyError(
-                f"{path}, line {number}: the times are in {units!r}; expected seconds: convert them, and write "
-                "'time [s]'."
+                f"{path}, line {number}: the units of the times are {units!r}; expected seconds. Convert the times, "
+                "and write 'time [s]' in the header."
             )
         times = columns.pop("time")
         for (line, _), time in zip(rows, times, strict=True):
             if time != time:
-                raise uqmbd.StudyError(f"{path}, line {line}: there is no time; every line needs one.")
+                raise uqmbd.StudyError(f"{path}, line {line}: the time is missing; expected a time in every line.")
     if not columns:
-        raise uqmbd.StudyError(f"{path}, line {number}: there is no column besides the times.")
+        raise uqmbd.StudyError(
+            f"{path}, line {number}: the file has only a column of times; expected a column for at least one output."
+        )
     stated = dict(heads)
     return [OutputColumn(name, times, values, stated[name]) for name, values in columns.items()]
 
@@ -69,12 +68,12 @@ def _lines(path: Path) -> list[tuple[int, str]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise uqmbd.StudyError(
-            f"{path}: this is no text in UTF-8 (byte {error.start}); save it as CSV in UTF-8."
-        ) from None
+        raise uqmbd.StudyError(f"{path} is not UTF-8 text (byte {error.start}); save it as CSV in UTF-8.") from None
     if "\0" in text:
-        raise uqmbd.StudyError(f"{path}: this is no text: it holds null characters; save it as CSV in UTF-8.")
-    # lines end as editors count them, not at every character that Unicode takes for an end
+        raise uqmbd.StudyError(
+            f"{path} is not a text file, because it contains null characters; save it as CSV in UTF-8."
+        )
+    # count only the line ends that editors count, not all line ends of Unicode
     lines = enumerate(re.split("\r\n|\r|\n", text), 1)
     return [(number, line) for number, line in lines if line.strip(" \t,;") and not line.lstrip().startswith("#")]
 
@@ -83,7 +82,7 @@ def _cells(line: str, mark: str, path: Path, number: int) -> list[str]:
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=mark, skipinitialspace=True, strict=True))]
     except (csv.Error, StopIteration) as error:
-        raise uqmbd.StudyError(f"{path}, line {number}: it cannot be read as CSV: {error}.") from None
+        raise uqmbd.StudyError(f"{path}, line {number} is not valid CSV: {error}.") from None
 
 
 def _head(cell: str, where: str) -> tuple[str, str | None]:
@@ -94,39 +93,39 @@ def _head(cell: str, where: str) -> tuple[str, str | None]:
         return "time", None if units is None else units.strip()
     if _number(cell) is not None:
         raise uqmbd.StudyError(
-            f"{where}: the column is called {short(cell)}; expected a header such as "
-            "'time [s],angle [rad]' before the numbers."
+            f"{where}: the column name is {short(cell)}; expected a header such as 'time [s],angle "
+            "[rad]' before the values."
         )
     return check_name(name, f"{where}: a column"), None if units is None else units.strip()
 
 
 def _numbers(text: str, mark: str, names: list[str], path: Path, line: int) -> list[float]:
     """Return the numbers of a line; gaps are nan."""
-    # nine lines of ten are plain numbers, and there may be a million of them
+    # fast path: nine of ten lines contain plain numbers, and a file may have a million lines
     if '"' not in text and "_" not in text and text.count(mark) == len(names) - 1:
         with contextlib.suppress(ValueError):
             return list(map(float, text.split(mark)))
     cells = _cells(text, mark, path, line)
     if len(cells) != len(names):
         raise uqmbd.StudyError(
-            f"{path}, line {line}: there are {len(cells)} cells under {len(names)} names; expected one for each, empty "
-            "where nothing was measured."
+            f"{path}, line {line}: the line has {len(cells)} entries, but the header has {len(names)} columns. "
+            "Expected one entry in each column, empty for a missing value."
         )
     values = []
     for name, cell in zip(names, cells, strict=True):
         value = float("nan") if not cell else _number(cell)
         if value is None:
-            comma = " (decimals are written with a point)" if "," in cell else ""
+            comma = " with a decimal point" if "," in cell else ""
             raise uqmbd.StudyError(
-                f"{path}, line {line}: {name!r} is {short(cell)}; expected a number{comma}, or "
-                "nothing where nothing was measured."
+                f"{path}, line {line}: {name!r} is {short(cell)}; expected a number{comma}, or an empty entry for a "
+                "missing value."
             )
         values.append(value)
     return values
 
 
 def _number(cell: str) -> float | None:
-    """Return the number that a cell holds; Python's own underscores are none."""
+    """Return the number in a cell, or None; numbers with underscores, as in Python, are not accepted."""
     if "_" in cell:
         return None
     try:
@@ -140,19 +139,19 @@ NETCDF = (".nc", ".nc4")
 
 
 def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[OutputColumn], dict[str, Any]]:
-    """Read the columns of a file, and its attributes for the whole record.
+    """Return the path, the columns of a file, and its attributes for the whole record.
 
-    Raise StudyError if it cannot be read.
+    Raise StudyError if the file cannot be read.
     """
     if not isinstance(path, (str, os.PathLike)):
-        raise uqmbd.StudyError(f"Record.read: the path is {short(path)}; expected that of a file.")
+        raise uqmbd.StudyError(f"Record.read: the path is {short(path)}; expected the path of a file.")
     source = Path(path)
     if source.suffix.lower() not in (*TABLES, *NETCDF):
         raise uqmbd.StudyError(
-            f"{source}: its suffix {source.suffix!r} is not that of a record; expected .csv (or .tsv, .txt) or .nc."
+            f"{source}: the suffix is {source.suffix!r}; expected .csv (or .tsv, .txt) or .nc for a record."
         )
     if not source.is_file():
-        raise uqmbd.StudyError(f"{source}: there is no such file.")
+        raise uqmbd.StudyError(f"{source}: the file does not exist.")
     try:
         if source.suffix.lower() in TABLES:
             return source, csv_columns(source), {}
@@ -163,8 +162,8 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[OutputColumn]
 
 
 def outputs_in(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Name the outputs that a file holds.
+    """Return the names of the outputs in a file.
 
-    Raise StudyError if it cannot be read.
+    Raise StudyError if the file cannot be read.
     """
     return tuple(column.output for column in read_columns(path)[1])

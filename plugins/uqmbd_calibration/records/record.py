@@ -1,4 +1,4 @@
-"""A record: measurements of a machine."""
+"""Record: measurements of a machine."""
 
 from __future__ import annotations
 
@@ -27,23 +27,24 @@ __all__ = ["Record"]
 
 @dataclass(frozen=True, init=False)
 class Record:
-    """Measurements of one machine in one run: outputs of a study, each at its own times.
+    """Measurements of one machine in one run: outputs of a study with their times.
 
     Parameters
     ----------
     name : str
-        Names it in tables and reports.
+        Name of the record in tables and reports.
     series : sequence of Series
-        What was measured, an entry for each output.
+        Measured values, one series for each output.
     known : mapping of str to float, optional
-        Inputs of the study whose values are known in this record, in their units, such as the speed that was set.
+        Inputs of the study with known values in this record, in their units, such as a set speed.
     machine : str, optional
-        Which machine it is of, where records of several machines are used; empty: all records are of one.
+        Name of the machine, for records of several machines. Default: empty, which means that all records are from one
+        machine.
 
     Raises
     ------
     uqmbd.StudyError
-        If something cannot be used: the message says what, and what was expected.
+        If an argument is invalid; the message names the argument and the expected value.
 
     Examples
     --------
@@ -66,13 +67,15 @@ class Record:
         if not isinstance(series, Sequence) or not all(isinstance(one, Series) for one in series):
             raise uqmbd.StudyError(f"{where}: series is {short(series)}; expected a list of Series.")
         if not series:
-            raise uqmbd.StudyError(f"{where}: it holds no output; expected at least one.")
+            raise uqmbd.StudyError(f"{where}: series is empty; expected at least one Series.")
         outputs = [one.output for one in series]
         for output in outputs:
             if outputs.count(output) > 1:
-                raise uqmbd.StudyError(f"{where}: the output {output!r} is there twice; expected once.")
+                raise uqmbd.StudyError(
+                    f"{where}: series contains the output {output!r} twice; expected each output once."
+                )
         if not isinstance(machine, str) or not machine.isprintable():
-            raise uqmbd.StudyError(f"{where}: machine is {short(machine)}; expected a text, such as 'rig 2'.")
+            raise uqmbd.StudyError(f"{where}: machine is {short(machine)}; expected a string such as 'rig 2'.")
         values = check_mapping(known, None, "known", "{'speed': 10.0}", where)
         held = {
             "name": name,
@@ -95,24 +98,24 @@ class Record:
         name: str | None = None,
         outputs: Collection[str] | None = None,
     ) -> Record:
-        r"""Read a record from a CSV or a netCDF file.
+        r"""Return the record in a CSV or netCDF file.
 
         Parameters
         ----------
         path : path-like
-            CSV (``.csv``, ``.tsv``, ``.txt``): a header names the columns, with units in brackets, as ``time [s],angle
-            [rad]``; cells that are empty or ``nan`` are gaps; lines that begin with ``#`` are left out.  Without a
-            column ``time`` all columns are outputs without a time, and each line is one more measurement.
-            NetCDF (``.nc``): a variable for each output with the attribute ``units``, and ``noise`` where it is known;
-            its dimension has the times as its coordinate, or none; see `of`.
+            CSV (``.csv``, ``.tsv``, ``.txt``): a header contains the names of the columns, with units in brackets, as
+            ``time [s],angle [rad]``. Empty cells and ``nan`` are gaps. Lines that begin with ``#`` are ignored. Without
+            a column ``time``, all columns are scalar outputs, and each line is one repeated measurement.
+            NetCDF (``.nc``): each output is a variable with the attribute ``units``, and ``noise`` if it is known. The
+            coordinate of its dimension, if present, contains the times; see `of`.
         units : mapping of str to str, optional
-            Units by output, where the file does not state them.
+            Units by output, if the file does not contain them.
         noise : mapping of str to float, optional
-            Standard deviation of the errors by output, in the units of the output.  Takes the place of the file's.
+            Standard deviation of the errors by output, in the units of the output; replaces the noise in the file.
         known, machine, name : optional
-            As of the class.  They take the place of what the file says; the name of a CSV file is that of the record.
+            Same as for the class; these replace the values in the file. Default name for CSV: name of the file.
         outputs : collection of str, optional
-            What to read of the file; by default all.
+            Names of the outputs to read. Default: all outputs.
 
         Returns
         -------
@@ -121,7 +124,8 @@ class Record:
         Raises
         ------
         uqmbd.StudyError
-            If the file cannot be read or used; the message names the file, the line of a CSV, and what was expected.
+            If the file cannot be read or used; the message names the file, the line of a CSV file, and the expected
+            content.
 
         Examples
         --------
@@ -149,27 +153,27 @@ class Record:
         name: str | None = None,
         outputs: Collection[str] | None = None,
     ) -> Record:
-        """Return the record of a dataset of xarray.
+        """Return the record in an xarray dataset.
 
         Parameters
         ----------
         dataset : xarray.Dataset
-            A variable for each output, with the attribute ``units``, and ``noise`` where it is known.  The coordinate
-            of its one dimension is its times, s; a dimension without a coordinate, or one that is called
-            ``repetition``, is that of the values of an output without a time.  The attributes ``name``, ``machine``
-            and ``known`` (JSON, or a mapping) of the dataset are those of the record.
+            Dataset with a variable for each output, with the attribute ``units``, and ``noise`` if it is known. The
+            coordinate of its dimension contains the times, s. A variable is a scalar output if its dimension has no
+            coordinate or is named ``repetition``. The attributes ``name``, ``machine`` and ``known`` (JSON, or a
+            mapping) of the dataset describe the record.
         units, noise, known, machine, name, outputs : optional
-            As of `read`.
+            Same as for `read`.
 
         Returns
         -------
         Record
-            With a series for each variable.
+            Record with a series for each variable.
 
         Raises
         ------
         uqmbd.StudyError
-            If it cannot be used.
+            If the dataset cannot be used.
 
         Examples
         --------
@@ -182,28 +186,30 @@ class Record:
 
         where = "Record.of"
         if not isinstance(dataset, xr.Dataset):
-            raise uqmbd.StudyError(f"{where}: it is given {type(dataset).__name__}; expected an xarray.Dataset.")
+            raise uqmbd.StudyError(
+                f"{where}: the type of dataset is {type(dataset).__name__}; expected xarray.Dataset."
+            )
         given: Any = {"units": units, "noise": noise, "known": known, "machine": machine, "outputs": outputs}
         about = {"name": "record", **dataset_attributes(dataset, where)}
         return _make_record(dataset_columns(dataset, where), about, name, where, **given)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write the record to a netCDF file, completely or not at all; `read` restores it.
+        """Write the record to a netCDF file, completely or not at all; `read` reads it again.
 
         Parameters
         ----------
         path : path-like
-            Ends in ``.nc``.
+            Path that ends in ``.nc``.
 
         Returns
         -------
         pathlib.Path
-            The path.
+            Path of the written file.
 
         Raises
         ------
         uqmbd.StudyError
-            If the ending is another one, or the file cannot be written.
+            If the path has another ending, or the file cannot be written.
 
         Examples
         --------
@@ -219,18 +225,18 @@ class Record:
 
         if not isinstance(path, (str, os.PathLike)) or Path(path).suffix != ".nc":
             raise uqmbd.StudyError(
-                f"record {self.name!r}: it is to be written to {short(path)}; expected a path that ends in .nc: a CSV "
-                "file does not hold noise, known inputs and the machine."
+                f"record {self.name!r}: the path for writing is {short(path)}; expected a path that ends in .nc, "
+                "because a CSV file cannot contain noise, known inputs and the machine."
             )
         return save(xr.DataTree(self.to_dataset()), path)
 
     def to_dataset(self) -> xr.Dataset:
-        """Return the record as a dataset, as `of` takes it.
+        """Return the record as a dataset that `of` accepts.
 
         Returns
         -------
         xarray.Dataset
-            A variable for each output; those that were measured at the same times share their dimension.
+            Dataset with a variable for each output; outputs with equal times share a dimension.
         """
         return dataset_of(self.name, self.machine, self.known, self.series)
 
@@ -241,7 +247,7 @@ class Record:
 
     @property
     def times(self) -> Array:
-        """Times of all outputs together, s, each once, increasing; shape ``(T,)``, empty if none has a time."""
+        """Times of all outputs, s, sorted and without duplicates; shape ``(T,)``, empty if all are scalar outputs."""
         return np.unique(np.concatenate([one.times for one in self.series]))
 
     def __getitem__(self, output: str) -> Series:
@@ -249,29 +255,33 @@ class Record:
             if one.output == output:
                 return one
         raise uqmbd.StudyError(
-            f"record {self.name!r}: there is no output {output!r}{near(output, self.outputs)} It has "
+            f"record {self.name!r} has no output {output!r}{near(output, self.outputs)} Its outputs are "
             f"{listed(self.outputs)}."
         )
 
     def checked_against(self, study: uqmbd.Study) -> Record:
-        """Return this record if it is one of the outputs of a study, else raise.
+        """Return this record if it agrees with a study; otherwise raise an error.
 
         Parameters
         ----------
         study : uqmbd.Study
-            Whose outputs and inputs the record names.
+            Study with the outputs and inputs of the record.
+
+        Returns
+        -------
+        Record
 
         Raises
         ------
         uqmbd.StudyError
-            If the study has no such output or known input, units differ, or an output has times in one of them only.
-            Also if times precede the start of the study. Also if a known value is impossible for its input, values are
-            too large to compute with, or the noise is below their rounding errors.
+            If the study has no such output or known input, units differ, or only one of the two has times for an
+            output. Also if times precede the start of the study, or a known value is impossible for its input.
+            Also if values are too large to compute with, or the noise is below their rounding errors.
 
         Warns
         -----
         uqmbd.StudyWarning
-            If an angle looks as if it was measured within one turn, while the study counts turns.
+            If measured angles seem to be limited to one turn, while the study counts turns.
         """
         check_against(self.name, self.series, self.known, study)
         return self
@@ -294,7 +304,7 @@ def _make_record(
     machine: str | None,
     **given: Any,
 ) -> Record:
-    """Return the record of columns and arguments; errors state the place."""
+    """Return the record of columns and arguments; error messages contain `where`."""
     series = series_of(columns, given["units"], given["noise"], given["outputs"], where)
     try:
         return Record(

@@ -1,4 +1,4 @@
-"""One output of a record: its values, with times or without."""
+"""Values of one output of a record, with or without times."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ __all__ = ["Series"]
 class Series:
     """Measurements of one output.
 
-    Values that are not a number are gaps, and left out with their times.
+    Values that are nan are gaps; they are removed together with their times.
 
     Parameters
     ----------
     output : str
         Name of the output of the study.
     times : array_like, shape (T,)
-        Times of the values, s, strictly increasing; empty for an output without a time, such as a frequency.
+        Times of the values, s, strictly increasing; empty for a scalar output, such as a frequency.
     values : array_like, shape (T,) or (R,)
-        A value at each time; of an output without a time the `R` values that repeated measurements gave.
+        A value at each time, or the `R` values of repeated measurements of a scalar output.
     units : str
         Units of the values; empty for a number without units.
     noise : float, optional
-        Standard deviation of the errors of the values, in `units`; None if it is not known.
+        Standard deviation of the errors of the values, in `units`. Default: unknown.
 
     Raises
     ------
     uqmbd.StudyError
-        If something is no number, infinite, empty, of another length, or not in the order of time.
+        If an argument is not a number, infinite, empty, of the wrong length, or not increasing in time.
 
     Examples
     --------
@@ -61,27 +61,27 @@ class Series:
         noise = None if noise is None else number(noise, where, "its noise", positive=True)
         if times.size and times.size != values.size:
             raise uqmbd.StudyError(
-                f"{where}: it has {values.size} values at {times.size} times; expected a value at each time, or no "
-                "times for an output without a time."
+                f"{where}: the series has {values.size} values at {times.size} times. Expected one value at each "
+                "time, or no times for a scalar output."
             )
         if not np.isfinite(times).all():
             raise uqmbd.StudyError(f"{where}: time no. {_first(~np.isfinite(times))} is not a finite number.")
         if np.isinf(values).any():
             raise uqmbd.StudyError(
-                f"{where}: value no. {_first(np.isinf(values))} is infinite; leave out what was not measured, or give "
-                "nan for it."
+                f"{where}: value no. {_first(np.isinf(values))} is infinite. Omit missing values, or "
+                "replace them by nan."
             )
         there = np.isfinite(values)
         if not there.any():
-            raise uqmbd.StudyError(f"{where}: it has no values; leave the output out.")
+            raise uqmbd.StudyError(f"{where}: the series has no values; remove this output.")
         if times.size:
             times = times[there]
             late = np.diff(times) <= 0
             if late.any():
                 at = _first(late)
                 raise uqmbd.StudyError(
-                    f"{where}: its times do not increase: {times[at - 1]:.10g} s is followed by {times[at]:.10g} s; "
-                    "sort the values by time, and give each time once."
+                    f"{where}: the times do not increase: {times[at - 1]:.10g} s precedes {times[at]:.10g} s. Sort "
+                    "the values by time, and give each time once."
                 )
         held = {"output": output, "times": times, "values": values[there], "units": units, "noise": noise}
         for name, value in held.items():
@@ -91,7 +91,7 @@ class Series:
 
     @property
     def timeless(self) -> bool:
-        """Whether the output has no time."""
+        """Whether the output is a scalar output, without times."""
         return self.times.size == 0
 
     def __eq__(self, other: object) -> bool:
@@ -101,7 +101,7 @@ class Series:
             and np.array_equal(self.values, other.values)
         )
 
-    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+    __hash__ = None  # type: ignore[assignment]  # the attributes are arrays
 
     def __repr__(self) -> str:
         count = f"{self.values.size} value{'s' if self.values.size > 1 else ''}"
@@ -111,5 +111,5 @@ class Series:
 
 
 def _first(where: np.ndarray) -> int:
-    """Count from one to the first true element."""
+    """Return the position of the first true element, counted from one."""
     return int(np.argmax(where)) + 1

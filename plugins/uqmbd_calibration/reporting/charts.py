@@ -14,23 +14,23 @@ __all__ = ["inputs_of", "learned_chart", "pair_charts", "posterior_charts", "rec
 
 
 MOST_INPUTS = 5
-"""Inputs of which pairs are drawn."""
+"""Largest number of inputs in charts of pairs."""
 
 POINTS = 600
-"""Draws in a chart of a pair."""
+"""Number of draws in a chart of a pair."""
 
 OUTER = 4.0
-"""Residuals, over the noise, from which on they are drawn at the edge."""
+"""Limit of drawn residuals, divided by the noise; larger ones are drawn at the edge."""
 
 REACH, REACH_BEFORE = 5.0, 3.0
-"""Standard deviations about the mean that are drawn of each input, after and before."""
+"""Plotted range of an input about its mean, in standard deviations, for posterior and prior."""
 
 POINTS_OF_DENSITY = 100
-"""Points of the density of an input, after and before."""
+"""Number of points of a density, for prior and posterior."""
 
 
 def inputs_of(tree: xr.DataTree) -> list[str]:
-    """Names of the inputs that were found, those of which most was learned first."""
+    """Return the names of the calibrated inputs, largest reduction of uncertainty first."""
     data = tree["summary"].to_dataset()
     chosen = data.isel(input=np.flatnonzero(~data["noise"].values))
     order = np.argsort(-chosen["learned"].values, kind="stable")
@@ -38,9 +38,9 @@ def inputs_of(tree: xr.DataTree) -> list[str]:
 
 
 def record_charts(tree: xr.DataTree, name: str) -> list[Chart]:
-    """Return charts of the measurements of an output, with bands of predictions before and after, and the residuals.
+    """Return charts of the measurements of an output, with prediction bands before and after, and the residuals.
 
-    `tree`: of a calibration; `name`: of a variable of the observed data.
+    `tree`: tree of a calibration; `name`: name of a variable of the observed data.
     """
     values = tree["observed_data"].to_dataset()[name]
     (along,) = values.dims
@@ -53,7 +53,7 @@ def record_charts(tree: xr.DataTree, name: str) -> list[Chart]:
     measured = Curve("measured", values.values, (), "measured", drawn="points")
     residuals = _of(tree, "residuals", name)
     inner = np.abs(residuals) <= OUTER
-    expected = Band("95 % of a right model", np.full(values.size, -1.96), np.full(values.size, 1.96))
+    expected = Band("95 % if the model is correct", np.full(values.size, -1.96), np.full(values.size, 1.96))
     zero = Curve("right model", np.zeros(values.size), (expected,))
     near = Curve("residual", np.where(inner, residuals, np.nan), drawn="points")
     curves = [zero, near]
@@ -72,7 +72,7 @@ def _of(tree: xr.DataTree, group: str, name: str) -> Array:
 
 
 def _band(tree: xr.DataTree, group: str, name: str, timeless: bool) -> Band:
-    """Return where 95 % of measurements are expected; of repetitions all are alike."""
+    """Return the band that contains 95 % of expected measurements; it is constant for repeated measurements."""
     draws = _of(tree, group, name)
     low, high = np.nanquantile(draws.reshape(-1, draws.shape[-1]), [0.025, 0.975], axis=0)
     if timeless:
@@ -81,26 +81,26 @@ def _band(tree: xr.DataTree, group: str, name: str, timeless: bool) -> Band:
 
 
 def learned_chart(tree: xr.DataTree) -> Chart:
-    """Return the width of the posterior over that of the prior, for each input that was found."""
+    """Return a chart of the ratio of posterior to prior width for each calibrated input."""
     data = tree["summary"].to_dataset()
     names = inputs_of(tree)
     left = 100 * np.maximum(1 - data["learned"].sel(input=names).values, 1e-9)
     low = 10 ** np.floor(np.log10(min(float(left.min()), 50.0)) - 0.3)
     high = max(200.0, 1.3 * float(left.max()))
     bars = Curve("after over before", left, (), "after over before", drawn="bars")
-    return Chart("std after / before", names, [bars], "what was learned", "%", "input",
+    return Chart("std after / before", names, [bars], "reduction by the calibration", "%", "input",
                  ends=(float(low), high), log=True, limits={"nothing learned": 100.0})  # fmt: skip
 
 
 def posterior_charts(tree: xr.DataTree) -> list[Chart]:
-    """Return the density of each input before and after, each over its own maximum."""
+    """Return charts of the density of each input before and after, each divided by its maximum."""
     posterior, prior = tree["posterior"].to_dataset(), tree["prior"].to_dataset()
     units = _units(tree)
     charts = []
     for name in inputs_of(tree)[:MOST_INPUTS]:
         found, before = (np.ravel(group[name].values) for group in (posterior, prior))
         mean, deviation = float(found.mean()), float(found.std()) or 1.0
-        # all of the prior, with points enough for a narrow posterior
+        # cover the whole prior, with enough points for a narrow posterior
         spans = [(mean, REACH * deviation), (float(before.mean()), REACH_BEFORE * float(before.std()))]
         grids = [np.linspace(middle - reach, middle + reach, POINTS_OF_DENSITY) for middle, reach in spans]
         places = np.unique(np.concatenate(grids))
@@ -116,7 +116,7 @@ def posterior_charts(tree: xr.DataTree) -> list[Chart]:
 
 
 def _over_maximum(values: Array, places: Array) -> Array:
-    """Return the density of values at places, by Gaussian kernels, over its maximum."""
+    """Return the density of values at places, by Gaussian kernels, divided by its maximum."""
     wide = max(1.06 * float(values.std()) * len(values) ** -0.2, 1e-3 * float(np.ptp(places)))
     low, high = float(values.min()), float(values.max())
     counts, own = np.histogram(values, 400, (low, high if high > low else low + 1.0))
@@ -127,7 +127,7 @@ def _over_maximum(values: Array, places: Array) -> Array:
 
 
 def pair_charts(tree: xr.DataTree) -> list[Chart]:
-    """Return draws of each pair of inputs after the calibration."""
+    """Return charts of the posterior draws of each pair of inputs."""
     posterior, units = tree["posterior"].to_dataset(), _units(tree)
     names = inputs_of(tree)[:MOST_INPUTS]
     draws = {name: np.ravel(posterior[name].values) for name in names}

@@ -1,4 +1,4 @@
-"""What the first screen shows of a calibration: inputs before and after, fit, identifiability, and doubts."""
+"""First screen of a calibration: inputs before and after, fit, identifiability, and reliability."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ import xarray as xr
 from uqmbd.report import Chart, ChartGroup, FirstScreen, ReliabilityStatement, with_units
 from uqmbd_calibration.reporting.charts import inputs_of, posterior_charts, record_charts
 from uqmbd_calibration.reporting.numbers import interval, mean_and_deviation
-from uqmbd_calibration.result import learned, named_strays
+from uqmbd_calibration.result import learned, named_strays, several_maxima
 
 __all__ = ["first_screen"]
 
 MOST_OUTPUTS = 3
-"""Measured outputs in the figure of the fit, those that the model explains worst first."""
+"""Largest number of measured outputs in the figure of the fit, with the worst fit first."""
 
 TOGETHER, WIDE = 0.9, 0.3
-"""Correlation of two inputs, and width of both over that of the prior, above which a record does not separate them."""
+"""Limits for unseparated inputs: their correlation, and the ratio of posterior to prior width of both."""
 
 
 def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
@@ -38,13 +38,16 @@ def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
         ChartGroup(
             posterior_charts(first),
             "The density of each input before and after the calibration.",
-            f"Inputs before and after the calibration: densities, each over its own maximum.{which}",
+            f"Densities of the inputs before and after the calibration, each divided by its own maximum.{which}",
             "Input",
         ),
         ChartGroup(
             list(_fits(first)),
             "Measured values with predictions before and after the calibration, and residuals.",
-            "Record and fit, with bands for 95 % of measurements; residuals over the standard deviation of the noise."
+            (
+                "Record and fit, with bands for 95 % of measurements; residuals divided by the standard "
+                "deviation of the noise."
+            )
             + which,
             "Output",
         ),
@@ -67,7 +70,7 @@ def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:
 
 
 def _fits(tree: xr.DataTree) -> Iterator[Chart]:
-    """Yield the charts of measured outputs, those with the smallest probability of their residuals first."""
+    """Yield the charts of measured outputs, smallest probability of the residuals first."""
     p = {(one["record"], one["output"]): float(one["p"]) for one in _checks(tree).get("model", [])}
     names = [str(name) for name in tree["observed_data"].data_vars]
     worst = {
@@ -76,7 +79,7 @@ def _fits(tree: xr.DataTree) -> Iterator[Chart]:
     }
     for name in sorted(names, key=lambda one: worst[one])[:MOST_OUTPUTS]:
         for chart, what in zip(record_charts(tree, name), ("fit", "residuals"), strict=True):
-            # the time of the record is not the time of the prediction, which the page shares
+            # the time of the record differs from the time of the prediction, which the page shares between charts
             across, units = (chart.across, chart.across_units) if chart.across else ("time in the record", "s")
             yield replace(chart, title=f"{name}: {what}", across=across, across_units=units)
 
@@ -92,7 +95,7 @@ def _statements(tree: xr.DataTree) -> list[ReliabilityStatement]:
 
 
 def _of_fit(checks: dict[str, Any]) -> Iterator[ReliabilityStatement]:
-    """State which outputs the model cannot explain; of the others the smallest probability."""
+    """Yield statements on outputs that the model cannot explain, and on the smallest probability of the others."""
     of = checks.get("model", [])
     for one in of:
         where = f"{one['output']} in record {one['record']}"
@@ -108,17 +111,17 @@ def _of_fit(checks: dict[str, Any]) -> Iterator[ReliabilityStatement]:
     if fine:
         least = min(fine, key=lambda one: float(one["p"]))
         what = "the measured output" if len(fine) == 1 else f"{len(fine)} measured outputs"
-        text = f"the residuals of {what} are those of the noise (p = {least['p']:.2g}" + (
-            ")." if len(fine) == 1 else f" or more; least for {least['output']})."
+        text = f"the residuals of {what} are consistent with the noise (p = {least['p']:.2g}" + (
+            ")." if len(fine) == 1 else f" or more; smallest for {least['output']})."
         )
         yield ReliabilityStatement(2, "Fit", text)
 
 
 def _of_identifiability(tree: xr.DataTree) -> Iterator[ReliabilityStatement]:
-    """State combinations and pairs of inputs that the record does not determine."""
+    """Yield statements on combinations and pairs of inputs that the record does not determine."""
     left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
     if left:
-        text = f"the record contains less about {'; '.join(left)} than the prior."
+        text = f"the record contains less information than the prior about {'; '.join(left)}."
         yield ReliabilityStatement(1, "Identifiability", text)
     data, draws = tree["summary"].to_dataset(), tree["posterior"].to_dataset()
     pairs = []
@@ -148,34 +151,39 @@ def _signed(number: float) -> str:
 
 
 def _of_posterior(tree: xr.DataTree, checks: dict[str, Any]) -> Iterator[ReliabilityStatement]:
-    """State whether realisations and chains verify the posterior, and what speaks against it."""
+    """Yield statements on whether realisations and chains verify the posterior, and on contrary evidence."""
     cost = f"{int(tree.attrs.get('realisations', 0))} realisations"
     last = checks["surrogate"][-1] if checks.get("surrogate") else None
     if "even" in checks and last is not None:
         shift = f"means shift by up to {last['shift']:.2g} standard deviations"
         if checks["even"]:
-            text = f"realisations at {last['draws']} draws confirm it: {shift} ({cost} in all)."
+            text = f"realisations at {last['draws']} draws verify the posterior: {shift} ({cost} in total)."
             yield ReliabilityStatement(2, "Posterior", text)
         else:
-            text = f"realisations at {last['draws']} draws do not confirm it: {shift} ({cost} in all)."
+            text = f"realisations at {last['draws']} draws contradict the posterior: {shift} ({cost} in total)."
             yield ReliabilityStatement(0, "Posterior", text)
     elif checks.get("widened"):
         yield ReliabilityStatement(
-            0, "Posterior", f"no realisations verify it, and errors of the surrogate widen it ({cost})."
+            0, "Posterior", f"no realisations verify the posterior, and errors of the surrogate widen it ({cost})."
         )
     else:
-        yield ReliabilityStatement(3, "Posterior", f"{cost} of the mechanism.")
+        yield ReliabilityStatement(3, "Posterior", f"the posterior is based on {cost} of the mechanism.")
     if "rhat" in checks:
         numbers = f"R-hat is at most {checks['rhat']:.3f}, with at least {checks['ess']:.0f} effective draws."
         fine = bool(checks.get("converged"))
         yield ReliabilityStatement(
-            2 if fine else 0, "Chains", f"they {'converged' if fine else 'did not converge'}: {numbers}"
+            2 if fine else 0, "Chains", f"the chains {'converged' if fine else 'did not converge'}: {numbers}"
         )
+    if shares := several_maxima(checks).removeprefix("the posterior has "):
+        text = f"the posterior has {shares}; its mean and standard deviation do not describe the separate maxima."
+        yield ReliabilityStatement(1, "Posterior", text)
     if others := checks.get("unsampled", []):
-        text = f"{len(others)} further maxima have about {100 * sum(others):.0f} % of the probability, but no draws."
+        text = f"{len(others)} further maxima contain about {100 * sum(others):.0f} % of the probability, but no draws."
         yield ReliabilityStatement(0, "Posterior", text)
     if unseen := checks.get("unseen"):
-        yield ReliabilityStatement(1, "Posterior", f"{unseen} further maxima of the surrogate are about as likely.")
+        yield ReliabilityStatement(
+            1, "Posterior", f"{unseen} further maxima of the surrogate have a similar probability."
+        )
     for one in checks.get("far", []):
         text = f"{one['input']} is {abs(one['deviations']):.1f} standard deviations from the median of its prior."
         yield ReliabilityStatement(1, "Prior", text)

@@ -1,4 +1,4 @@
-"""The report's section on calibrations: measurements, posterior of the inputs, and its verification."""
+"""Report section on calibrations: measurements, posterior of the inputs, and its verification."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uqmbd.report import FirstScreen, charts_html, with_units
 from uqmbd_calibration.reporting.charts import learned_chart, pair_charts, posterior_charts, record_charts
 from uqmbd_calibration.reporting.numbers import interval, mean_and_deviation
 from uqmbd_calibration.reporting.overview import first_screen
-from uqmbd_calibration.result import learned, named_strays
+from uqmbd_calibration.result import learned, named_strays, several_maxima
 
 __all__ = ["CalibrationSection"]
 
@@ -24,12 +24,12 @@ class CalibrationSection:
     title = "Calibration"
 
     def first_screen(self, tree: xr.DataTree) -> FirstScreen | None:
-        """Return the inputs before and after, the fit and the doubts; None where no method has a calibration."""
+        """Return the inputs before and after, the fit and its reliability; None if no method has a calibration."""
         found = list(_calibrations(tree))
         return first_screen(found) if found else None
 
     def render(self, tree: xr.DataTree) -> str:
-        """Return the section; empty where no method has a calibration."""
+        """Return the section; an empty text if no method has a calibration."""
         found = list(_calibrations(tree))
         parts = []
         for labels, one in found:
@@ -63,28 +63,28 @@ def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
     parts += [
         charts_html(
             record_charts(tree, name),
-            f"What was measured of {name}, with predictions before and after, and residuals.",
-            f"{name}: what was measured, with the bands in which 95 % of measurements are expected before and after "
-            "the calibration. Residuals are what the fit at the posterior's mean leaves, over the standard deviation "
-            "of the noise: of right models 95 % lie in the band.",
-            choose="What is shown",
+            f"Measured values of {name}, with predictions before and after the calibration, and residuals.",
+            f"{name}: measured values, with the bands in which 95 % of measurements are expected before and after the "
+            "calibration. Residuals of the fit at the posterior's mean are divided by the standard deviation of the "
+            "noise. If the model is correct, 95 % of them are in the band.",
+            choose="Displayed quantity",
         )
         for name in names
     ]
     parts.append(
         charts_html(
             [learned_chart(tree)],
-            "Width of the posterior over that of the prior.",
-            "What was learned: the standard deviation of each input after the calibration over that before. At 100 % "
-            "nothing was learned.",
+            "Ratio of the widths of posterior and prior.",
+            "Ratio of the standard deviations of each input after and before the calibration. At 100 % the "
+            "calibration did not change it.",
         )
     )
     parts.append(
         charts_html(
             posterior_charts(tree),
             "The density of each input before and after the calibration.",
-            "The inputs before and after the calibration: densities, each over its own maximum, so that areas are not "
-            "comparable.",
+            "Densities of the inputs before and after the calibration, each divided by its own maximum, so that "
+            "areas are not comparable.",
             choose="Input",
         )
     )
@@ -93,8 +93,8 @@ def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
             charts_html(
                 pairs,
                 "Draws of each pair of inputs after the calibration.",
-                "Draws of pairs of inputs after the calibration. What lies along a line is known better together than "
-                "each input alone.",
+                "Draws of pairs of inputs after the calibration. If draws lie along a line, the records determine "
+                "this combination of inputs better than each input alone.",
                 choose="Pair of inputs",
             )
         )
@@ -109,15 +109,15 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
     text = (
         f"{method} {'takes' if len(labels) == 1 else 'take'} the inputs from "
         f"{'the record' if len(names) == 1 else 'the records'} {', '.join(names)}: {counted} values of "
-        f"{', '.join(str(name) for name in tree['observed_data'].data_vars)}. The calibration took "
+        f"{', '.join(str(name) for name in tree['observed_data'].data_vars)}. The calibration used "
         f"{int(tree.attrs.get('realisations', 0))} realisations of the mechanism"
     )
     if "even" in checks:
         last = checks["surrogate"][-1] if checks.get("surrogate") else None
         seen = (
-            f": realisations at {last['draws']} draws of the posterior have weights of which "
-            f"{100 * last['share']:.1f} % are effective, and move means by up to {last['shift']:.2g} standard "
-            "deviations" + (f" (standard error of each {last['chance']:.2g})" if "chance" in last else "")
+            f": realisations at {last['draws']} draws of the posterior give an effective sample size of "
+            f"{100 * last['share']:.1f} %, and shift means by up to {last['shift']:.2g} standard deviations"
+            + (f" (standard error of each {last['chance']:.2g})" if "chance" in last else "")
             if last is not None
             else ""
         )
@@ -132,13 +132,17 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
     if "rhat" in checks:
         state = "converged" if checks.get("converged") else "did not converge"
         said.append(
-            f"The chains {state}: R-hat is {checks['rhat']:.3f} at most, and the effective number of draws "
-            f"{checks['ess']:.0f} at least."
+            f"The chains {state}: R-hat is at most {checks['rhat']:.3f}, and the effective number of draws is at "
+            f"least {checks['ess']:.0f}."
+        )
+    if text := several_maxima(checks):
+        said.append(
+            f"{text[0].upper()}{text[1:]}. Its mean and standard deviation do not describe the separate maxima."
         )
     if others := checks.get("unsampled", []):
         said.append(
-            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of its mass, which no "
-            "draws are about."
+            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of its mass, but no "
+            "draws are near them."
         )
     said += [
         f"{one['input']} is {abs(one['deviations']):.1f} standard deviations from the median of its prior."
@@ -153,27 +157,29 @@ def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
     left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
     if left:
         said.append(
-            f"Not identified, as expected beforehand: {'; '.join(left)}. Of these the records say less than was known "
-            "before."
+            f"Not identified, as predicted before sampling: {'; '.join(left)}. The records contain less information "
+            "about these quantities than the prior."
         )
     for one in checks.get("model", []):
         where = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
         if one.get("doubted"):
             said.append(
-                f"The model is doubted: it does not give such values of {one['output']} as record {one['record']} has "
-                f"(p = {one['p']:.1g})" + (f", above all at {where}." if where else ".")
+                f"The model does not explain the values of {one['output']} in record {one['record']} (p = "
+                f"{one['p']:.1g})" + (f", above all at {where}." if where else ".")
             )
         else:
             said.append(
-                f"The residuals of {one['output']} in record {one['record']} are those of the noise (p = "
+                f"The residuals of {one['output']} in record {one['record']} are consistent with the noise (p = "
                 f"{one['p']:.2g})."
             )
         if one.get("strays"):
-            said.append(f"Of {one['output']} in record {one['record']} are far from the model: {named_strays(one)}.")
+            said.append(
+                f"Some values of {one['output']} in record {one['record']} are far from the model: {named_strays(one)}."
+            )
         elif one.get("outliers"):
             said.append(
-                f"{one['outliers']} of {one['values']} values of {one['output']} in record {one['record']} lie beyond "
-                "4 standard deviations of the noise."
+                f"{one['outliers']} of {one['values']} values of {one['output']} in record {one['record']} are more "
+                "than 4 standard deviations of the noise away from the model."
             )
     return said
 
@@ -196,7 +202,7 @@ def _table(tree: xr.DataTree) -> str:
         rows.append(f'<tr><th scope="row">{_text(with_units(str(name), str(one["units"].item())))}</th>{shown}</tr>')
     head = "".join(f'<th scope="col">{head}</th>' for head in heads)
     return (
-        '<div class="wide" tabindex="0" role="region" aria-label="What was learned of the inputs"><table>'
+        '<div class="wide" tabindex="0" role="region" aria-label="Inputs before and after the calibration"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
 

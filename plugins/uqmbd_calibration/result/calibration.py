@@ -1,4 +1,4 @@
-"""The result of a calibration."""
+"""Result of a calibration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import load, save
 from uqmbd_calibration.records import short
-from uqmbd_calibration.result.checks import named_strays
+from uqmbd_calibration.result.checks import named_strays, several_maxima
 from uqmbd_calibration.result.marginals import CURVED, joint_distribution
 
 __all__ = ["Calibration", "learned"]
@@ -27,22 +27,23 @@ KIND = "calibration"
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Posterior of the inputs of a study; `calibrate` makes it.
+    """Posterior of the inputs of a study, as returned by `calibrate`.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The groups of ArviZ: ``posterior`` and ``prior`` (chain, draw), in the units of the inputs, with the noise
-        levels that were found as ``noise[output]``; ``posterior_predictive`` and ``prior_predictive``, values as they
-        may have been measured, of some of the draws; ``observed_data``; ``log_likelihood`` of each value, of some of
-        the draws where there are very many; ``sample_stats``; ``constant_data``, the standard deviation of the noise.
-        Beside them ``fit`` (means of predictions), ``residuals`` (over the noise), ``summary`` and
-        ``marginals``.  A variable is named like its output, or ``output[record]`` where several records have it.
+        Groups in the layout of ArviZ. ``posterior`` and ``prior`` (chain, draw) contain the inputs in their units, and
+        the estimated noise levels as ``noise[output]``. ``posterior_predictive`` and ``prior_predictive`` contain
+        random measurements for some of the draws. ``log_likelihood`` contains each value, for some of the draws if
+        there are many values. The other groups of ArviZ are ``observed_data``, ``sample_stats`` and ``constant_data``,
+        the standard deviation of the noise. Additional groups are ``fit`` (means of predictions), ``residuals``
+        (divided by the noise), ``summary`` and ``marginals``. A variable has the name of its output, or
+        ``output[record]`` if several records contain the output.
 
     Raises
     ------
     uqmbd.StudyError
-        If what is given was not made by `calibrate`.
+        If the tree was not computed by `calibrate`.
 
     Examples
     --------
@@ -67,89 +68,99 @@ class Calibration:
 
     tree: xr.DataTree
     made_by: Any = field(default=None, repr=False)
-    """Objects from which it was computed, with its surrogates; `calibrate` uses these again. It is not stored."""
+    """Objects of the computation, with its surrogates; `calibrate` reuses them. They are not saved."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.tree, xr.DataTree) or self.tree.attrs.get("kind") != KIND:
-            raise uqmbd.StudyError(f"Calibration: {type(self.tree).__name__} is given; expected what calibrate() made.")
+            raise uqmbd.StudyError(
+                f"Calibration: the type of tree is {type(self.tree).__name__}; expected the tree of a calibration."
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the inputs that were found; of one machine alone as ``stiffness[rig 2]``."""
+        """Names of the calibrated inputs; an input of one machine has a name such as ``stiffness[rig 2]``."""
         return tuple(str(name) for name in self.tree["marginals"].to_dataset()["input"].values)
 
     @property
     def realisations(self) -> int:
-        """Realisations of the mechanism that it took, all together."""
+        """Total number of realisations of the mechanism."""
         return int(self.tree.attrs["realisations"])
 
     @property
     def checks(self) -> dict[str, Any]:
         """Results of the checks.
 
-        ``even`` and ``widened``: whether realisations at draws of the posterior confirm the surrogate, or its errors
-        widen the posterior; ``surrogate``: those checks one after another. Each has the effective ``share`` of the
-        weights of its ``draws``. Each also has the largest ``shift`` of a mean in standard deviations, and the standard
-        error of a shift, ``chance``; ``converged``, ``rhat``, ``ess``; ``modes``: shares of the maxima of the posterior
-        that were found, the sampled one first. ``unsampled`` are the shares of those without draws, and ``unseen`` the
-        number of maxima of the surrogate that were not followed; ``far``: inputs that are found far from their priors;
-        ``model``: for each output of each record whether it may have come from the model, ``p``, ``where`` in time it
-        did not, ``outliers``, and ``doubted``.
+        ``even`` states whether realisations at draws of the posterior confirm the surrogate. ``widened`` states whether
+        the errors of the surrogate widen the posterior. ``surrogate`` is the list of these checks in order. Each check
+        contains its number of ``draws`` and the effective ``share`` of their weights. It also contains the largest
+        ``shift`` of a mean in standard deviations, and its standard error ``chance``. ``converged``, ``rhat``
+        and ``ess`` describe the chains. ``modes`` contains the shares of the maxima of the posterior, and ``unsampled``
+        the shares of maxima without draws. ``unseen`` is the number of maxima of the surrogate that were not searched
+        on the mechanism. ``far`` lists inputs far from their priors. ``model`` describes each output of each record:
+        its p-value ``p``, the times ``where`` the model does not explain the record, ``outliers``, and ``doubted``.
         """
         return dict(json.loads(self.tree.attrs["checks"]))
 
     @property
     def unidentified(self) -> tuple[str, ...]:
-        """Combinations of inputs on which the records are expected to contain less information than the prior.
+        """Combinations of inputs that the records are expected to determine less well than the prior.
 
-        As ``0.71 k1 - 0.71 k2``, each over the standard deviation of its prior (of inputs that are not normal: of the
-        standard normal variables that they are functions of).
+        An example is ``0.71 k1 - 0.71 k2``, with each input divided by the standard deviation of its prior. An input
+        with another than a normal distribution is replaced by its standard normal variable.
         """
         return tuple(one["name"] for one in json.loads(self.tree.attrs["unidentified"]))
 
     def summary(self) -> xr.Dataset:
-        """Return a table by input, and by noise level that was found.
+        """Return a table of the inputs and the estimated noise levels.
 
         Returns
         -------
         xarray.Dataset
-            ``prior_mean``, ``prior_sd``, ``mean``, ``sd``, ``lower`` and ``upper`` (of the 95 % interval), in
-            ``units``; ``learned``, one minus the deviation of the posterior over that of the prior; ``doubted``,
-            whether it was found from a record that the model does not give, so that ``learned`` is no knowledge;
-            ``rhat`` and ``ess``; ``noise``, whether it is a noise level, whose prior is so wide that it has no
-            moments here.
+            ``prior_mean``, ``prior_sd``, ``mean``, ``sd``, and ``lower`` and ``upper`` of the 95 % interval, in
+            ``units``; ``learned``, one minus the ratio of posterior to prior standard deviation; ``doubted``, whether
+            the model contradicts a record of this input, so that ``learned`` is not reliable; ``rhat`` and ``ess``;
+            ``noise``, whether the row is a noise level. Prior moments of a noise level are missing, because its prior
+            is very wide.
         """
         return self.tree["summary"].to_dataset()
 
     def variables(self, machine: str = "", inputs: Sequence[str] | None = None) -> tuple[uqmbd.RandomVariable, ...]:
         """Return the posterior as dependent random variables, with the names and units of the inputs.
 
-        Their marginal distributions are smooth, and they depend on each other by a Gaussian copula: a posterior that is
-        curved is approximated.  Every method takes them.
+        The marginal distributions are smooth, and a Gaussian copula describes the dependence. The copula is an
+        approximation if the dependence is nonlinear. All methods accept these variables.
 
         Parameters
         ----------
         machine : str
-            Whose, where inputs were found for each machine.
+            Machine whose inputs are returned, if some inputs have a separate value for each machine.
         inputs : sequence of str, optional
-            Of which inputs, whatever the others are; by default all.
+            Names of inputs; the other inputs are integrated out. Default: all inputs.
+
+        Returns
+        -------
+        tuple of uqmbd.RandomVariable
 
         Raises
         ------
         uqmbd.StudyError
-            If there is no such machine, or no such input.
+            If there is no such machine or input.
 
         Warns
         -----
         uqmbd.StudyWarning
-            If the posterior of two of them is so curved that the copula does not hold it.
+            If the dependence of two inputs is too nonlinear for the copula.
         """
         ending = f"[{machine}]"
         machines = sorted({name.split("[", 1)[1][:-1] for name in self.names if name.endswith("]")})
         if not isinstance(machine, str) or (machine and machine not in machines) or (machines and not machine):
             raise uqmbd.StudyError(
                 f"Calibration.variables: machine is {machine!r}; "
-                + (f"expected one of {', '.join(map(repr, machines))}." if machines else "no input is individual.")
+                + (
+                    f"expected one of {', '.join(map(repr, machines))}."
+                    if machines
+                    else "no machine, because no input is individual."
+                )
             )
         chosen = [name for name in self.names if not name.endswith("]") or name.endswith(ending)]
         if inputs is not None:
@@ -157,7 +168,7 @@ class Calibration:
             names = list(inputs) if isinstance(inputs, (list, tuple, set, frozenset)) else []
             if not names or any(not isinstance(name, str) or name not in known for name in names):
                 raise uqmbd.StudyError(
-                    f"Calibration.variables: inputs is {short(inputs)}; expected a sequence with some of "
+                    f"Calibration.variables: inputs is {short(inputs)}; expected a sequence of names out of "
                     f"{', '.join(map(repr, known))}."
                 )
             chosen = [name for name, one in zip(chosen, known, strict=True) if one in inputs]
@@ -170,9 +181,9 @@ class Calibration:
             if len(own):
                 pairs = "; ".join(f"{plain[i]} and {plain[j]}" for i, j in own.tolist())
                 warnings.warn(
-                    f"Calibration.variables: the posterior of {pairs} is curved, and a Gaussian copula is not: what is "
-                    "predicted with these variables may spread more than the records say. Its draws are in "
-                    "tree['posterior'].",
+                    f"Calibration.variables: the posterior of {pairs} is curved, so a Gaussian copula does not "
+                    "represent it well. Predictions with these variables may have a larger spread than with the "
+                    "posterior draws in tree['posterior'].",
                     uqmbd.StudyWarning,
                     stacklevel=2,
                 )
@@ -181,28 +192,37 @@ class Calibration:
         return uqmbd.random_vector(plain, distribution, units)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it to a netCDF file, whole or not at all; `xarray.open_datatree` opens it as well as `load`.
+        """Write the calibration to a netCDF file, completely or not at all; `load` and `xarray.open_datatree` read it.
 
         Parameters
         ----------
         path : path-like
-            Ends in ``.nc``.
+            Path that ends in ``.nc``.
 
         Returns
         -------
         pathlib.Path
-            The path.
+            Path of the written file.
         """
         return save(self.tree, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Calibration:
-        """Read a file that `save` wrote.
+        """Return the calibration in a file written by `save`.
+
+        Parameters
+        ----------
+        path : path-like
+            Path of the file.
+
+        Returns
+        -------
+        Calibration
 
         Raises
         ------
         uqmbd.StudyError
-            If it is something else.
+            If the file cannot be read or does not contain a calibration.
         """
         return cls(load(path))
 
@@ -230,14 +250,19 @@ class Calibration:
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
         lines += [] if checks["converged"] else ["the chains have not converged"]
+        lines += [text] if (text := several_maxima(checks)) else []
         if missing := sum(checks.get("unsampled", ())):
-            lines.append(f"other maxima, which no draws are about, have about {100 * missing:.0f} % of the mass")
-        state = "confirmed by the mechanism" if checks["even"] else "not confirmed by the mechanism: widened"
+            lines.append(f"other maxima contain about {100 * missing:.0f} % of the probability, but no draws")
+        state = (
+            "verified by realisations of the mechanism"
+            if checks["even"]
+            else "not verified by realisations of the mechanism, posterior widened"
+        )
         lines.append(f"{self.realisations} realisations; {state}")
         if self.unidentified:
             lines.append(f"not identified: {'; '.join(self.unidentified)}")
         lines += [
-            f"doubted: {one['output']} of record {one['record']!r} (p = {one['p']:.1g})"
+            f"not explained by the model: {one['output']} of record {one['record']!r} (p = {one['p']:.1g})"
             + (f": {named_strays(one)}" if one.get("strays") else "")
             for one in checks["model"]
             if one["doubted"]
@@ -253,7 +278,7 @@ def learned(one: xr.Dataset) -> str:
 
 
 def _pair(mean: Any, sd: Any) -> str:
-    """Write a mean and a deviation with two digits of the latter."""
+    """Return a mean and a standard deviation as text, with two digits of the standard deviation."""
     middle, width = float(mean), float(sd)
     if np.isnan(middle):
         return ""

@@ -11,31 +11,27 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_calibration.inference import Mode
+from uqmbd_calibration.inference import PART, Mode, shares_of
 from uqmbd_calibration.posterior_search import Found
 from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, find_discrepancy
 
-__all__ = ["checks_of", "named_strays", "warn_of"]
+__all__ = ["checks_of", "named_strays", "several_maxima", "warn_of"]
 
-
-PART = 0.01
-"""Probability of another maximum of the posterior above which a warning reports it."""
 
 FAR = 4.0
-"""Standard deviations of the prior by which an input may be away from its median without a word."""
+"""Largest distance of an input from its prior median without a warning, in standard deviations of the prior."""
 
 
 def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
-    """Return all that was checked."""
+    """Return the results of all checks."""
     inferred, unknowns = found.inferred, found.arrangement.unknowns
     values = sum(len(one.block.values) for one in of)
     spent = len(unknowns.inputs)
-    masses = np.array([mode.log_mass for mode in inferred.modes])
-    others = np.exp(masses - masses.max()) / np.exp(masses - masses.max()).sum() if len(masses) else np.ones(0)
+    others = shares_of([mode.log_mass for mode in inferred.modes])
     last = inferred.checks[-1] if inferred.checks else None
     return {
         "surrogate": [{**asdict(check), "chance": check.chance, "passed": check.passed} for check in inferred.checks],
-        # draws of the mechanism itself need no check
+        # draws from the mechanism itself need no check
         "even": bool(last.passed if last is not None else not inferred.widened),
         "widened": inferred.widened,
         "realisations": sum(point.spent for point in found.arrangement.points),
@@ -61,7 +57,7 @@ def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
 
 
 def _unsampled(modes: Sequence[Mode], shares: Array, inputs: Array) -> list[float]:
-    """Return the shares of the maxima that draws (K, D) of the inputs are not about, though they might have been."""
+    """Return the shares of maxima above the limit that have too few draws (K, D) of the inputs."""
     if len(modes) < 2:
         return []
     at = np.array([mode.vector[: inputs.shape[1]] for mode in modes])
@@ -71,43 +67,44 @@ def _unsampled(modes: Sequence[Mode], shares: Array, inputs: Array) -> list[floa
 
 
 def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
-    """Warn if the posterior is not confirmed, or records contradict the model."""
+    """Warn if checks did not confirm the posterior, or if records contradict the model."""
     said = []
     if checks["widened"]:
         last = checks["surrogate"][-1] if checks["surrogate"] else None
-        seen = "it was not checked, and its errors widen the posterior"
+        seen = "no realisations verified it, and its errors widen the posterior"
         if last is not None:
             seen = (
-                f"of the weights at {last['draws']} draws {100 * last['share']:.0f} % are effective, and means shift "
-                f"by up to {last['shift']:.2g} sd, each with a standard error of {last['chance']:.2g} sd. The "
-                "surrogate has since been fitted to these draws, too, and its errors widen the posterior, which was "
-                "not checked again"
+                f"at {last['draws']} draws the effective sample size is {100 * last['share']:.0f} %, "
+                f"and means shift by up to {last['shift']:.2g} sd, with a standard error of "
+                f"{last['chance']:.2g} sd. The surrogate was then fitted to these draws as well. Its "
+                "errors widen the posterior, which was not verified again"
             )
         said.append(
-            f"the surrogate is not confirmed by the mechanism with {checks['realisations']} realisations: {seen}. "
-            "Allow more realisations, or give another surrogate"
+            f"the {checks['realisations']} realisations of the mechanism do not verify the surrogate: {seen}. "
+            "Increase realisations, or use another surrogate"
         )
     if not checks["converged"]:
         said.append(
-            f"the chains have not converged: R-hat is {checks['rhat']:.3f}, effective draws are {checks['ess']:.0f}, "
-            f"and {checks['steps']} steps are {checks['steps'] / max(checks['correlation'], 1.0):.0f} times what a "
-            "walker takes to forget where it was"
+            f"the chains have not converged: R-hat is {checks['rhat']:.3f}, the effective number of draws is "
+            f"{checks['ess']:.0f}, and the {checks['steps']} steps are "
+            f"{checks['steps'] / max(checks['correlation'], 1.0):.0f} times the correlation time of a walker. "
+            "Increase draws"
         )
     if others := checks["unsampled"]:
         said.append(
-            f"there are {len(others)} more maxima of the posterior with about {100 * sum(others):.0f} % of its mass; "
-            "no draws are about these"
+            f"{len(others)} further maxima of the posterior contain about {100 * sum(others):.0f} % of the "
+            "probability, but no draws are near them. Increase realisations"
         )
     if checks["unseen"]:
         said.append(
-            f"{checks['unseen']} more maxima of the surrogate are about as likely, and were not followed on the "
-            "mechanism; allow more realisations, or a prior that says which of them is meant"
+            f"{checks['unseen']} further maxima of the surrogate have a similar probability, but no realisations "
+            "verified them. Increase realisations, or use a prior that excludes wrong maxima"
         )
     for one in checks["far"]:
         said.append(
-            f"input {one['input']!r} is found {abs(one['deviations']):.1f} standard deviations "
-            f"{'above' if one['deviations'] > 0 else 'below'} the median of its prior: the prior, the record or the "
-            "model is wrong, and so far out the surrogate is less exact"
+            f"the posterior of input {one['input']!r} is {abs(one['deviations']):.1f} standard deviations "
+            f"{'above' if one['deviations'] > 0 else 'below'} the median of its prior, where the surrogate is less "
+            "accurate. Check the prior, the record and the model"
         )
     for one in checks["model"]:
         if one["doubted"]:
@@ -116,8 +113,18 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
         warnings.warn(f"calibrate: {text}.", uqmbd.StudyWarning, stacklevel=stacklevel + 1)
 
 
+def several_maxima(checks: Mapping[str, Any]) -> str:
+    """Return a text on the shares of maxima with draws; an empty text if there is only one maximum."""
+    shares = [share for share in checks.get("modes", ()) if share > PART]
+    if len(shares) - len(checks.get("unsampled", ())) < 2:
+        return ""
+    parts = [f"{100 * share:.0f} %" for share in shares]
+    listed = ", ".join(parts[:-1]) + f" and {parts[-1]}"
+    return f"the posterior has {len(shares)} maxima, with about {listed} of the probability"
+
+
 def named_strays(one: Mapping[str, Any]) -> str:
-    """Name the outliers of an output of a record: where they are, and how far away."""
+    """Return a text on the outliers of an output of a record, with their times and deviations."""
     said = []
     for stray in one["strays"]:
         where = f"at {stray['time']:g} s" if "time" in stray else f"(no. {stray['number']})"
@@ -126,20 +133,22 @@ def named_strays(one: Mapping[str, Any]) -> str:
 
 
 def _doubt(one: Mapping[str, Any]) -> str:
-    """Return a message that a record is not one that the model gives, and where."""
+    """Return a message that the model does not explain a record, with the times."""
     spans = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
     where = f", above all at {spans}" if spans else ""
-    hint = "; something is missing in the model, or the noise is larger than stated"
+    hint = ". The model is incomplete, or the noise is larger than stated"
     if one["strays"]:
-        # the chance of residuals is known where the noise is
-        beyond = f"beyond {FAR:g} standard deviations" if "chi_square" in one else "far from all others"
+        # the probability of residuals is known only if the noise is known
+        beyond = (
+            f"more than {FAR:g} standard deviations from the model" if "chi_square" in one else "far from all others"
+        )
         hint = (
-            f"; {one['outliers']} of {one['values']} values are {beyond}: {named_strays(one)}. If these are outliers, "
-            "leave them out (nan)"
-        ) + ("" if one["robust"] else " or use noise='student': what is found of the inputs depends on them")
+            f". {one['outliers']} of {one['values']} values are {beyond}: {named_strays(one)}. If these are "
+            "outliers, replace them by nan"
+        ) + ("" if one["robust"] else " or use noise='student', because the calibrated inputs depend on these values")
     if one["p"] >= DOUBT:
-        return f"record {one['record']!r}, output {one['output']!r}: {hint.removeprefix('; ')}"
+        return f"record {one['record']!r}, output {one['output']!r}: {hint.removeprefix('. ')}"
     return (
-        f"record {one['record']!r}, output {one['output']!r}: the model does not give such values with this noise "
+        f"record {one['record']!r}, output {one['output']!r}: the model does not explain these values with this noise "
         f"(p = {one['p']:.1g}, below {DOUBT:g}){where}{hint}"
     )

@@ -1,8 +1,8 @@
-"""Realisations compared at landmarks instead of at equal times: events, equal phases of a clock, or both."""
+"""Comparison of realisations at markers instead of at equal times: events, equal phases of a clock, or both."""
 
 from __future__ import annotations
 
-from uqmbd_collocation.alignment.aligned_elements import align
+from uqmbd_collocation.alignment.aligned_elements import align, followed
 from uqmbd_collocation.alignment.choice import Runs, chosen_over_time, runs_in_words, taken_values
 from uqmbd_collocation.alignment.combined_trajectories import CombinedTrajectories
 from uqmbd_collocation.alignment.event_trajectories import EventTrajectories
@@ -19,6 +19,7 @@ __all__ = [
     "Runs",
     "align",
     "chosen_over_time",
+    "followed",
     "merged",
     "runs_in_words",
     "taken_values",

@@ -1,13 +1,15 @@
-"""Aligned collocation: realisations are compared at landmarks, and the motion between them is expanded.
+"""Aligned collocation: expansion of marker times, and of the motion between markers.
 
-Landmarks are events, or equal phases of a clock: their times, and the outputs between them in normalised time, are
-smooth in the inputs where outputs at equal times jump, or drift apart.
+Markers are events, or equal phases of a clock. The times of markers, and the outputs between markers in normalised
+time, are smooth functions of the inputs. At equal times, in contrast, outputs are discontinuous in the inputs, or their
+phases drift apart.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -32,42 +34,42 @@ from uqmbd_collocation.record import warn_of_failures
 from uqmbd_collocation.refinement import Limits
 from uqmbd_collocation.runs import CollocationRuns
 
-__all__ = ["Alignment", "align"]
+__all__ = ["Alignment", "align", "followed", "with_event_errors"]
 
 Alignment = Literal["events", "phase"]
 Sequence = tuple[str, ...]
 Paths = EventTrajectories | PhaseTrajectories | CombinedTrajectories
 
 SPREAD = 4096
-"""Points of the germ space at which the phases that are needed are estimated."""
+"""Number of points of the germ space at which the required phases are estimated."""
 
 EXTENSIONS = 6
-"""Fits, each to more phases, until all samples of the statistics reach the last time."""
+"""Largest number of fits, each with more markers, until all samples of the statistics reach the last time."""
 
 FOLLOWED = 0.15
-"""Verification realisations that are followed from event to event besides, over all realisations of an element."""
+"""Share of an element's realisations that are verification realisations integrated from event to event."""
 
 LATE = 1e-12
-"""Part of the times by which the last landmark may miss the last of them."""
+"""Largest distance of the last marker from the last output time, relative to the range of times."""
 
 
 @dataclass
 class _AlignedElements(ElementFits):
-    """Elements between landmarks."""
+    """Elements with segments between markers."""
 
     source: Paths
 
     def points(self, boxes: list[uqmbd.extend.GermBox]) -> list[uqmbd.extend.VerificationPoints]:
-        """Return the verification points of the next elements: those that are known, where there are some."""
+        """Return the verification points of the next elements; given verification points replace random ones."""
         drawn = super().points(boxes)
         if self.given is None:
             return drawn
-        # a refinement cannot do without any
+        # a refinement needs at least one verification point in each box
         known = [self.given.points[box.contains(self.given.points.germs)] for box in boxes]
         return [a if len(a) or self.plans.adaptive == "no" else b for a, b in zip(known, drawn, strict=True)]
 
     def fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
-        """Fit an element; anew, where realisations that were computed on the way have more events than those before."""
+        """Return the fit of an element; repeat the fit if new realisations have more events than earlier ones."""
         while True:
             before = self.source.least, self.source.longer
             found = self._fitted_once(box, points)
@@ -75,7 +77,7 @@ class _AlignedElements(ElementFits):
                 return found
 
     def _fitted_once(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
-        """Fit an element to those of its nodes that have the most frequent sequence; verify it at points."""
+        """Fit an element to those of its nodes that have the most frequent sequence, and verify the fit at `points`."""
         paths, problem, plans, local = self.source, self.problem, self.plans, box.local
         nodes = plans.first_nodes(local)
         sequences = paths.sequences(local.to_inputs(nodes))
@@ -97,7 +99,7 @@ class _AlignedElements(ElementFits):
             runs.scale = scale
             with warnings.catch_warnings():
                 if lost:
-                    # the share of all such nodes is reported at the end
+                    # a warning at the end of the run states the share of all such nodes
                     warnings.simplefilter("ignore")
                 fit, refinement = computed(runs, plans, points if scale is not None else points[:0], self.tolerance)
             edges, nodal = aligned.split(fit.coefficients)
@@ -116,52 +118,80 @@ class _AlignedElements(ElementFits):
                 break
             further = None
             if cutting.farther and extension < EXTENSIONS - 1:
-                # so many landmarks more as the last of all samples lacks, at the mean pace of the last ones
+                # add the number of markers that the latest sample needs, at the mean rate of the last markers
                 pace = max(float(np.diff(edges[0])[-PER_TURN:].mean()), 1e-9 * float(np.ptp(problem.times)))
                 further = cutting.farther(float(late.max()), pace)
             if further is None:
                 share, since = float(np.mean(late > LATE * np.ptp(problem.times))), problem.times[-1] - late.max()
                 warnings.warn(
                     f"{problem.label}: {share:.2g} of the samples do not reach the last output time within the "
-                    f"{paths.what} that nodes were followed to; statistics are NaN from t = {since:.6g} s on. Raise "
-                    "the order, truncate the inputs, or end earlier.",
+                    f"{paths.what} of the integrated nodes. Statistics are NaN from t = {since:.6g} s on. Raise the "
+                    "order, truncate the distributions, or use an earlier last output time.",
                     EndsEarlyWarning,
                     stacklevel=2,
                 )
                 break
             cutting = further
-        chaos = self._with_event_errors(chaos, box, points, len(nodes))
+        chaos = with_event_errors(
+            chaos, box, paths, points, len(nodes), plans.max_realisations - self.spent - len(points)
+        )
         return FittedElement(chaos, fit, runs, verified, refinement, sequence, lost)
 
-    def _with_event_errors(
-        self,
-        chaos: AlignedChaos,
-        box: uqmbd.extend.GermBox,
-        points: uqmbd.extend.VerificationPoints,
-        nodes: int,
-    ) -> AlignedChaos:
-        """Return the chaos of an element with the errors of its event times, from a few verification points.
+    def further(self, chaos: AlignedChaos, kept: Collection[int]) -> list[AlignedChaos]:
+        """Verify elements, given by their indices, at additional points in regions of large errors."""
+        if self.given is None and len(kept) > 1 and chaos.verification_germs is not None:
+            for k, own in zip(kept, self.plans.further(chaos, self.spent), strict=True):
+                if len(own):
+                    self.done[k] = _verified(self.done[k], own, self.problem.label)
+        return [self.done[k].chaos for k in kept]
 
-        These few are followed from event to event besides: at most a fifth of the realisations of the element.
-        """
-        element = chaos.elements[0]
-        events = np.array([bool(label) for label in element.events])
-        if isinstance(self.source, PhaseTrajectories) or not events.any() or not len(points):
-            return chaos
-        paths = self.source.events if isinstance(self.source, CombinedTrajectories) else self.source
-        few = points[: min(len(points), max(int(FOLLOWED * (nodes + len(points))), 1))]
-        ends = np.full((len(few), len(events)), np.nan)
-        ends[:, events] = paths.event_times(box.space.to_inputs(few.germs), tuple(x for x in element.events if x))
-        found = element.verified(box.local, chaos.multi_index, few.germs, few.weights, ends)
-        return replace(chaos, elements=(found,))
+    @property
+    def spent(self) -> int:
+        """Number of realisations so far."""
+        return int(self.source.spent + sum(len(one.verified) for one in self.done))
 
     def _known(
         self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints
     ) -> uqmbd.extend.Verification | None:
-        """Return the given realisations in a box, if they are those at some points."""
+        """Return the given verification realisations in a box if they are at the given points."""
         if self.given is None or len(points) != (inside := box.contains(self.given.points.germs)).sum():
             return None
         return uqmbd.extend.Verification(box.local, self.given.points[inside], self.given.response[inside], len(points))
+
+
+def with_event_errors(
+    chaos: AlignedChaos,
+    box: uqmbd.extend.GermBox,
+    source: Paths,
+    points: uqmbd.extend.VerificationPoints,
+    nodes: int,
+    room: int,
+) -> AlignedChaos:
+    """Return the chaos of an element with the errors of its event times, from a few verification points.
+
+    Some verification realisations are also integrated from event to event: at most a fifth of the realisations of the
+    element. If none of them has an error of the event times, more are integrated, up to `room` realisations.
+    """
+    element = chaos.elements[0]
+    events = np.array([bool(label) for label in element.events])
+    if isinstance(source, PhaseTrajectories) or not events.any() or not len(points):
+        return chaos
+    paths = source.events if isinstance(source, CombinedTrajectories) else source
+    found, room = element, max(room, 1)
+    for count in range(min(followed(nodes, len(points)), room), min(len(points), room) + 1):
+        few = points[:count]
+        ends = np.full((count, len(events)), np.nan)
+        ends[:, events] = paths.event_times(box.space.to_inputs(few.germs), tuple(x for x in element.events if x))
+        found = element.verified(box.local, chaos.multi_index, few.germs, few.weights, ends)
+        # realisations with another sequence of events have no error of the event times
+        if not np.isnan(np.array(found.event_errors)[events]).all():
+            break
+    return replace(chaos, elements=(found,))
+
+
+def followed(nodes: int, verify: int) -> int:
+    """Return the initial number of verification realisations that are integrated from event to event."""
+    return min(verify, max(int(FOLLOWED * (nodes + verify)), 1))
 
 
 def align(
@@ -173,15 +203,16 @@ def align(
     tolerance: Limits,
     given: uqmbd.extend.Verification | None = None,
 ) -> Expanded:
-    """Expand the times of markers and the motion between them, in elements where sequences differ or errors are large.
+    """Expand marker times and the motion between markers; split elements by sequences and errors.
 
-    Raise StudyError if the mechanism has too many events or no clock, IntegrationError if realisations fail.
+    Raise StudyError if the mechanism has too many events or no clock, and IntegrationError if realisations fail.
     """
     paths.prepare(space.to_inputs(plans.first_nodes(space)))
     work, children = _AlignedElements(problem, plans, paths, tolerance, given), dict[str, Any]()
     if limits.elements is None:
         boxes = _boxes(paths, plans, space, limits.most)
-        chaos, kept = AlignedChaos.joined(work.compute(boxes), boxes), work.done
+        chaos = AlignedChaos.joined(work.compute(boxes), boxes)
+        chaos, kept = AlignedChaos.joined(work.further(chaos, range(len(boxes))), boxes), work.done
     else:
         refined = uqmbd.extend.refine_elements(
             space,
@@ -190,14 +221,15 @@ def align(
             label=problem.label,
             rtol=problem.rtol,
             lost=lambda number: work.done[number].lost,
+            further=work.further,
         )
         chaos, kept, children = refined.chaos, [work.done[k] for k in refined.kept], {"elements": refined.steps}
     mixed = sum(one.lost * e.box.probability for one, e in zip(kept, chaos.elements, strict=True))
     if mixed > 0:
         warnings.warn(
-            f"{problem.label}: after {len(kept)} elements the sequence of {paths.what} still differs within some of "
-            f"them; realisations of about {max(mixed, 1e-3):.1%} of the probability are represented by their "
-            f"neighbours. {_remedy(limits, len(kept))}.",
+            f"{problem.label}: the sequence of {paths.what} differs within some of the {len(kept)} elements. About "
+            f"{max(mixed, 1e-3):.1%} of the probability is represented by realisations with another sequence. "
+            f"{_remedy(limits, len(kept))}.",
             stacklevel=3,
         )
     standing = sum(e.box.probability for one, e in zip(kept, chaos.elements, strict=True) if one.sequence == STANDS)
@@ -218,15 +250,30 @@ def align(
     )
 
 
+def _verified(element: FittedElement, points: uqmbd.extend.VerificationPoints, label: str) -> FittedElement:
+    """Return an element with additional verification realisations; warn of failed realisations."""
+    chaos, known = element.chaos, uqmbd.extend.VerificationPoints
+    before = known(chaos.verification_germs, len(chaos.verification_germs) * chaos.verification_weights)
+    first = uqmbd.extend.Verification(chaos.space, before, chaos.verification_response, len(before))
+    more = element.verified.verification(points)
+    warn_of_failures(more, label)
+    both = first.joined(more)
+    return replace(element, chaos=replace(chaos, **both.known))
+
+
 def _remedy(limits: uqmbd.extend.ElementLimits, count: int) -> str:
-    """Return advice on smaller elements for different sequences."""
+    """Return advice on how to obtain smaller elements if sequences differ."""
     if limits.elements is None:
-        return "Raise max_elements" if count >= limits.most else "Give elements='adaptive', which splits by the error"
+        return (
+            "Raise max_elements"
+            if count >= limits.most
+            else "Use elements='adaptive', which splits elements by their errors"
+        )
     return "Raise max_elements" if limits.adaptive else "Raise elements"
 
 
 def _share(runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
-    """Return the share, by the weights of points (V,), that realisations without failure represent."""
+    """Return the share of successful realisations with a property, weighted by the weights of the points (V,)."""
     where = runs.at(points.germs)
     good = np.flatnonzero(runs.good(where))
     place = np.cumsum(runs.status == Status.OK) - 1
@@ -234,7 +281,7 @@ def _share(runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, which
 
 
 def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int) -> list[uqmbd.extend.GermBox]:
-    """Split the germ space until the nodes of each box have the same sequence, or there are enough boxes."""
+    """Split the germ space until all nodes of each box have the same sequence, or until there are `most` boxes."""
     boxes, done = [uqmbd.extend.GermBox.whole(space)], list[uqmbd.extend.GermBox]()
     while boxes:
         box = boxes.pop(0)
@@ -249,9 +296,9 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int)
 
 
 def _scale(known: uqmbd.extend.Verification, times: Array) -> Array:
-    """Return the scales of errors of the time and of the outputs (1 + O,).
+    """Return the scales (1 + O,) of the errors of time and outputs.
 
-    An error of the time is that of the output which moves fastest for its standard deviation.
+    The scale of the time is derived from the output with the largest ratio of rate to standard deviation.
     """
     std = known.std.max(axis=-1, initial=0.0)
     rate = np.abs(np.gradient(known.response, times, axis=-1)).max(axis=(0, 2), initial=0.0)
@@ -261,7 +308,7 @@ def _scale(known: uqmbd.extend.Verification, times: Array) -> Array:
 
 
 def _guilty(box: uqmbd.extend.GermBox, nodes: Array, sequences: list[Sequence]) -> int | None:
-    """Germ along which a split separates the sequences best."""
+    """Return the index of the germ along which a split separates the sequences best."""
     best, germ = np.inf, None
     for k in range(nodes.shape[1]):
         if not box.divisible(k):

@@ -1,4 +1,4 @@
-"""Choice of the alignment of an output at each time: near the least error, with few changes."""
+"""Choice of the alignment of an output at each time: near the smallest error, with few changes."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 import uqmbd
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 
 __all__ = ["Runs", "chosen_over_time", "runs_in_words", "taken_values"]
 
-NEAR, REST = 1.25, 9e-4
-"""A family is a candidate at a time if its error is at most `NEAR` times the least, plus `REST` of the largest standard
-deviation: errors from few verification realisations that differ by less are not distinguished."""
+NEAR, REST = 1.25, 5e-4
+"""A family is a candidate at a time if its error is at most `NEAR` times the smallest, plus `REST` of the largest
+standard deviation. Few verification realisations cannot resolve smaller differences of errors."""
 
 EQUAL = 1e-6
-"""Error, over the largest standard deviation of an output, below which none is better than another."""
+"""Errors below this multiple of the largest standard deviation of an output count as equal."""
 
 Runs = Sequence[tuple[str, int, int]]
-"""Families that an output takes, in the order of time, each with the numbers of its first time and of that behind."""
+"""Families of an output in order of time, each with the index of its first time and the index after its last time."""
 
 
 def chosen_over_time(
@@ -32,23 +32,28 @@ def chosen_over_time(
     output: int,
     scale: float,
 ) -> Runs:
-    """Choose families of an output over time: near the least error at every time, with as few changes as that permits.
+    """Choose the family of each output at each time, with an error near the smallest and as few changes as possible.
 
-    `errors` (O, T) at the verification realisations; `over` (O,): over time, relative to `scale`, the largest standard
-    deviation. A change is where both families differ least at the verification realisations.
+    `errors` (O, T): errors at the verification realisations; `over` (O,): errors over all times, relative to `scale`,
+    the largest standard deviation. An output changes its family at a time at which both families differ least at the
+    verification realisations.
     """
     own = np.array([errors[name][output] for name in chaoses])
     least = own.min(axis=0)
     near = (own <= NEAR * least + REST * scale) | ~np.isfinite(least)
+    # a single verification realisation is no reason to reject the family with the smallest error over all times
+    least_of_all = int(np.argmin([max(float(over[name][output]), EQUAL) for name in chaoses]))
+    near[least_of_all] |= _near_without_one(given, chaoses, least_of_all, output, scale)
     always = [name for name, row in zip(chaoses, near, strict=True) if row.all()]
     if always:
         best = min(always, key=lambda name: max(float(over[name][output]), EQUAL))
         return [(best, 0, own.shape[1])]
     names, count = list(chaoses), own.shape[1]
-    runs: list[tuple[int, int, int]] = []  # a family, its first time, and that behind its last
+    runs: list[tuple[int, int, int]] = []  # family, index of its first time, and index after its last time
     while not runs or runs[-1][2] < count:
         begin = runs[-1][2] if runs else 0
-        # the family that is near the least error for longest; of several that with the least error
+        # select the family that stays near the smallest error for longest; if several do, the one with the smallest
+        # error
         ends = [begin + int(np.argmin(np.append(row[begin:], False))) for row in near]
         k = max(range(len(names)), key=lambda n: (ends[n], -float(np.sum(own[n, begin : ends[n]] ** 2))))
         runs.append((k, begin, ends[k]))
@@ -66,6 +71,28 @@ def chosen_over_time(
     return found
 
 
+def _near_without_one(
+    given: uqmbd.extend.Verification, chaoses: Mapping[str, Any], best: int, output: int, scale: float
+) -> Mask:
+    """Return at which times (T,) a family is near the smallest error without its worst verification realisation.
+
+    In the worst realisation, the squared error exceeds the squared error of another family most.
+    """
+    points, right = given.points, given.response[:, output]
+    values = [
+        one.selected([output], range(right.shape[-1])).evaluate_germs(points.germs)[:, 0] for one in chaoses.values()
+    ]
+    squares = np.square(np.array(values) - right) * (points.weights / points.weights.sum())[:, None]
+    found = np.ones(right.shape[-1], dtype=bool)
+    for k, other in enumerate(squares):
+        if k != best:
+            excess = squares[best] - (NEAR**2) * other
+            rest = excess.sum(axis=0) - excess.max(axis=0)
+            # a family without a value is not better
+            found &= ~np.isfinite(other).all(axis=0) | (rest <= (REST * scale) ** 2)
+    return np.asarray(found & np.isfinite(squares[best]).all(axis=0))
+
+
 def _difference(
     given: uqmbd.extend.Verification,
     chaoses: Mapping[str, Any],
@@ -75,7 +102,7 @@ def _difference(
     first: int,
     last: int,
 ) -> Array:
-    """Return the root mean square difference (T,) of two families at the verification realisations, over some times."""
+    """Return the root mean square difference (T,) of two families at the verification realisations, for some times."""
     times = range(first, min(last + 1, given.response.shape[-1]))
     values = [chaoses[name].selected([output], times).evaluate_germs(given.points.germs)[:, 0] for name in (one, other)]
     found = np.sqrt(np.mean((values[0] - values[1]) ** 2, axis=0))
@@ -83,7 +110,7 @@ def _difference(
 
 
 def taken_values(taken: Sequence[Runs], values: Mapping[str, Array]) -> Array:
-    """Return values (O, T) of the families that outputs take, from those of all families."""
+    """Return values (O, T) of the selected families of outputs, from the values of all families."""
     found = np.empty((len(taken), next(iter(values.values())).shape[1]))
     for k, runs in enumerate(taken):
         for name, first, last in runs:
@@ -92,5 +119,5 @@ def taken_values(taken: Sequence[Runs], values: Mapping[str, Array]) -> Array:
 
 
 def runs_in_words(runs: Runs, times: Array) -> str:
-    """Name the families of an output, each but the first with its first time."""
+    """Return a text with the families of an output; each family after the first has its start time."""
     return ", ".join(f"{name} from {times[first]:.6g} s" if first else name for name, first, _ in runs)

@@ -1,4 +1,4 @@
-"""Realisations that are followed from event to event, and between events from phase to phase of an angle that grows."""
+"""Realisations divided at events, and between events at equal phases of an angle that grows."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import uqmbd
 from uqmbd.extend import AlignedElement, Markers
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
+from uqmbd_collocation.alignment.chebyshev import coefficients, read, resolved
 from uqmbd_collocation.alignment.event_trajectories import POINTS as FIRST
 from uqmbd_collocation.alignment.event_trajectories import EventTrajectories
 from uqmbd_collocation.alignment.impossible import Impossible
@@ -23,44 +24,41 @@ __all__ = ["CombinedTrajectories"]
 
 
 POINTS = 33
-"""Chebyshev points of a segment: a quarter of a turn, and more where marks are dropped."""
+"""Number of Chebyshev points of a segment: a quarter of a turn, or longer if phases are omitted."""
 
 MOST_POINTS = 1 + 64 * 2**5
-"""Chebyshev points between two events, at most."""
-
-RESOLVED = 1e-8
-"""Size of the last Chebyshev coefficients between two events, over the range of an output."""
+"""Largest number of Chebyshev points between two events."""
 
 LONGEST = 8.0
-"""Most times as long as the output times that realisations are followed, if no event ends their motion."""
+"""Largest ratio of integration time to output time for realisations whose last segment has no event at its end."""
 
 BISECTIONS = 54
-"""Until the time of a phase has the precision of numbers."""
+"""Number of bisections; it suffices to find the time of a phase up to rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class _PhaseHistory:
-    """One realisation: a history, with the phase (S, P) at the points of its segments, rad."""
+    """History of one realisation, with the phase (S, P) at the points of its segments, rad."""
 
     history: uqmbd.extend.History
     phase: Array
 
     @property
     def edges(self) -> Array:
-        """Phases (S + 1,) of its begin, of events, and of its end, rad."""
+        """Phases (S + 1,) of the start, of events, and of the end, rad."""
         return np.append(self.phase[:, 0], self.phase[-1, -1])
 
     def grows(self, segments: int) -> bool:
-        """Return whether the phase increases in some first segments."""
+        """Return whether the phase increases in the first segments."""
         return bool((np.diff(self.phase[:segments], axis=1) > 0).all())
 
     def passes(self, marks: Merged) -> bool:
-        """Return whether marks are in the same segments as in others."""
+        """Return whether marks are in the same segments as in other realisations."""
         edges = self.edges
         return all(not len(own) or (edges[k] < own[0] and own[-1] < edges[k + 1]) for k, own in enumerate(marks.phases))
 
     def cut(self, marks: Merged, outputs: int) -> tuple[Array, Array]:
-        """Return times (N + 1,) of the landmarks, and outputs (N, O, points) between them."""
+        """Return times (N + 1,) of the markers, s, and outputs (N, O, points) between markers."""
         where = AlignedElement.points(POINTS)
         edges, parts = [self.history.edges[:1]], []
         for k, own in enumerate(marks.phases):
@@ -69,22 +67,23 @@ class _PhaseHistory:
             at = at[:-1] if marks.ending and k + 1 == len(marks.phases) else at
             edges.append(begin + (end - begin) * at[1:])
             moments = at[:-1, None] + where * np.diff(at)[:, None]
-            parts.append(_read(self.history.response[k, :outputs], moments).transpose(1, 0, 2))
+            parts.append(read(self.history.response[k, :outputs], moments).transpose(1, 0, 2))
         return np.concatenate(edges), np.concatenate(parts)
 
 
 @dataclass
 class CombinedTrajectories:
-    """Realisations from marker to marker, where markers are both events and phases.
+    """Realisations from marker to marker, with both events and phases as markers.
 
-    They are those of the events. They are integrated anew if their points do not resolve the motion between events. So
-    are they if no event ends the last segment and others reach a phase earlier.
+    Realisations from event to event are divided further at phases. A realisation is integrated again if its points do
+    not resolve the motion. If no event ends the last segment, and this segment is too short for a phase that others
+    reach, the realisation is also integrated again.
     """
 
     problem: uqmbd.extend.Problem
     events: EventTrajectories
     clock: uqmbd.extend.Clock  # an angle
-    spent: int = 0  # realisations that were integrated anew
+    spent: int = 0  # number of realisations that were integrated again
     counters: Counter[str] = field(default_factory=Counter)
     _fine: int = FIRST
     _longer: float = 1.0
@@ -93,7 +92,7 @@ class CombinedTrajectories:
 
     points: ClassVar[int] = POINTS
     failures: ClassVar[int] = 0
-    """A realisation that fails ends the method."""
+    """Number of failures; it is 0, because a failed realisation stops the method."""
     what: ClassVar[str] = "events"
     landmarks: ClassVar[str] = "times of events and of equal phase"
 
@@ -101,37 +100,41 @@ class CombinedTrajectories:
     def of(
         cls, problem: uqmbd.extend.Problem, events: EventTrajectories | None, clock: uqmbd.extend.Clock | None
     ) -> CombinedTrajectories:
-        """Return the combination of the trajectories of events and phases; raise if a part is missing."""
+        """Return the combination of the trajectories of events and phases; raise an error if a part is missing."""
         if events is None or clock is None:
-            raise Impossible(problem.label, "there are not both events and a clock", "Leave one of them out.")
+            raise Impossible(
+                problem.label,
+                "the combination of events and phases needs both events and a clock",
+                "Use only one of the two families.",
+            )
         if not clock.turn:
-            why = f"the clock, {clock.words}, is no angle that grows: events reset its phase"
-            raise Impossible(problem.label, why, "Take one of them.")
+            why = f"the clock, {clock.words}, is not a growing angle, and events reset its phase"
+            raise Impossible(problem.label, why, "Use only one of the two families.")
         return cls(problem, events, clock)
 
     @property
     def least(self) -> int:
-        """Segments between events that each has."""
+        """Smallest number of segments between events."""
         return self.events.least
 
     @property
     def longer(self) -> float:
-        """Length of last segments that no event ends, over that of the output times."""
+        """Ratio of the end of last segments without an event to the range of output times."""
         return self.events.longer
 
     def prepare(self, values: Array) -> None:
-        """Refuse a clock that does not grow in all realisations at inputs (K, d)."""
+        """Raise `Impossible` unless the clock grows in all realisations at inputs (K, d)."""
         standing = sum(not motion.grows(len(motion.phase)) for motion in self._motions(values))
         if standing:
-            why = f"the clock, {self.clock.words}, stands or turns back in {standing} of {len(values)} realisations"
-            raise Impossible(self.problem.label, why, "Take events or phases alone.")
+            why = f"the clock, {self.clock.words}, stops or turns back in {standing} of {len(values)} realisations"
+            raise Impossible(self.problem.label, why, "Use only events or only phases.")
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Return realisations (K, output, T) whose outputs alone show another sequence: none."""
+        """Return false for each realisation (K, output, T): outputs alone cannot reveal another sequence."""
         return self.events.elsewhere(sequence, seen)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
-        """Return further attributes of the alignment for the results."""
+        """Return additional attributes of the alignment for the results."""
         return {
             "clock": self.clock.name,
             "clock_kind": "angle",
@@ -140,20 +143,20 @@ class CombinedTrajectories:
         }
 
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
-        """Return the events of realisations at inputs (K, d); phases between them are the same in all."""
+        """Return the events of realisations at inputs (K, d); phases between events are the same in all."""
         return self.events.sequences(values)
 
     def cutting(
         self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]
     ) -> MarkerRule:
-        """Return how realisations of an element are cut; see `marks`."""
+        """Return the rule that divides realisations of an element; see `marks`."""
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
     def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Merged:
         """Return the markers of an element with nodes `germs` (K, d) and a sequence of events.
 
         A polynomial of order 2 through the nodes gives the phases of events at the points `spread` (N, d), at which the
-        chaos is evaluated. The order of events and marks is the same there as at the nodes.
+        chaos is evaluated. At these points, events and marks have the same sequence as at the nodes.
         """
         values, count = space.to_inputs(germs), len(sequence)
         same = np.array([other == sequence for other in self.sequences(values)])
@@ -161,7 +164,7 @@ class CombinedTrajectories:
         edges = everywhere(space, germs[same], spread, np.stack([motion.edges[: count + 1] for motion in motions]))
         reached = np.inf
         if all(motion.history.final and len(motion.history.labels) == count for motion in motions):
-            # the phase that the fastest has at the last output time, and one mark more
+            # add one mark after the largest phase at the last output time
             end = float(self.problem.times[-1])
             last = np.array([[_at(motion, count - 1, end)] for motion in motions])
             step = TURN / PER_TURN
@@ -186,7 +189,7 @@ class CombinedTrajectories:
     def cut(
         self, values: Array, sequence: tuple[str, ...], marks: Merged
     ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations in segments; those with another order of landmarks do not belong to this element."""
+        """Return realisations in segments; another order of markers excludes a realisation from the element."""
         if marks.ending:
             self._reach(values, len(sequence), float(marks.phases[-1][-1]))
         count, outputs = len(marks.labels(sequence)), self.problem.labels.shape[0]
@@ -195,9 +198,9 @@ class CombinedTrajectories:
         messages = [""] * len(values)
         for k, motion in enumerate(self._motions(values, self._longer if marks.ending else 1.0)):
             if motion.history.labels[: len(sequence)] != sequence:
-                messages[k] = "its events come in another order"
+                messages[k] = "the sequence of its events differs from that of the element"
             elif not (motion.grows(len(sequence)) and motion.passes(marks)):
-                messages[k] = "its events and equal phases come in another order"
+                messages[k] = "the sequence of its events and phases differs from that of the element"
             else:
                 edges[k], response[k] = motion.cut(marks, outputs)
         status = np.array([int(Status.INTEGRATION_FAILED if text else Status.OK) for text in messages])
@@ -207,7 +210,7 @@ class CombinedTrajectories:
         )
 
     def _reach(self, values: Array, count: int, phase: float) -> bool:
-        """Follow realisations, whose last segment of a count no event ends, until they reach a phase, if they do."""
+        """Integrate realisations whose last segment has no event at its end to a phase; return whether all reach it."""
         while True:
             motions = [
                 m for m in self._motions(values, self._longer) if m.history.final and len(m.history.labels) == count
@@ -221,7 +224,7 @@ class CombinedTrajectories:
         """Return realisations at inputs (K, d) with enough points to resolve their motion."""
         while True:
             found = self._histories(values, longer)
-            if self._fine >= MOST_POINTS or all(map(_resolved, found)):
+            if self._fine >= MOST_POINTS or all(map(resolved, found)):
                 break
             self._fine = 2 * self._fine - 1
         rate = TURN / self.clock.turn
@@ -246,43 +249,18 @@ class CombinedTrajectories:
         return [self._known[key] for key in keys]
 
 
-def _coefficients(values: Array) -> Array:
-    """Return Chebyshev coefficients (..., P) of values at the points."""
-    from scipy.fft import dct
-
-    count = values.shape[-1]
-    # the points go from 0 to 1, the transform's from 1 to -1
-    found = dct(values[..., ::-1], type=1, axis=-1) / (count - 1)
-    found[..., [0, -1]] /= 2
-    return np.asarray(found)
-
-
-def _resolved(history: uqmbd.extend.History) -> bool:
-    """Return whether the points between events resolve a motion: its last coefficients are small."""
-    found = np.abs(_coefficients(history.response))
-    tail = found[..., -max(2, found.shape[-1] // 8) :].max(axis=(0, 2), initial=0.0)
-    size = np.ptp(history.response, axis=(0, 2))
-    floor = np.abs(history.response).max(axis=(0, 2), initial=0.0) * 1e-3
-    return bool((tail <= RESOLVED * np.maximum(size, floor)).all())
-
-
-def _read(values: Array, at: Array) -> Array:
-    """Read values (O, P) at the points of a segment at normalised times (...): (O, ...)."""
-    return np.asarray(np.polynomial.chebyshev.chebval(2 * at - 1, _coefficients(values).T), dtype=float)
-
-
 def _at(motion: _PhaseHistory, segment: int, time: float) -> float:
     """Return the phase at a time of a segment, rad."""
     begin, end = motion.history.edges[segment : segment + 2]
     where = np.array((time - begin) / (end - begin) if end > begin else 0.0)
-    return float(_read(motion.phase[segment : segment + 1], where)[0])
+    return float(read(motion.phase[segment : segment + 1], where)[0])
 
 
 def _passed(phase: Array, marks: Array) -> Array:
-    """Find the normalised times at which a phase (P,), which grows, has the values of marks (N,)."""
+    """Return the normalised times at which a growing phase (P,) equals marks (N,)."""
     where = AlignedElement.points(len(phase))
     right = np.clip(np.searchsorted(phase, marks), 1, len(phase) - 1)
-    low, high, own = where[right - 1], where[right], _coefficients(phase)
+    low, high, own = where[right - 1], where[right], coefficients(phase)
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         below = np.polynomial.chebyshev.chebval(2 * middle - 1, own) < marks

@@ -1,4 +1,4 @@
-"""Realisations that are followed from event to event."""
+"""Realisations integrated from event to event."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
+from uqmbd_collocation.alignment.chebyshev import read_at_times, resolved
 from uqmbd_collocation.alignment.impossible import Impossible
 from uqmbd_collocation.alignment.markers import MarkedRealisations, MarkerRule
 
@@ -20,96 +21,100 @@ __all__ = ["EventTrajectories"]
 
 
 POINTS = 65
-"""Chebyshev points of a segment."""
+"""Number of Chebyshev points of a segment."""
 
 MOST_SEGMENTS = 64
-"""Segments of a realisation beyond which a motion is not followed: bounces that die down have no end."""
+"""Largest number of segments of a realisation; a limit is necessary because decaying bounces have no end."""
 
 LONGEST = 8.0
-"""Longest last segment of a motion, over the output times."""
+"""Largest value of `EventTrajectories.longer`, the end of last segments relative to the range of output times."""
 
 SLACK = 1e-9
-"""Part of the output times by which a last segment may miss its end: rounding."""
+"""Rounding tolerance for the end of a last segment, relative to the range of output times."""
 
 MARGIN = 0.1
-"""Part of the output times by which last segments, which no event ends, go on behind the last event of all."""
+"""Time from the last event to the end of a last segment without an event, relative to the range of output times."""
 
 
 @dataclass
 class EventTrajectories:
     """Realisations from event to event, each computed once.
 
-    Last segments, which no event ends, last until `longer` times the range of the output times. In all realisations
-    they end at the same time after the last event of all. Otherwise their end would not be a smooth function of the
-    inputs: the last output time where the last event is before it, and a separate time where it is not.
+    A last segment has no final event. It ends at a time that is the same in all realisations, after the latest event:
+    `longer` times the range of the output times. If it ended later only in realisations with a later event, its end
+    would not be a smooth function of the inputs.
     """
 
     problem: uqmbd.extend.Problem
-    least: int = 1  # segments of each realisation
+    least: int = 1  # smallest number of segments of each realisation
     longer: float = 1.0
-    spent: int = 0  # realisations so far
+    spent: int = 0  # number of realisations so far
     counters: Counter[str] = field(default_factory=Counter)
     _known: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
     _verified: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
 
     points: ClassVar[int] = POINTS
     failures: ClassVar[int] = 0
-    """A realisation that fails ends the method."""
+    """Number of failures; it is 0, because a failed realisation stops the method."""
     what: ClassVar[str] = "events"
     landmarks: ClassVar[str] = "event times"
 
     def __post_init__(self) -> None:
-        """Refuse a mechanism without events."""
+        """Raise `Impossible` for a mechanism without events."""
         if not self.problem.model.events:
             raise Impossible(
                 self.problem.label,
-                "alignment='events' needs a mechanism with events, as the impacts of uqmbd_contact; mechanism "
-                f"{self.problem.mechanism!r} has none",
-                "Leave alignment out.",
+                "alignment='events' needs a mechanism with events, such as the impacts of uqmbd_contact, but the "
+                f"mechanism {self.problem.mechanism!r} has none",
+                "Use alignment=None.",
             )
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Return realisations (K, output, T) whose outputs alone show another sequence: none."""
+        """Return False for all realisations (K,): outputs `seen` (K, output, T) cannot show another sequence."""
         return np.zeros(len(seen), dtype=bool)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
-        """Return further attributes of the alignment for the results."""
+        """Return additional attributes of the alignment for the results."""
         return {}
 
     def prepare(self, values: Array) -> None:
-        """Prepare realisations at inputs (K, d): nothing is needed."""
+        """Do nothing: realisations at inputs (K, d) need no preparation."""
 
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
         """Return the events that end the segments of realisations at inputs (K, d).
 
-        Each has as many segments as any has until the last time. Raise IntegrationError if a realisation fails.
+        All realisations have the same number of segments, unless no further event follows: the largest number that one
+        realisation needs until the last output time. Raise IntegrationError if a realisation fails.
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 
     def cutting(
         self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]
     ) -> MarkerRule:
-        """Return how realisations of an element are cut."""
+        """Return the rule that divides realisations of an element into segments."""
         return self._cutting(space.to_inputs(germs), sequence)
 
     def _cutting(self, values: Array, sequence: tuple[str, ...]) -> MarkerRule:
-        """Return how realisations are cut, and how to cut them behind more events: those of nodes at inputs (K, d)."""
+        """Return the rule that divides realisations; nodes at inputs (K, d) supply further events for its extension."""
 
         def farther(late: float, pace: float) -> MarkerRule | None:
             more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, len(sequence), MOST_SEGMENTS - len(sequence))
             try:
                 known = [h.labels for h in self.histories(values, len(sequence) + more)] if more > 0 else []
-            except uqmbd.IntegrationError:  # behind the last output time
+            except uqmbd.IntegrationError:  # failure after the last output time: no extension
                 return None
             same = {labels[: len(sequence) + more] for labels in known if labels[: len(sequence)] == sequence}
-            # as far as the same events follow in all nodes
+            # extend only by events that are the same in all nodes
             common = tuple(each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*same, strict=False)))
             return self._cutting(values, common) if len(common) > len(sequence) else None
 
         return MarkerRule(lambda values: self.cut(values, sequence), sequence, "events", farther)
 
     def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations in segments; those with another sequence do not belong to this element."""
+        """Return realisations at inputs (K, d), divided into segments.
+
+        A realisation with another sequence of events counts as failed, because it does not belong to the element.
+        """
         histories = self.histories(values, len(sequence))
         same = np.array([h.labels[: len(sequence)] == sequence for h in histories])
         count, outputs = len(sequence), self.problem.labels.shape[0]
@@ -121,16 +126,17 @@ class EventTrajectories:
             values,
             response.reshape(len(values), outputs, -1),
             np.where(same, int(Status.OK), int(Status.INTEGRATION_FAILED)),
-            tuple("" if ok else "its events come in another order" for ok in same),
+            tuple("" if ok else "the sequence of its events differs from that of the element" for ok in same),
             {},
             0.0,
         )
         return MarkedRealisations(edges, response), told
 
     def histories(self, values: Array, count: int = 1) -> list[uqmbd.extend.History]:
-        """Follow realisations at inputs (K, d), with the observed quantities behind the outputs; see `sequences`.
+        """Integrate realisations at inputs (K, d) from event to event; see `sequences`.
 
-        Each has at least a number of segments, unless no event follows.
+        Responses contain the outputs, then the observed quantities. Each realisation has at least `count` segments,
+        unless no further event follows.
         """
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         while True:
@@ -148,8 +154,9 @@ class EventTrajectories:
             wanted = 1 + max((h.inside for h in self._known.values()), default=1)
             if wanted > MOST_SEGMENTS:
                 raise uqmbd.StudyError(
-                    f"{self.problem.label}: a realisation has {wanted - 1} segments between events until the last "
-                    f"output time, more than {MOST_SEGMENTS}: bounces die down. End before that, or use elements."
+                    f"{self.problem.label}: a realisation has {wanted - 1} segments between events up to the last "
+                    f"output time, more than {MOST_SEGMENTS}, as in a sequence of decaying bounces. Use an earlier "
+                    "last output time, or elements."
                 )
             last = max((h.edges[-2] for h in self._known.values() if h.final), default=-np.inf)
             short = last >= self._end and self.longer < LONGEST
@@ -162,14 +169,21 @@ class EventTrajectories:
         return [self._known[key] for key in keys]
 
     def event_times(self, values: Array, sequence: tuple[str, ...]) -> Array:
-        """Return times (K, S) at which segments end in verification realisations at inputs (K, d), s.
+        """Return times (K, S), s, at which segments end in verification realisations at inputs (K, d).
 
-        NaN where another event ends one, or the realisation fails. They change nothing that is known of nodes.
+        If another event ends a segment, this time and all later times are NaN. A failed realisation has only NaN.
+        These realisations do not change the number or the end of segments at the nodes.
         """
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
-        missing = [k for k, key in enumerate(keys) if key not in self._verified and key not in self._known]
+        missing = [
+            k
+            for k, key in enumerate(keys)
+            if self._too_short(self._verified.get(key) or self._known.get(key), len(sequence))
+        ]
         if missing:
+            self.problem.progress.start(self.problem.label, len(missing))
             known = self.problem.watching().histories(values[missing], 2, len(sequence), self.longer)
+            self.problem.progress.advance(self.problem.label, len(missing))
             self.spent += len(missing)
             self._verified.update((keys[k], history) for k, history in zip(missing, known, strict=True))
         found = np.full((len(keys), len(sequence)), np.nan)
@@ -180,11 +194,25 @@ class EventTrajectories:
             row[:count] = history.edges[1 : count + 1]
         return found
 
+    def at_times(self, values: Array, times: Array) -> Array:
+        """Return observed quantities (K, O, T) at inputs (K, d); NaN for missing or unresolved realisations."""
+        found = np.full((len(values), len(self.problem.watching().labels.outputs), len(times)), np.nan)
+        for k, row in enumerate(np.ascontiguousarray(values, dtype=float)):
+            history = self._known.get(row.tobytes())
+            if history is not None and resolved(history):
+                found[k] = read_at_times(history, times)
+        return found
+
     @property
     def _end(self) -> float:
-        """Moment at which last segments end that no event ends, s."""
+        """Time at which a last segment ends if no event ends it, s."""
         begin, end = self.problem.times[[0, -1]]
         return float(begin + self.longer * (end - begin)) if self.longer > 1 else float(end)
+
+    @staticmethod
+    def _too_short(history: uqmbd.extend.History | None, count: int) -> bool:
+        """Return whether a motion must be integrated further to have enough segments."""
+        return history is None or (not history.final and len(history.labels) < count)
 
     def _enough(self, history: uqmbd.extend.History | None, count: int) -> bool:
         if history is None:

@@ -1,4 +1,4 @@
-"""An alignment that a mechanism does not allow: the reason, and advice if it was requested by name."""
+"""Error for an impossible alignment: the reason, and advice if an option names the alignment."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ __all__ = ["EndsEarlyWarning", "Impossible", "without_clock"]
 
 
 class EndsEarlyWarning(UserWarning):
-    """Samples of a surrogate do not reach the last output time."""
+    """Warning if samples of a surrogate do not reach the last output time."""
 
 
 class Impossible(uqmbd.StudyError):
-    """A family that is impossible; where it is one of several, the message has the reason alone."""
+    """Error if a family is impossible; if several families are tried, the message contains only the reason."""
 
     def __init__(self, label: str, reason: str, advice: str) -> None:
         super().__init__(f"{label}: {reason}. {advice}")
@@ -22,7 +22,7 @@ class Impossible(uqmbd.StudyError):
 
     @property
     def reason(self) -> str:
-        """Why, without advice."""
+        """Reason, without advice."""
         return self.parts[1]
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -30,16 +30,17 @@ class Impossible(uqmbd.StudyError):
 
 
 def without_clock(problem: uqmbd.extend.Problem, why: str) -> Impossible:
-    """Return the error of phases where there is no clock."""
+    """Return the error for alignment by phases without a clock."""
     if problem.model.events:
         return Impossible(
             problem.label,
-            f"alignment='phase' needs a clock that no event resets, as impacts do; there is none: {why}",
-            "Take alignment='events', which compares motions between events, or alignment='auto', which takes "
-            "what follows each output best; or leave alignment out.",
+            "alignment='phase' needs a clock that no event resets, such as an impact, but the "
+            f"mechanism has none: {why}",
+            "Use alignment='events', which compares motions between events, alignment='auto', which selects the "
+            "best family for each output, or alignment=None.",
         )
     return Impossible(
         problem.label,
-        f"alignment='phase' needs a clock, and there is none: {why}",
-        "Observe an angle that grows, name it by clock=, or leave alignment out.",
+        f"alignment='phase' needs a clock, but there is none: {why}",
+        "Observe a growing angle, select it with clock=, or use alignment=None.",
     )

@@ -1,9 +1,12 @@
-"""Realisations that are followed beyond the last output time, until each has reached the same phase of a clock."""
+"""Realisations integrated beyond the last output time, until each has reached the same phase of a clock.
+
+Length: a single class, whose methods all use the stored data of each realisation.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -12,6 +15,7 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
+from uqmbd_collocation.alignment.event_trajectories import EventTrajectories
 from uqmbd_collocation.alignment.impossible import without_clock
 from uqmbd_collocation.alignment.markers import (
     PER_TURN,
@@ -30,22 +34,32 @@ __all__ = ["PhaseTrajectories"]
 
 
 AHEAD = 1.15
-"""Length over which realisations are followed first, over that of the output times."""
+"""Initial ratio of integration time to output time."""
 
 LONGEST = 8.0
-"""Largest such length."""
+"""Largest ratio of integration time to output time."""
 
 MARGIN = 0.02
-"""Part of the output times by which realisations are followed farther than they seem to need."""
+"""Additional integration time beyond the estimated need, relative to the range of output times."""
 
 NEAR = 1e-3
-"""Share of the output times: a realisation that fails within it behind the needed time is abandoned."""
+"""A realisation that fails within this share of the output times after the required time is not continued."""
 
 TRIES = 8
-"""Integrations in which a realisation reaches the phase that is needed."""
+"""Largest number of integrations of a realisation to reach the required phase."""
+
+EVEN = 1024
+"""Smallest number of times at which motions between events are evaluated."""
+
+FIRST = 8
+"""Number of realisations of the initial search for a clock, which are integrated together."""
+
+UNSEEN = 0.01
+"""A motion is resolved if a spline through every second time has at most this error, relative to the range of each
+output. At a tenth of the times, such as near kinks and jumps, the error may be larger."""
 
 POINTS = 16
-"""Chebyshev points of a segment, a quarter of a turn."""
+"""Number of Chebyshev points of a segment (a quarter of a turn)."""
 
 Sequence = tuple[str, ...]
 STANDS: Sequence = ("the clock stands",)
@@ -53,7 +67,7 @@ STANDS: Sequence = ("the clock stands",)
 
 @dataclass(frozen=True)
 class _PhaseTrajectory:
-    """One realisation, known until the end of `found`; it fails on the way to `limit`, with the reason `beyond`."""
+    """Realisation up to the end of `found`; if it is continued, it fails before `limit` with the reason `beyond`."""
 
     found: uqmbd.extend.Dense
     row: int
@@ -65,25 +79,29 @@ class _PhaseTrajectory:
 
 @dataclass
 class PhaseTrajectories:
-    """Realisations over longer times, each computed once, or anew where it has to be longer."""
+    """Realisations beyond the output times; each is computed once, and again only for a longer time."""
 
     problem: uqmbd.extend.Problem
-    wanted: str | None = None  # name of the clock that the user requests
+    wanted: str | None = None  # name of the clock in the option
     clock: uqmbd.extend.Clock | None = None  # set by `prepare`
-    spent: int = 0  # realisations so far; those that were computed anew count again
+    spent: int = 0  # number of realisations so far; repeated integrations count again
     counters: Counter[str] = field(default_factory=Counter)
     error: float = 0.0  # largest interpolation error, relative to the range of an output
     turns: tuple[float, float] = (np.inf, 0.0)
-    """Turns that the clock makes in nodes until the last output time, at least and at most."""
+    """Least and largest number of turns of the clock in nodes until the last output time."""
     rests: tuple[float, float] = (np.inf, -np.inf)
     """First and last time, s, at which nodes pass the last common phase before their clock comes to rest."""
     starts: Starts | None = None
     better: str = ""
-    """Name of a clock that runs in all nodes, if another one was requested."""
+    """Name of a clock that runs in all nodes, if the option names another one."""
+    tentative: bool = False
+    """Whether to search for a clock up to the last output time before all nodes are integrated for longer."""
+    events: EventTrajectories | None = None
+    """Realisations from event to event, whose outputs are used if available."""
     _known: dict[bytes, _PhaseTrajectory] = field(default_factory=dict)
     _late: set[bytes] = field(default_factory=set)
     _fine: int = 0
-    """Times that resolved the last realisations."""
+    """Number of times with which the last realisations were resolved."""
 
     points: ClassVar[int] = POINTS
     least: ClassVar[int] = 0
@@ -93,17 +111,17 @@ class PhaseTrajectories:
 
     @property
     def failures(self) -> int:
-        """Realisations that failed, those included that do so before they reach the phase that is needed."""
+        """Number of failed realisations, including failures before the required phase."""
         return len(self._late) + sum(path.status != Status.OK for path in self._known.values())
 
     @property
     def longest(self) -> float:
-        """Longest time that realisations were followed, over that of the output times."""
+        """Largest ratio of integration time to output time."""
         ends = [path.found.times[-1] for path in self._known.values() if path.status == Status.OK]
         return float((max(ends, default=self.end) - self.begin) / (self.end - self.begin))
 
     def attributes(self, sequences: Iterable[Sequence]) -> dict[str, Any]:
-        """Return attributes of the alignment for the results, from the sequences of the elements."""
+        """Return the attributes of the alignment in the results, from the sequences of the elements."""
         used = [kind for kind, name in zip(self._clock.kinds, self._kinds, strict=True) if name in set(sequences)]
         return {
             "clock": self._clock.name,
@@ -115,14 +133,16 @@ class PhaseTrajectories:
         }
 
     def of_standing(self, share: float, sequences: list[Sequence]) -> str:
-        """Return a message on the share of the probability in which the clock stands, from sequences of elements."""
+        """Return a message on the probability that the clock stops, from the sequences of the elements."""
         standing = sequences.count(STANDS)
         text = (
-            f"{self.problem.label}: the clock, {self._clock.words}, stands or turns back in realisations of about "
-            f"{max(share, 1e-3):.1%} of the probability. There is no common phase: they are compared at equal times, "
-            f"in {standing} of {len(sequences)} elements, where a chaos holds for some turns only."
+            f"{self.problem.label}: the clock, {self._clock.words}, stops or turns back in realisations of about "
+            f"{max(share, 1e-3):.1%} of the probability. Without a common phase, {standing} of {len(sequences)} "
+            "elements compare realisations at equal times, where a chaos is valid for a few turns only."
         )
-        return text + (f" The clock {self.better!r} runs in all nodes; try clock={self.better!r}." * bool(self.better))
+        return text + (
+            f" The clock {self.better!r} does not stop in any node; try clock={self.better!r}." * bool(self.better)
+        )
 
     @property
     def begin(self) -> float:
@@ -134,8 +154,15 @@ class PhaseTrajectories:
         """Last output time, s."""
         return float(self.problem.times[-1])
 
+    @property
+    def _ahead(self) -> float:
+        """Initial end of the integration, s."""
+        return self.begin + AHEAD * (self.end - self.begin)
+
     def prepare(self, values: Array) -> None:
         """Choose the clock from realisations at inputs (K, d), or raise `Impossible`."""
+        if self.tentative:
+            self._refuse_without_clock(values)
         groups, paths = self._groups(values)
         if not groups:
             raise without_clock(self.problem, f"all realisations failed: {paths[0].message}")
@@ -153,8 +180,54 @@ class PhaseTrajectories:
         if why:
             raise without_clock(self.problem, why)
 
+    def _refuse_without_clock(self, values: Array) -> None:
+        """Raise `Impossible` if realisations at inputs (K, d) show no clock until the last output time.
+
+        Some realisations are integrated for as long as a clock needs. If they show no clock, the other realisations are
+        integrated only until the last output time. Outputs at equal times reuse all these realisations.
+        """
+
+        def clock(found: uqmbd.extend.Dense) -> tuple[uqmbd.extend.Clock | None, str]:
+            return uqmbd.extend.choose_clock(self.problem, found, self.end, self.wanted)
+
+        if self.events is not None:
+            times = np.linspace(self.begin, self.end, max(2 * len(self.problem.times), EVEN))
+            motion = uqmbd.extend.Dense(times, self.events.at_times(values, times), 0.0)
+            if np.isfinite(motion.values).all():
+                one, why = clock(motion)
+                if one is None:
+                    raise without_clock(self.problem, why)
+                return
+        some = np.unique(np.linspace(0, len(values) - 1, FIRST).round().astype(int))
+        self._follow(values[some], self._ahead, lambda found: clock(found)[0] is not None)
+        groups, _ = self._groups(values[some])
+        if not groups:
+            return
+        told = [clock(seen) for seen, _ in groups]
+        others = np.delete(values, some, axis=0)
+        if any(one is not None for one, _ in told):
+            return
+        if len(others):
+            found, realised = self._until_the_end(others, self._fine)
+            good = np.flatnonzero(realised.good).tolist()
+            if good and (not _seen(found.of(good)) or clock(found)[0] is not None):
+                return
+            for n, row in enumerate(np.ascontiguousarray(others, dtype=float)):
+                self._known[row.tobytes()] = _PhaseTrajectory(found, n, int(realised.status[n]), realised.messages[n])
+        raise without_clock(self.problem, told[0][1])
+
+    def _until_the_end(self, values: Array, count: int) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations]:
+        """Compute realisations at `count` evenly spaced times until the last output time, and at the output times."""
+        times = np.linspace(self.begin, self.end, count)
+        every = np.union1d(times, self.problem.times)
+        told = self.problem.watching(every).realise(values)
+        self.spent += len(values)
+        self.counters.update(told.counters)
+        evenly, asked = (told.response[..., np.searchsorted(every, at)] for at in (times, self.problem.times))
+        return uqmbd.extend.Dense(times, evenly, 0.0, asked), told
+
     def sequences(self, values: Array) -> list[Sequence]:
-        """Return the motion of the clock in realisations at inputs (K, d); failed ones are grouped with the others."""
+        """Return the clock motion of realisations at inputs (K, d); failed ones get the most frequent clock motion."""
         found = np.full(len(values), len(self._kinds))
         groups, paths = self._groups(values)
         for seen, rows in groups:
@@ -165,9 +238,9 @@ class PhaseTrajectories:
         return [[*self._kinds, STANDS][k] for k in found]
 
     def elsewhere(self, sequence: Sequence, seen: Array) -> Mask:
-        """Return which realisations (K, watched, T), at the output times, surely do not have a sequence.
+        """Return which realisations (K, watched, T), at the output times, certainly have another sequence.
 
-        They are too few times for an oscillation, but tell whether an angle turns.
+        There are too few output times to detect an oscillation, but enough to detect whether an angle turns.
         """
         if not self._clock.turn or sequence not in (*self._kinds, STANDS):
             return np.zeros(len(seen), dtype=bool)
@@ -180,10 +253,10 @@ class PhaseTrajectories:
     def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Marks:
         """Return the markers that all realisations of an element with nodes `germs` (K, d) need.
 
-        There are no markers where the clock of the element stands. A polynomial of order 2 through the nodes gives the
-        phases at the points `spread` (N, d), at which the chaos is evaluated. Where the clock comes to rest in some
-        realisations, the markers are those that all nodes have; the motion after the last of them is compared at equal
-        steps of time.
+        If the clock of the element stops, the element has no markers. A polynomial of order 2 through the nodes gives
+        the phases at the points `spread` (N, d), at which the chaos is evaluated. If the clock comes to rest in some
+        realisations, the markers are the phases that all nodes pass. The motion after the last marker is compared at
+        equal steps of time.
         """
         if sequence == STANDS:
             return Marks(np.zeros(0))
@@ -205,7 +278,7 @@ class PhaseTrajectories:
         return self._common(kind, values[same], marks)
 
     def _common(self, kind: uqmbd.extend.Clock, values: Array, marks: Array) -> Marks:
-        """Return the marks (S,) that all of some realisations pass before their clock comes to rest, if it does."""
+        """Return the marks (S,) that all realisations pass before their clock comes to rest, if it does."""
         groups, _ = self._reaching(kind, values, float(marks[-1]))
         common = marks[marks <= min((p.lasting.min(initial=np.inf) for _, p, _ in groups), default=np.inf) + 1e-9]
         if len(common) in (0, len(marks)):
@@ -217,7 +290,7 @@ class PhaseTrajectories:
         return Marks(common, tail, 1 + int(np.count_nonzero(self.problem.times > first)) // STANDING)
 
     def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> MarkerRule:
-        """Return how realisations of an element are cut; see `marks`."""
+        """Return the rule that divides realisations of an element; see `marks`."""
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
     def _cutting(self, sequence: Sequence, marks: Marks) -> MarkerRule:
@@ -233,7 +306,7 @@ class PhaseTrajectories:
     def cut(
         self, values: Array, marks: Marks, sequence: Sequence
     ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations from phase to phase; one that does not reach the last has failed."""
+        """Return realisations from phase to phase; a realisation that does not reach the last phase has failed."""
         outputs = self.problem.labels.shape[0]
         groups, paths = self._reaching(self._kind(sequence), values, float(marks.phases[-1]), marks.tail)
         edges = np.full((len(values), marks.count + 1), np.nan)
@@ -246,7 +319,7 @@ class PhaseTrajectories:
     def _reaching(
         self, kind: uqmbd.extend.Clock, values: Array, last: float, more: float = 0.0
     ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_PhaseTrajectory]]:
-        """Follow realisations (K, d) until their phases are the last, rad, and longer, s, if they get there."""
+        """Integrate realisations (K, d) to the phase `last`, rad, and for `more` s after it, if they reach it."""
         for _ in range(TRIES):
             needed = np.full(len(values), -np.inf)
             groups, paths = self._groups(values)
@@ -258,7 +331,7 @@ class PhaseTrajectories:
         return read, paths
 
     def cut_in_time(self, values: Array, segments: int) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations in segments of the same times."""
+        """Return realisations in segments that have the same times in all realisations."""
         outputs = self.problem.labels.shape[0]
         groups, paths = self._groups(values)
         edges = np.full((len(values), segments + 1), np.nan)
@@ -269,12 +342,15 @@ class PhaseTrajectories:
         return MarkedRealisations(edges, response), self._told(values, paths, edges, STANDS)
 
     def at_times(self, values: Array) -> uqmbd.extend.Realisations:
-        """Return realisations at the output times: of those that are followed, and anew of those that failed."""
+        """Return realisations at the output times; missing or failed realisations are computed."""
         outputs = self.problem.labels.shape[0]
         response = np.full((len(values), *self.problem.labels.shape), np.nan)
-        for seen, rows in self._groups(values)[0]:
-            if seen.asked is not None:
-                response[rows] = seen.asked[:, :outputs]
+        if self.events is not None:
+            response = self.events.at_times(values, self.problem.times)[:, :outputs]
+        for k, row in enumerate(np.ascontiguousarray(values, dtype=float)):
+            path = self._known.get(row.tobytes())
+            if path is not None and path.status == Status.OK and path.found.asked is not None:
+                response[k] = path.found.asked[path.row, :outputs]
         status, messages = np.zeros(len(values), dtype=np.int64), [""] * len(values)
         left = np.flatnonzero(~np.isfinite(response).all(axis=(1, 2)))
         if len(left):
@@ -286,6 +362,17 @@ class PhaseTrajectories:
                 messages[at] = message
         return uqmbd.extend.Realisations(values, response, status, tuple(messages), {}, 0.0)
 
+    def known_motion(self, values: Array) -> uqmbd.extend.Dense | None:
+        """Return realisations at inputs (K, d) at equal times if all succeeded and have the same end time."""
+        paths = [self._known.get(row.tobytes()) for row in np.ascontiguousarray(values, dtype=float)]
+        known = [path for path in paths if path is not None and path.status == Status.OK]
+        ends = {(len(path.found.times), float(path.found.times[-1])) for path in known}
+        if len(known) != len(values) or len(ends) != 1:
+            return None
+        found, outputs = _together(known), self.problem.labels.shape[0]  # variables of the phase come after the outputs
+        asked = None if found.asked is None else found.asked[:, :outputs]
+        return uqmbd.extend.Dense(found.times, found.values[:, :outputs], found.error, asked, found.integrations)
+
     def _told(
         self, values: Array, paths: list[_PhaseTrajectory], edges: Array, sequence: Sequence
     ) -> uqmbd.extend.Realisations:
@@ -293,16 +380,19 @@ class PhaseTrajectories:
         lost = (status == Status.OK) & ~np.isfinite(edges).all(axis=1)
         same = np.array([other == sequence for other in self.sequences(values)])
         self._late.update(row.tobytes() for row in np.ascontiguousarray(values, dtype=float)[lost & same])
-        until = f"until the clock, {self._clock.words}, reaches the phase that others have at the last output time"
+        until = (
+            f"until the clock, {self._clock.words}, reaches the phase that other realisations have at "
+            "the last output time"
+        )
         messages = []
         for path, gone in zip(paths, lost, strict=True):
             reason = path.message
             if gone and path.beyond:
-                reason = f"{path.beyond} (it is followed beyond the last output time, {until})"
+                reason = f"{path.beyond} (the integration continues beyond the last output time, {until})"
             elif gone:
                 reason = (
-                    f"the clock, {self._clock.words}, does not reach the phase that others have at the last output "
-                    f"time, until t = {path.found.times[-1]:g} s"
+                    f"until t = {path.found.times[-1]:g} s, the clock, {self._clock.words}, does not reach the phase "
+                    "that other realisations have at the last output time"
                 )
             messages.append(reason)
         status = np.where(lost, int(Status.INTEGRATION_FAILED), status)
@@ -332,31 +422,28 @@ class PhaseTrajectories:
         return bool(np.any([k.phases(found).running(self.end) for k in clock.kinds], axis=0).all())
 
     def _phases(self, kind: uqmbd.extend.Clock, seen: uqmbd.extend.Dense, values: Array) -> uqmbd.extend.Phases:
-        """Read the phases of realisations at inputs (K, d)."""
+        """Return the phases of realisations at inputs (K, d)."""
         near = self.starts.near(values) if self.starts is not None and not kind.turn else None
         return kind.phases(seen, near)
 
     def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_PhaseTrajectory]]:
-        """Return the known motion of realisations (K), grouped by equal times."""
+        """Return the stored motions of realisations at inputs (K, d), grouped by equal times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
         if missing:
-            self._follow(values[list(missing.values())], self.begin + AHEAD * (self.end - self.begin))
+            self._follow(values[list(missing.values())], self._ahead)
         paths = [self._known[key] for key in keys]
-        groups: dict[int, list[int]] = {}
+        groups: dict[tuple[int, float], list[int]] = {}
         for k, path in enumerate(paths):
             if path.status == Status.OK:
-                groups.setdefault(id(path.found), []).append(k)
-        found_groups = []
-        for members in groups.values():
-            whole = paths[members[0]].found
-            found_groups.append((whole.of([paths[k].row for k in members]), members))
+                groups.setdefault((len(path.found.times), float(path.found.times[-1])), []).append(k)
+        found_groups = [(_together([paths[k] for k in members]), members) for members in groups.values()]
         return found_groups, paths
 
     def _continue(self, values: Array, paths: list[_PhaseTrajectory], needed: Array) -> bool:
-        """Continue realisations (K, d) whose known motion is too short to times (K,), s; return whether there are any.
+        """Continue realisations (K, d) that end before the times (K,), s; return whether any of them did.
 
-        Those that fail farther on are followed one by one, as far as each of them needs.
+        Realisations that fail at a later time are continued one by one, each as far as necessary.
         """
         longest = self.begin + LONGEST * (self.end - self.begin)
         known = np.array([path.found.times[-1] for path in paths])
@@ -371,14 +458,17 @@ class PhaseTrajectories:
             self._follow(values[k : k + 1], until)
             key = np.ascontiguousarray(values[k], dtype=float).tobytes()
             if self._known[key].limit < limits[k] and until - needed[k] < NEAR * (self.end - self.begin):
-                # it fails so near behind what is needed, too: it is not tried again
+                # do not continue a realisation that fails so soon after the required time
                 self._known[key] = replace(self._known[key], limit=float(needed[k]))
         return bool(short.any())
 
-    def _follow(self, values: Array, until: float) -> None:
-        """Compute realisations; the known part of one that fails behind the last output time is stored."""
-        times = self.problem.times
-        found, told = uqmbd.extend.dense(self.problem.watching(), values, until, max(2 * len(times), self._fine), times)
+    def _follow(self, values: Array, until: float, worth: Callable[[uqmbd.extend.Dense], bool] | None = None) -> None:
+        """Compute realisations; store the part before a failure after the last output time.
+
+        `worth`: function that returns whether a computation with more times is worth its cost.
+        """
+        times, least = self.problem.times, max(2 * len(self.problem.times), self._fine)
+        found, told = uqmbd.extend.dense(self.problem.watching(), values, until, least, times, worth)
         self._fine = len(found.times)
         self.spent += len(values) * found.integrations
         self.counters.update(told.counters)
@@ -397,3 +487,31 @@ class PhaseTrajectories:
                 )
             else:
                 self._known[key] = replace(self._known[key], limit=until, beyond=reasons[n])
+
+
+def _together(paths: list[_PhaseTrajectory]) -> uqmbd.extend.Dense:
+    """Return realisations that have equal times as one object."""
+    found, first = [path.found for path in paths], paths[0].found
+    if all(one is first for one in found):
+        return first.of([path.row for path in paths])
+    asked = [path.found.asked[path.row] for path in paths if path.found.asked is not None]
+    return uqmbd.extend.Dense(
+        first.times,
+        np.stack([path.found.values[path.row] for path in paths]),
+        max(one.error for one in found),
+        np.stack(asked) if len(asked) == len(paths) else None,
+        first.integrations,
+    )
+
+
+def _seen(found: uqmbd.extend.Dense) -> bool:
+    """Return whether splines through every second value reproduce the others, so that the times resolve the motion."""
+    half = uqmbd.extend.Dense(found.times[::2], found.values[..., ::2], 0.0)
+    inside = np.arange(half.degree, len(found.times) - half.degree) // 2 * 2 + 1
+    inside = np.unique(inside[inside < len(found.times) - half.degree])
+    for k in range(len(found.values)):
+        wrong = np.abs(half.spline(k)(found.times[inside]).T - found.values[k][:, inside])
+        size = np.ptp(found.values[k], axis=1)
+        if (np.quantile(wrong, 0.9, axis=1) > UNSEEN * np.where(size > 0, size, 1.0)).any():
+            return False
+    return True

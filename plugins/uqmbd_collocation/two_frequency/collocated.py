@@ -1,8 +1,9 @@
-"""Collocation of frequencies and amplitudes: of motions that are sums of harmonics of one or two frequencies."""
+"""Collocation of frequencies and amplitudes of motions that are sums of harmonics of one or two frequencies."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,12 +27,12 @@ __all__ = ["expand_series"]
 
 @dataclass
 class _TwoFrequencyElements(ElementFits):
-    """Elements of series."""
+    """Elements of harmonic series."""
 
     source: SeriesProblem
 
     def fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
-        """Fit an element, and verify it at points by the outputs themselves."""
+        """Return the fit of an element, verified by the outputs at `points`."""
         problem, local = self.problem, box.local
         verified = CollocationRuns(problem, local)
         verification = self.given or verified.verification(points)
@@ -56,7 +57,8 @@ class _TwoFrequencyElements(ElementFits):
     def _scale(self, known: uqmbd.extend.Verification) -> Array:
         """Return the scales of errors of frequencies and outputs (1 + O,).
 
-        That of a frequency moves phases at the last time: the output that moves most for its standard deviation counts.
+        A frequency error of this scale gives a phase error, at the last time, equal to the smallest relative standard
+        deviation of an output.
         """
         std = known.std.max(axis=-1, initial=0.0)
         moving = std > 0
@@ -71,13 +73,16 @@ def expand_series(
     limits: uqmbd.extend.ElementLimits,
     tolerance: Limits,
     given: uqmbd.extend.Verification | None = None,
+    known: Callable[[Array], uqmbd.extend.Dense | None] = lambda _: None,
 ) -> Expanded:
-    """Find frequencies and harmonics, and expand them; `given` are verification realisations that are known.
+    """Find frequencies and harmonics, and expand them; `given`: available verification realisations.
 
-    Raise StudyError if motions are no sums of harmonics of one or two frequencies, IntegrationError if failures leave
-    too few realisations.
+    `known`: function that returns available realisations at inputs (K, d), with observed quantities.
+
+    Raise StudyError if motions are not sums of harmonics of one or two frequencies, and IntegrationError if too few
+    realisations succeed.
     """
-    series = SeriesProblem(problem)
+    series = SeriesProblem(problem, computed_before=known)
     series.find(space.to_inputs(plans.first_nodes(space)))
     work, children = _TwoFrequencyElements(problem, plans, series, tolerance, given), dict[str, Any]()
     if limits.elements is None:

@@ -1,12 +1,12 @@
 """Realisations as quasi-periodic series: a problem whose outputs are frequencies and amplitudes.
 
-Every rule, fit and refinement works on it as on the problem itself.
+Every rule, fit and refinement accepts this problem like the original problem.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,41 +30,41 @@ __all__ = ["SeriesProblem", "HarmonicSums"]
 
 
 LONGEST = 8.0
-"""Longest time that realisations are followed, over that of the output times."""
+"""Largest ratio of integration time to output time."""
 
 SEEN = 1.5
-"""Periods of each frequency that realisations show, at least."""
+"""Least number of periods of each frequency in the integration time."""
 
 PERIODS = 30.0
-"""Periods of the slowest frequency in which all harmonics can be separated: with fewer of them, and a residual,
-realisations are integrated for longer."""
+"""Number of periods of the lowest frequency at which all harmonics are separated. If there are fewer periods and a
+residual remains, realisations are integrated for longer."""
 
 FEW = 10.0
-"""Periods of the fastest main line after which other motions are refused."""
+"""Number of periods of the highest main frequency after which a motion is rejected as not quasi-periodic."""
 
 ACCURATE = 1e-4
-"""Residual that is good enough in any case, over the scale of an output."""
+"""Residual, relative to the scale of an output, up to which a series is always accepted."""
 
 UNSEEN = 1e-13
-"""Share of the energy of a motion above the frequencies that fewer values can represent."""
+"""Largest share of the energy of a motion above the frequencies that a thinned signal can represent."""
 
 LEFT_OUT = 1e-5
-"""Root mean square of all harmonics together that are left out of an output, over its scale."""
+"""Largest root mean square of the sum of the omitted harmonics of an output, relative to the scale of the output."""
 
 ROUNDING = 1e4
-"""Least scale of an output, over its largest value and the tolerance of the integration, whose errors add up."""
+"""Smallest scale of an output, relative to its largest value times the tolerance, because integration errors add up."""
 
 
-NOTHING = "alignment='two-frequency' needs motions that oscillate, and nothing does. Leave alignment out."
+NOTHING = "alignment='two-frequency' needs oscillating motions, but no output oscillates. Use alignment=None."
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonicSums:
-    """Coefficients of frequencies, constants, drifts and harmonics, from those of the columns of a `SeriesProblem`."""
+    """Coefficients of frequencies, constants, drifts and harmonics, from the columns of a `SeriesProblem`."""
 
     frequencies: Array  # (P, M)
     constants: Array
-    drifts: Array  # (P, O), as `constants`
+    drifts: Array  # (P, O), like `constants`
     waves: NDArray[np.complex128]  # (P, O, H) a - i b for a cos + b sin
 
 
@@ -73,16 +73,18 @@ class SeriesProblem(DerivedSource):
     """Problem with outputs: base frequencies, then constant, drift, cosines and sines of each output of the study."""
 
     problem: uqmbd.extend.Problem
-    kind: FrequencyCombinations | None = None  # that of all realisations; set by `find`
+    kind: FrequencyCombinations | None = None  # combinations of all realisations; set by `find`
     scales: Array = field(default_factory=lambda: np.zeros(0))
-    """(O,) root mean squares of the motion, with which residuals are compared."""
+    """Root mean squares (O,) of the motion, which are the scales of residuals."""
     kept: Mask = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
-    """(O, H) harmonics of the kind that an output has."""
+    """Mask (O, H) of the harmonics of each output."""
     longer: float = 1.0  # factor of the output times to which realisations are integrated
-    spent: int = 0  # realisations so far
-    failures: int = 0  # realisations that failed
-    residual: float = 0.0  # largest so far, over the scale of the output
+    spent: int = 0  # number of realisations so far
+    failures: int = 0  # number of failed realisations
+    residual: float = 0.0  # largest residual so far, relative to the scale of the output
     counters: Counter[str] = field(default_factory=Counter)
+    computed_before: Callable[[Array], uqmbd.extend.Dense | None] = lambda _: None
+    """Function that returns realisations of other families at inputs (K, d)."""
     _count: int = 0
     _spread: Array = field(default_factory=lambda: np.zeros(0))
     _known: dict[bytes, HarmonicSeries] = field(default_factory=dict)
@@ -95,27 +97,27 @@ class SeriesProblem(DerivedSource):
 
     @property
     def labels(self) -> Labels:
-        """The frequencies in front of the outputs; columns are numbered in place of times."""
+        """Labels of outputs, with the frequencies as the first output; columns have numbers instead of times."""
         inner = self.problem.labels
         columns = np.arange(float(2 + 2 * len(self.lattice)))
         return replace(inner, outputs=(OutputInfo("frequencies", "rad/s"), *inner.outputs), times=columns)
 
     @property
     def lattice(self) -> Index:
-        """Multiples (H, M) of the base frequencies in the harmonics that outputs have."""
+        """Multiples (H, M) of the base frequencies in the harmonics of the outputs."""
         found: Index = self._kind.lattice[self.kept.any(axis=0)]
         return found
 
     @property
     def _kind(self) -> FrequencyCombinations:
         if self.kind is None:
-            raise uqmbd.StudyError(f"{self.label}: no frequencies were looked for.")
+            raise uqmbd.StudyError(f"{self.label}: the frequencies were not identified.")
         return self.kind
 
     def find(self, values: Array) -> None:
         """Find the frequencies and harmonics of realisations at inputs (K, d).
 
-        Raise StudyError if some are no sums of harmonics of two frequencies, IntegrationError if all fail.
+        Raise StudyError if some motions are not sums of harmonics of two frequencies, and IntegrationError if all fail.
         """
         spread = values.std(axis=0)
         self._spread = np.where(spread > 0, spread, 1.0)
@@ -139,9 +141,9 @@ class SeriesProblem(DerivedSource):
         self._lose(values, told)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
-        """Compute realisations and their series: response (K, 1 + O, 2 + 2 H).
+        """Return realisations as series, with the response (K, 1 + O, 2 + 2 H).
 
-        Raise StudyError if some are no sums of the harmonics.
+        Raise StudyError if some motions are not sums of these harmonics.
         """
         keys = _keys(values)
         missing = list(dict.fromkeys(k for k in keys if k not in self._known and k not in self._lost))
@@ -164,7 +166,7 @@ class SeriesProblem(DerivedSource):
                 response[k, 0, :base] = one.frequencies
                 amplitudes = (one.amplitudes * self.scales).T
                 response[k, 1:, 0] = amplitudes[:, 0]
-                # what a drift adds until the end has the size of other columns
+                # multiply a drift by the length, so that it has the size of the other columns
                 response[k, 1:, 1] = amplitudes[:, 1] * self.length
                 response[k, 1:, 2:] = np.where(waves, amplitudes[:, 2:][:, np.tile(used, 2)], 0.0)
         status = np.array([self._lost.get(key, (int(Status.OK), ""))[0] for key in keys])
@@ -172,7 +174,7 @@ class SeriesProblem(DerivedSource):
         return uqmbd.extend.Realisations(values, response, status, messages, {}, 0.0)
 
     def split(self, coefficients: Array) -> HarmonicSums:
-        """Return the sums of harmonics of coefficients (P, 1 + O, 2 + 2 H) of the columns."""
+        """Return sums of harmonics from coefficients (P, 1 + O, 2 + 2 H) of the columns."""
         base, half = self.lattice.shape[1], len(self.lattice)
         outputs = coefficients[:, 1:]
         return HarmonicSums(
@@ -185,11 +187,19 @@ class SeriesProblem(DerivedSource):
     def _followed(
         self, values: Array, known: bool = False
     ) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations, NDArray[np.intp]]:
-        """Compute realisations over their times, with those that are fine."""
-        end = float(self.problem.times[0]) + self.longer * self.length
-        found, told = uqmbd.extend.dense(self.problem, values, end, self._count if known else 0)
-        self.spent += len(values)
-        self.counters.update(told.counters)
+        """Compute realisations over their times; return also the rows of the successful ones."""
+        begin = float(self.problem.times[0])
+        before = None if known or self.longer > 1.0 else self.computed_before(values)
+        if before is not None:
+            self.longer = float(before.times[-1] - begin) / self.length
+            status = np.full(len(values), int(Status.OK))
+            found = before
+            told = uqmbd.extend.Realisations(values, found.values, status, ("",) * len(values), {}, 0.0)
+        else:
+            end = begin + self.longer * self.length
+            found, told = uqmbd.extend.dense(self.problem, values, end, self._count if known else 0)
+            self.spent += len(values)
+            self.counters.update(told.counters)
         finite = np.isfinite(found.values).all(axis=(1, 2))
         good = np.flatnonzero(told.good & finite)
         if not len(good):
@@ -201,7 +211,7 @@ class SeriesProblem(DerivedSource):
         return Signals(found.times - found.times[0], found.values[k].T / self.scales).thinned(UNSEEN)
 
     def _scales(self, values: Array) -> Array:
-        """Root mean squares (O,) of outputs (K, O, T) about constants and drifts, where they move most."""
+        """Return the largest root mean squares (O,) over realisations of outputs (K, O, T) less constant and drift."""
         times = np.linspace(0.0, 1.0, values.shape[2])
         plain = [fit_series(Signals(times, one.T), np.zeros(0), np.zeros((0, 0), dtype=np.int64)) for one in values]
         moving = np.max([one.residual for one in plain], axis=0)
@@ -215,7 +225,7 @@ class SeriesProblem(DerivedSource):
         """Return whether longer realisations would add no information."""
         turns = self.longer * self.length / (2 * np.pi)
         if found.bad.any():
-            # some of these are of a base of their own, which may have fewer frequencies
+            # some of the series have a separate base, which may have fewer frequencies
             base, main = len(found.kind.main.T), found.kind.main
             lines = [
                 main @ one.frequencies if len(one.frequencies) == base else one.frequencies for one in found.series
@@ -225,7 +235,7 @@ class SeriesProblem(DerivedSource):
         return bool(found.residuals.max() <= ACCURATE or slowest * turns > PERIODS)
 
     def _refuse(self, series: Sequence[HarmonicSeries]) -> None:
-        """Raise where some are no sums of harmonics."""
+        """Raise StudyError if some realisations are not sums of harmonics."""
         left = np.array([one.residual for one in series])
         worst = left.max(axis=1, initial=0.0)
         self.residual = max(self.residual, float(worst.max(initial=0.0)))
@@ -233,19 +243,19 @@ class SeriesProblem(DerivedSource):
         if not bad.any():
             self._refuse_slow(series)
             return
-        # what the method watches besides has residuals, too
+        # residuals include the additional observed quantities
         output = self.problem.watching().labels.outputs[int(left.max(axis=0).argmax())].name
         until = float(self.problem.times[0]) + self.longer * self.length
         raise uqmbd.StudyError(
             f"{self.label}: alignment='two-frequency' needs motions that are sums of harmonics of one or two "
-            f"frequencies; {bad.sum()} of {len(bad)} realisations that were looked at are not, to t = {until:g} s: "
-            f"what is left has {worst.max():.2g} of the root mean square of {output!r}, and {QUASI_PERIODIC:g} is "
-            "allowed. The motion is chaotic, dies down, has impacts or more frequencies. Use alignment='phase' where "
-            "one angle or oscillation goes on, elements, or leave alignment out."
+            f"frequencies; {bad.sum()} of {len(bad)} examined realisations are not, up to t = {until:g} s. The "
+            f"residual is {worst.max():.2g} of the root mean square of {output!r}; {QUASI_PERIODIC:g} is allowed. "
+            "The motion is chaotic, decays, has impacts or more frequencies. Use alignment='phase' if one angle or "
+            "oscillation persists, use elements, or use alignment=None."
         )
 
     def _refuse_slow(self, series: Sequence[HarmonicSeries]) -> None:
-        """Raise if a frequency corresponds to the whole time span, as in a decaying motion."""
+        """Raise StudyError if a period is about as long as the time span, as in a decaying motion."""
         seen = self.longer * self.length
         slowest = np.array([float(np.abs(one.frequencies).min(initial=np.inf)) for one in series])
         slow = slowest * seen < 2 * np.pi * SEEN
@@ -253,17 +263,17 @@ class SeriesProblem(DerivedSource):
             return
         raise uqmbd.StudyError(
             f"{self.label}: alignment='two-frequency' needs motions that are sums of harmonics of one or two "
-            f"frequencies; {slow.sum()} of {len(slow)} realisations that were looked at have one of which {seen:g} s "
-            f"show {slowest.min() * seen / (2 * np.pi):.2g} periods, and {SEEN:g} are needed: such a motion may as "
-            "well die down, or grow. Study a longer time; use alignment='phase' where one angle or oscillation goes "
-            "on, or leave alignment out."
+            f"frequencies; in {slow.sum()} of {len(slow)} examined realisations, {seen:g} s contain only "
+            f"{slowest.min() * seen / (2 * np.pi):.2g} periods of the slowest harmonic; {SEEN:g} are required. Such "
+            "a motion may also decay or grow. Study a longer time, use alignment='phase' if one angle or "
+            "oscillation persists, or use alignment=None."
         )
 
     def _keep(self, values: Array, series: Sequence[HarmonicSeries]) -> None:
         self._known.update(zip(_keys(values), series, strict=True))
 
     def _lose(self, values: Array, told: uqmbd.extend.Realisations) -> None:
-        """Note which realisations failed, those that are not known."""
+        """Record realisations without a series as failed."""
         for k, key in enumerate(_keys(values)):
             if key not in self._known:
                 self.failures += 1
@@ -272,7 +282,7 @@ class SeriesProblem(DerivedSource):
 
 
 def _needed(series: Sequence[HarmonicSeries]) -> Mask:
-    """Return which harmonics (O, H) matter in some realisation: the smallest that together are little are left out."""
+    """Return a mask (O, H) of the harmonics to keep; the smallest harmonics are omitted while their sum is small."""
     size = np.max([one.sizes() for one in series], axis=0).T
     order = np.argsort(size, axis=1)
     together = np.sqrt(np.cumsum(np.take_along_axis(size, order, axis=1) ** 2, axis=1) / 2)

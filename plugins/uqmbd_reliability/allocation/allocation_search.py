@@ -1,6 +1,6 @@
-"""Tolerances that reach a probability at the least cost: surrogates propose, real realisations decide.
+"""Search for tolerances that reach a probability at the least cost, by surrogates and verification.
 
-The probability of real realisations, from the count of a surrogate and the realisations at which it is wrong.
+The verified probability combines the count of a surrogate with the realisations that the surrogate classifies wrongly.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Verified:
-    """Probability from real realisations, with its 95 % interval."""
+    """Probability from realisations of the mechanism, with its 95 % interval."""
 
     probability: float
     std_error: float
     lower: float
     upper: float
-    wrong: int  # realisations that the surrogate classifies wrongly
-    failures: int  # realisations that failed
+    wrong: int  # number of realisations that the surrogate classifies wrongly
+    failures: int  # number of failed realisations
 
 
 def verified(counted: float, samples: int, predicted: Mask, real: Array) -> Verified:
-    """Correct the share `counted` of violations among samples of a surrogate by independent real realisations.
+    """Correct the share `counted` of violations among samples of a surrogate by independent realisations.
 
-    P = P_surrogate + P(violation, not predicted) - P(predicted, no violation), whose first term is known from many
-    samples and whose others are small: far fewer realisations are needed than for a count. The interval adds those of
-    Clopper and Pearson, so that it holds for few realisations, too. `predicted` (K,) are violations by the surrogate at
-    the real realisations, `real` (K,) their smallest margins; NaN where a realisation failed, which counts as safe in
-    the lower bound and as a violation in the upper one.
+    P = P_surrogate + P(violation, not predicted) - P(predicted, no violation). The first term is known from many
+    samples and the others are small, so far fewer realisations are needed than for a count. The interval combines
+    intervals of Clopper and Pearson, so that it is valid for few realisations, too. `predicted` (K,): violations by the
+    surrogate at the realisations; `real` (K,): their smallest margins, NaN for failed realisations. A failed
+    realisation counts as safe in the lower bound and as a violation in the upper one.
     """
     count = len(real)
     failed = np.isnan(real)
-    violated = real < 0  # of NaN: False
+    violated = real < 0  # false for NaN
     missed, false = int((violated & ~predicted).sum()), int((predicted & ~violated & ~failed).sum())
-    # failures at which the surrogate predicts a violation agree with the upper bound, the others with the lower one
+    # failures with a predicted violation agree with the upper bound, the others with the lower one
     doubtful, lost = int((failed & ~predicted).sum()), int((failed & predicted).sum())
     share = (missed - false) / max(count - int(failed.sum()), 1)
     own = counted * (1 - counted) / samples
@@ -72,7 +72,7 @@ def verified(counted: float, samples: int, predicted: Mask, real: Array) -> Veri
 
 
 def _interval(hits: int, count: int) -> tuple[float, float]:
-    """Return the interval of Clopper and Pearson; two of them hold together with the confidence."""
+    """Return the interval of Clopper and Pearson, such that two intervals together have the confidence."""
     tail = (1 - CONFIDENCE) / 4
     lower = beta.ppf(tail, hits, count - hits + 1) if hits else 0.0
     upper = beta.ppf(1 - tail, hits + 1, count - hits) if hits < count else 1.0
@@ -80,31 +80,31 @@ def _interval(hits: int, count: int) -> tuple[float, float]:
 
 
 SMALLEST = 1e-5
-"""Probability below which samples of a surrogate are too few."""
+"""Probability below which the samples of a surrogate are too few."""
 
 COUNTED = 4000
-"""Violations that the samples of a surrogate are to hold, if they may be so many."""
+"""Required number of violations among the samples of a surrogate, if the limit of samples allows it."""
 
 FEWEST, LARGEST = 2**16, 2**20
-"""Samples of a surrogate."""
+"""Least and largest number of samples of a surrogate."""
 
 FIRST = 6
-"""Realisations that the first surrogate is fitted to, for each term of order two."""
+"""Realisations for the first surrogate, for each term of order two."""
 
 ROUNDS = 5
-"""Surrogates that are fitted, verified, and fitted again with the realisations of the verification."""
+"""Largest number of surrogates; each is fitted also to the realisations of earlier verifications."""
 
 CLOSE = 0.03
-"""Relative distance of the verified probability from the target that is close enough."""
+"""Relative distance of the verified probability from the target at which the search stops."""
 
 
 class _Named(uqmbd.extend.Propagator):
-    """Gives the realisations of an allocation their name in messages and progress."""
+    """Name of the realisations of an allocation in messages and progress."""
 
     name = "allocation"
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Refuse: an allocation has no node."""
+        """Raise an error, because an allocation has no node."""
         raise uqmbd.StudyError("An allocation is computed by uqmbd_reliability.allocate.")
 
 
@@ -121,54 +121,52 @@ def allocate(
     workers: int | Executor = 1,
     progress: uqmbd.extend.Progress | bool | None = None,
 ) -> Allocation:
-    """Find how far which tolerances have to be tightened, or may be loosened, to reach a probability at the least cost.
+    """Return the tolerances with the least cost for which a requirement is violated with a given probability.
 
-    Every input that may be changed is drawn together about the middle of its limits by a factor of its own, at most
-    `loosest`: by default tolerances are tightened only.  A
-    polynomial surrogate of the margins proposes the cheapest factors with the probability asked for; independent real
-    realisations with these tolerances correct it.  They then join those that the next surrogate is fitted to, until
-    the probability of real realisations is the one asked for.
+    The tolerance of each changeable input is multiplied by a factor of at most `loosest`; by default tolerances are
+    only tightened. A polynomial surrogate of the margins proposes the factors with the least cost. Independent
+    realisations of the mechanism with these tolerances verify the proposal. The next surrogate is also fitted to these
+    realisations, until their probability equals the target.
 
     Parameters
     ----------
     study : uqmbd.Study
-        With a mechanism that has requirements; its propagators do not matter.
+        Study of a mechanism with requirements. Its propagators are not used.
     requirement : str or None
-        Name of the one that counts; None: that none of them is violated.
+        Name of the requirement. None: no requirement may be violated.
     probability : float
-        Of a violation, allowed: from 1e-5 to 0.5.
+        Allowed probability of violation, from 1e-5 to 0.5.
     cost : mapping, optional
-        What tolerances cost, by the names of the inputs that may be changed: a number ``c`` for ``c / t``, with the
-        half-width t of the tolerance in the units of the input. Alternatively a function of t that grows as t gets
-        smaller. The tolerance of an input that states none is three standard deviations. By default every input that is
-        made by `uqmbd.tolerance` or `uqmbd.iso286` may be changed, and costs the inverse of what is left of it.
+        Cost of each changeable tolerance, by the name of the input: a number ``c`` for ``c / t``, with the half-width t
+        of the tolerance in the units of the input, or a decreasing function of t. The tolerance of an input without a
+        stated tolerance is three standard deviations. Default: every input from `uqmbd.tolerance` or `uqmbd.iso286` is
+        changeable, with the inverse of its factor as cost.
     verify : int
-        Real realisations that verify a surrogate, for each of at most five.
+        Number of realisations that verify each of at most five surrogates.
     narrowest, loosest : float
-        The smallest and the largest factor, the latter from 1 (tolerances are not loosened) to 10.  An input that is
-        loosened keeps the shape of its distribution: its deviation and its bounds grow with its tolerance.
+        Smallest and largest factor. The largest is from 1 (tolerances are not loosened) to 10. A factor preserves the
+        shape of the distribution: its standard deviation and its bounds change with the tolerance.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     workers : int or concurrent.futures.Executor
-        Number of workers, or who computes the realisations, as of `Study.run`.  Results do not depend on it.
+        Number of workers, or the executor that computes the realisations. Results do not depend on it.
     progress : Progress or bool, optional
-        Whom to tell, as of `Study.run`.
+        Display of the progress, as for `Study.run`.
 
     Returns
     -------
     Allocation
-        Tolerances, cost, and the probability of real realisations with its interval; printed, a table.
+        Tolerances, cost, and the probability of the realisations with its interval. It is printed as a table.
 
     Raises
     ------
     uqmbd.StudyError
-        If something cannot be used, or no tightening reaches the probability.
+        If an argument cannot be used, or no tightening reaches the probability.
 
     Notes
     -----
-    The derivative of the probability is that of a smooth estimate over the samples of the surrogate; SciPy's SLSQP
-    finds the minimum.  The first surrogate is fitted to inputs with the loosest tolerances, so that it is not asked
-    beyond them.
+    The derivative of the probability is from a smooth estimate over the samples of the surrogate; SciPy's SLSQP finds
+    the minimum. The first surrogate is fitted to inputs with the loosest tolerances, so that it needs no extrapolation.
 
     Examples
     --------
@@ -207,7 +205,7 @@ def _allocated(
     seed: int,
 ) -> Allocation:
     space = problem.germ_space()
-    # all is drawn together from the loosest tolerances; values are written as if these were the present ones
+    # draw all inputs with the loosest tolerances; factors refer to these instead of the present ones
     inputs = replace(present, widths=loosest * present.widths)
     least = narrowest / loosest
     realisations = _RealRealisations(problem, rows, present, loosest)
@@ -235,20 +233,20 @@ def _allocated(
         loose, tight = bool((found.factors >= 1).all()), bool((found.factors <= least).all())
         if tight and checked.lower > probability:
             raise uqmbd.StudyError(
-                f"{where}: tightening does not reach a probability of {probability:g}: with all tolerances at "
-                f"{narrowest:g} of their present width it is still {checked.probability:.3g}. Move the nominal values, "
-                "tighten other inputs too, or allow more."
+                f"{where}: tightening cannot reduce the probability to {probability:g}. With all tolerances at "
+                f"{narrowest:g} times their present width, it is still {checked.probability:.3g}. Change the nominal "
+                "values, tighten other inputs as well, or increase the allowed probability."
             )
         if abs(off) <= max(CLOSE * probability, checked.std_error / 2) or (loose and off < 0):
             break
-        if turn and checked.probability > 0 and not tight:  # what more realisations did not mend is made up for
+        if turn and checked.probability > 0 and not tight:  # compensate errors that remain with more realisations
             target = float(np.clip(target * probability / checked.probability, target / 3, min(3 * target, 0.5)))
     assert best is not None and before is not None
     return _result(names, probability, present, loosest, before, realisations, *best)
 
 
 class _RealRealisations:
-    """Real realisations, and all that were computed."""
+    """Realisations of the mechanism, with storage of all results."""
 
     def __init__(self, problem: uqmbd.extend.Problem, rows: list[int], inputs: Tightened, loosest: float) -> None:
         self.problem, self.rows, self.inputs = problem, rows, inputs
@@ -257,7 +255,7 @@ class _RealRealisations:
         self.margins: list[Array] = []
 
     def __call__(self, values: Array) -> Array:
-        """Return the smallest margins, shape (K,), of values that are loosened; NaN where a realisation failed."""
+        """Return the smallest margins, shape (K,), of loosened values (K, d); NaN for failed realisations."""
         found = self.problem.margins(self.inputs.values(values, self.factors))
         margins = np.where(found.failed[:, None], np.nan, found.values[:, self.rows])
         self.values.append(values)
@@ -271,16 +269,16 @@ class _RealRealisations:
 
     @property
     def failures(self) -> int:
-        """Number of failures."""
+        """Number of failed realisations."""
         return sum(int(np.isnan(m[:, 0]).sum()) for m in self.margins)
 
     def surrogate(self, where: str, space: uqmbd.extend.GermSpace) -> MarginSurrogate:
-        """Fit a surrogate to those that did not fail."""
+        """Return a surrogate fitted to the successful realisations."""
         values, margins = np.concatenate(self.values), np.concatenate(self.margins)
         known = ~np.isnan(margins[:, 0])
         if 2 * known.sum() < len(known):
             raise uqmbd.StudyError(
-                f"{where}: {len(known) - int(known.sum())} of {len(known)} realisations failed; look at one of them "
+                f"{where}: {len(known) - int(known.sum())} of {len(known)} realisations failed; examine one of them "
                 "with uqmbd.simulate."
             )
         return fitted(space, values[known], margins[known])
@@ -299,14 +297,19 @@ def _result(
 ) -> Allocation:
     notes = []
     if checked.lower > allowed:
-        notes.append(f"The probability is above {allowed:g}: the surrogate of the margins is too poor to reach it.")
+        notes.append(
+            f"The probability exceeds {allowed:g}, because the surrogate of the margins is not "
+            "accurate enough for a smaller one."
+        )
     factors = loosest * found.factors
     if (found.factors >= 1).all():
         notes.append(
-            f"All tolerances may be {loosest:g} times what they are." if loosest > 1 else "Nothing has to be tightened."
+            f"All tolerances can be {loosest:g} times their present width."
+            if loosest > 1
+            else "No tolerance has to be tightened."
         )
     elif checked.upper > 2 * allowed:
-        notes.append("The interval is wide; more realisations (verify=) make it narrower.")
+        notes.append("The confidence interval is wide; increase verify= to narrow it.")
     ones = np.ones(len(inputs.names))
     return Allocation(
         names,
@@ -333,7 +336,7 @@ def _result(
 
 
 def _uniform(count: int, dimension: int, seed: int) -> Array:
-    """Return points of Sobol', shape (count, dimension)."""
+    """Return points of a Sobol' sequence, shape (count, dimension)."""
     return np.asarray(uqmbd.extend.sampling_design("sobol").points(dimension, count, seed))
 
 
@@ -341,14 +344,15 @@ def _chosen(where: str, problem: uqmbd.extend.Problem, requirement: str | None) 
     known = [r.name for r in problem.requirements]
     if not known:
         raise uqmbd.StudyError(
-            f"{where}: mechanism {problem.mechanism!r} has no requirements; state one by "
+            f"{where}: mechanism {problem.mechanism!r} has no requirements; add one with "
             "mechanism.require(name, relation)."
         )
     if requirement is None:
         return list(range(len(known))), tuple(known)
     if not isinstance(requirement, str) or requirement not in known:
         raise uqmbd.StudyError(
-            f"{where}: the requirement is {requirement!r}; there are {', '.join(known)} (None: that any is violated)."
+            f"{where}: the requirement is {requirement!r}; expected one of {', '.join(known)}, or None for the "
+            "violation of any of them."
         )
     return [known.index(requirement)], (requirement,)
 

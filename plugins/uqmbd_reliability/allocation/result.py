@@ -22,29 +22,30 @@ class Allocation:
     Attributes
     ----------
     requirements : tuple of str
-        What must not be violated.
+        Requirements that must not be violated.
     allowed : float
-        Probability of a violation that was asked for.
+        Allowed probability of a violation.
     inputs, units, sources : tuple of str
-        Inputs that may be changed, their units, and what their tolerances were made from.
+        Changeable inputs, their units, and the sources of their tolerances.
     before, after : array, shape (n,)
-        Half widths of their tolerances, as they are and as they have to be.
+        Half-widths of the present and of the allocated tolerances.
     sensitivity : array, shape (n,)
         Relative change of the probability for a relative change of each tolerance, at `after`.
     cost_before, cost_after : float
-        Of all tolerances.
+        Cost of all present tolerances, and of all allocated tolerances.
     cost_alike : float
-        What it would cost to reach the probability by one factor for all of them.
+        Cost of reaching the probability by one common factor.
     probability_before, probability : float
-        Of a violation, as it is (by the surrogate) and by real realisations with the tolerances `after`.
+        Probability of a violation with the present tolerances (by the surrogate), and with the tolerances `after` (by
+        realisations of the mechanism).
     std_error, lower, upper : float
-        Of `probability`: standard error and interval of 95 %.
+        Standard error and 95 % interval of `probability`.
     realisations, failures : int
-        Real realisations, of all steps, and how many of them failed.
+        Number of realisations in all steps, and number of failed ones.
     surrogate_error : float
-        Of the last surrogate at points that are left out, over the standard deviation of the margins.
+        Leave-one-out error of the last surrogate, relative to the standard deviation of the margins.
     notes : tuple of str
-        What the reader must know.
+        Remarks that a reader must take into account.
 
     Examples
     --------
@@ -91,7 +92,7 @@ class Allocation:
         return np.asarray(self.after / self.before)
 
     def dataset(self) -> xr.Dataset:
-        """Return everything as a dataset with the dimension ``input``."""
+        """Return all results as a dataset with the dimension ``input``."""
         import xarray as xr
 
         named = {
@@ -122,7 +123,7 @@ class Allocation:
         return xr.Dataset({**named, **{name: getattr(self, name) for name in numbers}}, coords, attrs)
 
     def __str__(self) -> str:
-        """Return a table for people."""
+        """Return the results as a table in text."""
         width = max(len("input"), *(len(name) for name in self.inputs))
         lines = [
             f"{'input':<{width}}  {'tolerance':>12}  {'changed to':>12}  {'of it':>6}  {'sensitivity':>11}  made from"
@@ -136,11 +137,12 @@ class Allocation:
                 f"{slope:>11.3g}  {source}"
             )
         lines.append(
-            f"{', '.join(self.requirements)}: violated in {self.probability:.4g} ({self.lower:.4g} to {self.upper:.4g} "
-            f"with 95 %), allowed {self.allowed:g}, before {self.probability_before:.4g}"
+            f"{', '.join(self.requirements)}: probability of violation {self.probability:.4g} (95 % interval "
+            f"{self.lower:.4g} to {self.upper:.4g}), allowed {self.allowed:g}, before {self.probability_before:.4g}"
         )
         lines.append(
-            f"cost {self.cost_before:.4g} before, {self.cost_after:.4g} after ({self.cost_alike:.4g} by one factor for "
-            f"all); {self.realisations} realisations" + (f", of which {self.failures} failed" if self.failures else "")
+            f"cost {self.cost_before:.4g} before, {self.cost_after:.4g} after ({self.cost_alike:.4g} with one common "
+            f"factor); {self.realisations} realisations"
+            + (f", of which {self.failures} failed" if self.failures else "")
         )
         return "\n".join([*lines, *self.notes])

@@ -1,4 +1,4 @@
-"""Inputs whose tolerances may be tightened: their names, widths, and the cost of each width."""
+"""Inputs whose tolerances may be changed: their names, widths, and the cost of each width."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ Cost = Mapping[str, float | Callable[[float], float]]
 """Cost of a tolerance, by the name of the input: c for c / tolerance, or a function of the tolerance."""
 
 NATURAL = 3.0
-"""Standard deviations that count as the tolerance of an input that states none."""
+"""Number of standard deviations that is the tolerance of an input without a stated tolerance."""
 
 STEP = 1e-5
-"""Relative step of the derivative of a cost that is a function."""
+"""Relative step of the derivative of a cost function."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tightened:
-    """Inputs that may be tightened by factors: ``mean + factor * (input - mean)``."""
+    """Inputs that can be tightened by factors: ``mean + factor * (input - mean)``."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    columns: Index  # (n,) their indices among all inputs
+    columns: Index  # (n,) indices among all inputs
     means: Array  # (n,)
-    widths: Array  # (n,) half widths of their present tolerances
+    widths: Array  # (n,) half-widths of the present tolerances
     sources: tuple[str, ...]  # description of the origin of each tolerance
     costs: tuple[Callable[[float], float], ...]  # functions of a half width
 
     def values(self, values: Array, factors: Array) -> Array:
-        """Return inputs (K, input) with the tightened ones drawn together."""
+        """Return inputs (K, input) with the changeable ones contracted to their means."""
         found = values.copy()
         found[:, self.columns] = self.means + factors * (values[:, self.columns] - self.means)
         return found
@@ -58,8 +58,8 @@ class Tightened:
 def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loosest: float) -> Tightened:
     """Return the inputs that a cost names.
 
-    By default these are the inputs with a stated tolerance, with a cost inverse to the tolerance. Raise StudyError if
-    there are none, if an input cannot be tightened, or if a cost is invalid.
+    Default: the inputs with a stated tolerance, with a cost inverse to the tolerance. Raise StudyError if there are no
+    such inputs, if an input cannot be tightened, or if a cost is invalid.
     """
     variables = problem.inputs.variables
     names = [v.name for v in variables]
@@ -68,8 +68,8 @@ def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loos
         chosen = [name for name in names if stated[name] is not None]
         if not chosen:
             raise uqmbd.StudyError(
-                f"{where}: no input states a tolerance. Make them of uqmbd.tolerance or uqmbd.iso286, or name the "
-                f"inputs in cost=, as in {{{names[0]!r}: 1.0}}; there are {', '.join(names)}."
+                f"{where}: no input has a tolerance. Define inputs with uqmbd.tolerance or uqmbd.iso286, or list the "
+                f"inputs in cost=, e.g. {{{names[0]!r}: 1.0}}. The inputs are {', '.join(names)}."
             )
     else:
         chosen = _named(where, cost, names)
@@ -79,11 +79,11 @@ def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loos
         tolerance = stated[name]
         if len(variable.joint.names) > 1:
             raise uqmbd.StudyError(
-                f"{where}: {name} depends on {', '.join(x for x in variable.joint.names if x != name)}; a tolerance "
-                "is of an independent input."
+                f"{where}: {name} depends on {', '.join(x for x in variable.joint.names if x != name)}; only "
+                "independent inputs can have a tolerance."
             )
         if getattr(variable.distribution, "interpret_as_integer", False):
-            raise uqmbd.StudyError(f"{where}: {name} takes integers only; its tolerance cannot be tightened.")
+            raise uqmbd.StudyError(f"{where}: {name} has only integer values, so its tolerance cannot be tightened.")
         if tolerance is not None:
             about = (tolerance.mean, (tolerance.upper - tolerance.lower) / 2, str(tolerance))
         else:
@@ -104,24 +104,24 @@ def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loos
 def _named(where: str, cost: Any, names: list[str]) -> list[str]:
     if not isinstance(cost, Mapping) or not cost:
         raise uqmbd.StudyError(
-            f"{where}: cost is {cost!r}; expected the cost of a tolerance by the name of the input: a number c for "
-            f"c / tolerance, or a function of the tolerance, as in {{{names[0]!r}: 1.0}}."
+            f"{where}: cost is {cost!r}; expected a mapping from input names to costs, e.g. {{{names[0]!r}: 1.0}}. A "
+            "cost is a number c for c / tolerance, or a function of the tolerance."
         )
     for name in cost:
         if name not in names:
-            raise uqmbd.StudyError(f"{where}: cost names {name!r}, which is no input; there are {', '.join(names)}.")
+            raise uqmbd.StudyError(f"{where}: cost contains {name!r}; expected names of inputs, {', '.join(names)}.")
     return [name for name in names if name in cost]
 
 
 def _cost_of(where: str, name: str, cost: Cost | None, width: float, loosest: float) -> Callable[[float], float]:
-    """Return the cost of a half-width."""
+    """Return the cost of a half-width as a function."""
     given = width if cost is None else cost[name]
     if not callable(given):
         number = isinstance(given, (int, float, np.number)) and not isinstance(given, bool)
         if not number or not 0 < float(given) < math.inf:
             raise uqmbd.StudyError(
-                f"{where}: the cost of {name} is {given!r}; expected a number above 0, which is divided by the "
-                "tolerance, or a function of the tolerance."
+                f"{where}: the cost of {name} is {given!r}; expected a number c above 0, for the cost c / tolerance, "
+                "or a function of the tolerance."
             )
         coefficient = float(given)
         return lambda tolerance: coefficient / tolerance
@@ -130,7 +130,7 @@ def _cost_of(where: str, name: str, cost: Cost | None, width: float, loosest: fl
         if wide > narrow and not higher > lower:
             raise uqmbd.StudyError(
                 f"{where}: the cost of {name} is {lower:g} at a tolerance of {wide * width:g} and {higher:g} at "
-                f"{narrow * width:g}; expected one that grows as the tolerance is tightened."
+                f"{narrow * width:g}; expected a cost that increases as the tolerance is tightened."
             )
     return given
 
@@ -138,7 +138,9 @@ def _cost_of(where: str, name: str, cost: Cost | None, width: float, loosest: fl
 def _number(where: str, name: str, function: Callable[[float], float], tolerance: float) -> float:
     found = function(tolerance)
     if not isinstance(found, (int, float, np.number)) or not math.isfinite(found):
-        raise uqmbd.StudyError(f"{where}: the cost of {name} at {tolerance:g} is {found!r}; expected a number.")
+        raise uqmbd.StudyError(
+            f"{where}: the cost of {name} at the tolerance {tolerance:g} is {found!r}; expected a finite number."
+        )
     return float(found)
 
 

@@ -129,19 +129,19 @@ def test_methods_are_those_of_the_study_or_those_that_are_chosen(folder):
 
 
 UNUSABLE = {
-    "no such file": ["none.csv"],
-    "There is no file none.py": ["record.csv"],
+    "The record none.csv does not exist": ["none.csv"],
+    "The study script none.py does not exist": ["record.csv"],
     "is given twice": ["record.csv", "--noise", "way=1", "--noise", "way=2"],
     "expected NAME=VALUE": ["record.csv", "--noise", "way"],
-    "'one' is no finite number": ["record.csv", "--noise", "way=one"],
-    "--noise names 'wya', which is not recorded; did you mean 'way'?": ["record.csv", "--noise", "wya=1"],
-    "--units names 'force', which is not recorded": ["record.csv", "--units", "force=N"],
+    "'one' is not a finite number": ["record.csv", "--noise", "way=one"],
+    "--noise contains 'wya', which is not a recorded output; did you mean 'way'?": ["record.csv", "--noise", "wya=1"],
+    "--units contains 'force', which is not a recorded output": ["record.csv", "--units", "force=N"],
     "the units of 'way' are 'm' in the file and 'mm' in units=": ["record.csv", "--units", "way=mm"],
     "its noise is -1": ["record.csv", "--noise", "way=-1"],
-    "--only fourth: the study has no method of that label": ["record.csv", "--only", "fourth"],
+    "--only fourth: the study has no method with this label": ["record.csv", "--only", "fourth"],
     "did you mean 'damping'?": ["record.csv", "--known", "dampnig=1"],
-    "the record is in 'mm', the study in 'm'": ["long.csv"],
-    "two records are called 'record'": ["record.csv", "record.csv"],
+    "the units are 'mm' in the record and 'm' in the study": ["long.csv"],
+    "two records have the name 'record'": ["record.csv", "record.csv"],
     "results.nc is in the way": ["record.csv", "--out", "used"],
     "record.csv": ["record.csv", "--out", "record.csv"],
 }
@@ -190,7 +190,7 @@ def test_where_a_method_fails_the_others_are_reported_and_the_status_is_one(fold
     done = command("calibrate", "mass_study.py", "record.csv", "--noise", "way=0.001", "--out", "out")
     assert done.returncode == 1
     for label in ("broken", "broken, calibrated"):
-        assert f"Error: there are no results of {label}: it stopped" in done.stderr
+        assert f"Error: the method {label} failed: it stopped" in done.stderr
     tree = uqmbd.results.load(folder / "out" / "results.nc")
     assert set(uqmbd.results.propagator_nodes(tree)) == {"collocation", "collocation, calibrated"}
     assert (folder / "out" / "report.html").exists() and (folder / "out" / "calibration.nc").exists()

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, sample, search
 from uqmbd_calibration.inference.correcting import corrected
 from uqmbd_calibration.inference.inferring import PosteriorCheck
+from uqmbd_calibration.inference.maxima import PartOfPosterior, Parts, combined_draws, log_mass_of
 from uqmbd_calibration.inference.settling import settle
 from uqmbd_calibration.inference.working import CalibrationState
 
@@ -261,3 +262,83 @@ def test_the_standard_error_of_a_shift_is_that_of_uneven_weights():
     assert 1.5 < np.median(largest) < 2.2  # of nine inputs: a large shift is no sign of an error
     assert PosteriorCheck(24, 1.0, 0.0, 1.0, 0, 2).chance == 0.0
     assert PosteriorCheck(24, 0.0, np.inf, np.inf, 24, 2).chance == np.inf
+
+
+def two_normals(seed, inputs):
+    """Make two normal densities of known shares; return log-density, means, factors of covariances and log-masses."""
+    generator = np.random.default_rng(seed)
+    means = generator.standard_normal((2, inputs))
+    factors = np.array([np.linalg.qr(generator.standard_normal((inputs, inputs)))[0] for _ in range(2)])
+    factors = factors * 10 ** generator.uniform(-2.5, -1.5, (2, 1, inputs))
+    masses = generator.uniform(-3, 3, 2)
+    covariances = factors @ factors.swapaxes(1, 2)
+
+    def log_density(vectors):
+        each = [
+            mass
+            - 0.5 * np.einsum("ki,ij,kj->k", vectors - mean, np.linalg.inv(cov), vectors - mean)
+            - 0.5 * np.linalg.slogdet(cov)[1]
+            for mass, mean, cov in zip(masses, means, covariances, strict=True)
+        ]
+        return np.logaddexp(*each)
+
+    return log_density, means, np.linalg.cholesky(covariances), masses, np.linalg.inv(covariances)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("inputs", [1, 2, 6])
+@pytest.mark.parametrize("seed", range(4))
+def test_draws_about_two_maxima_are_in_proportion_to_their_probability(seed, inputs):
+    """Two normal distributions far apart, of random shares, widths and directions."""
+    log_density, means, factors, masses, hessians = two_normals(seed, inputs)
+    parts, kept = Parts.separate(list(means), list(hessians))
+    assert kept == [0, 1]
+    found = []
+    for k in range(2):
+        density = parts.density(k, log_density)
+        within = 4.0 + 3.0 * np.sqrt(inputs)
+        draws = sample(density, means[k], factors[k], draws=1000, chains=2, seed=k, within=within)
+        mass = log_mass_of(density, means[k], factors[k], draws, 7 + k, within)
+        assert mass == pytest.approx(masses[k], abs=0.05)
+        found.append(PartOfPosterior(None, means[k], draws, mass))
+    both = combined_draws(found, seed)
+    share = 1 / (1 + np.exp(masses[1] - masses[0]))
+    assert both.vectors.shape == (2, 500, inputs)
+    np.testing.assert_allclose((parts.of(both.flat) == 0).mean(), share, atol=0.02)
+    # the order of the draws in a chain says nothing about their maximum
+    halves = (parts.of(both.flat) == 0).reshape(2, 2, 250).mean(axis=2)
+    np.testing.assert_allclose(halves, share, atol=0.15)
+
+
+def test_maxima_that_are_near_share_their_draws():
+    parts, kept = Parts.separate([np.zeros(2), np.array([2.0, 0.0]), np.array([0.0, 5.0])], 3 * [np.eye(2)])
+    assert kept == [0, 2]
+    assert parts.of(np.array([[0.0, 2.4], [0.0, 2.6]])).tolist() == [0, 1]
+
+
+@pytest.mark.thorough
+def test_a_posterior_with_two_maxima_is_that_of_a_quadrature():
+    """The likelihood does not know the sign; the prior prefers none."""
+
+    def function(z):
+        return np.tile(np.abs(z[:, :1]) ** 1.5 + 0.1 * z[:, :1], (1, 40))
+
+    values = 1.0 + 0.2 * np.random.default_rng(0).standard_normal(40)
+    found, _ = inferred(function, function, values, 0.2, inputs=1)
+    z = np.linspace(-3, 3, 60_001)
+    log = -0.5 * ((function(z[:, None]) - values) ** 2).sum(axis=1) / 0.04 - 0.5 * z**2
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    share = float(weights[z > 0].sum())
+    flat = found.draws.flat[:, 0]
+    assert not found.widened and len(found.modes) == 2 and 0.1 < share < 0.9
+    assert (flat > 0).mean() == pytest.approx(share, abs=0.03)
+    for side in (1, -1):
+        own, there = flat[flat * side > 0], np.where(z * side > 0, weights, 0.0)
+        mean = (there @ z) / there.sum()
+        sd = np.sqrt((there @ (z - mean) ** 2) / there.sum())
+        assert own.mean() == pytest.approx(mean, abs=0.15 * sd)
+        assert own.std() == pytest.approx(sd, rel=0.1)
+    # a prediction takes the surrogate about the nearest maximum
+    at = np.array([[found.modes[0].vector[0]], [found.modes[1].vector[0]]])
+    np.testing.assert_allclose(found.target.predictions(at)[0][0], function(at), atol=0.01)

@@ -18,7 +18,7 @@ def test_check_tells_findings_and_nothing_where_there_are_none(command_line, tmp
     script.write_text(SCRIPT.format(units="N"))
     status, out, _ = command_line("check", "script.py")
     assert status == 0
-    assert "Warning: output 'height': stone.x is in m, and its units are to be N;" in " ".join(out.split())
+    assert "Warning: output 'height': stone.x is in m, but its declared units are N;" in " ".join(out.split())
     script.write_text(SCRIPT.format(units="m"))
     status, out, _ = command_line("check", "script.py")
     (line,) = [x for x in out.splitlines() if x.startswith(("Warning: ", "Note: "))]

@@ -32,13 +32,13 @@ def script(tmp_path):
 def test_sizes_are_reported_stored_and_shown(command_line, script, tmp_path):
     status, out, said = command_line("run", script, "--out", "r", "--accuracy", "20%")
     assert status == 0, said
-    assert re.search(r"monte-carlo: samples=64 states \d\d % \(standard deviation of height at", said)
+    assert re.search(r"monte-carlo: the stated error with samples=64 is \d\d % \(standard deviation of height at", said)
     assert "20 % needs about samples=" in said
     tree = load(tmp_path / "r" / "results.nc")
     size = json.loads(tree["monte-carlo"].attrs["options"])["samples"]
     # a mean is known to 20 % of the standard deviation with 97 samples; that of a normal variable with fewer
     assert 97 <= size <= 160
-    assert "; 20 % was asked for" in tree["monte-carlo"].attrs["budget_summary"]
+    assert "; 20 % was requested" in tree["monte-carlo"].attrs["budget_summary"]
     assert json.loads(tree.attrs["budget"])["methods"]["collocation"]["size"] == 1
     assert "Size of monte-carlo, chosen by its stated error" in (tmp_path / "r" / "report.html").read_text()
     status, _, _ = command_line("run", script, "--out", "again", "--set", f"monte-carlo.samples={size}")
@@ -51,8 +51,8 @@ def test_sizes_are_reported_stored_and_shown(command_line, script, tmp_path):
 def test_an_accuracy_that_is_not_reached_is_the_exit_status(command_line, script):
     status, _, said = command_line("run", script, "--accuracy", "1%", "--budget", "300")
     assert status == 3
-    assert "1 % was asked for and is not reached: about samples=42258 would take 42258 realisations" in said
-    assert "collocation: order=1 states" in said
+    assert "1 % was requested, but not reached: about samples=42258 needs 42258 realisations" in said
+    assert "collocation: the stated error with order=1 is" in said
 
 
 @pytest.mark.parametrize(
@@ -66,14 +66,14 @@ def test_an_accuracy_that_is_not_reached_is_the_exit_status(command_line, script
             ["--budget", "1min", "--set", "collocation.order=2"],
             "contradicts --budget, which chooses order of collocation",
         ),
-        (["--budget", "fast"], "--budget is 'fast'; expected a number of realisations, as 5000, or a time"),
+        (["--budget", "fast"], "--budget is 'fast'; expected a number of realisations such as 5000, or a time"),
         (["--accuracy", "150%"], "--accuracy is '150%'; expected a share of the standard deviation"),
         (
             ["--budget", "20", "--only", "monte-carlo"],
-            "budget of 20 realisations is too small: its smallest size, samples=64, takes 64. Give 64 realisations or "
-            "more, or a time, as 30s.",
+            "budget of 20 realisations is too small: the smallest size of this method, samples=64, needs 64. Use a budget of 64 realisations or "
+            "more, or a time such as 30s.",
         ),
-        (["--budget", "2"], "There are no results of 'collocation' either: the budget of 2 realisations is too small"),
+        (["--budget", "2"], "The method 'collocation' failed as well: the budget of 2 realisations is too small"),
     ],
 )
 def test_what_cannot_be_is_refused(command_line, script, tmp_path, words, part):
@@ -88,9 +88,11 @@ def test_what_cannot_be_is_refused(command_line, script, tmp_path, words, part):
 def test_a_method_that_a_budget_does_not_hold_costs_no_other(command_line, script):
     status, _, said = command_line("run", script, "--budget", "30", "--no-report")
     assert status == 1
-    found = re.search(r"takes 64, and the methods that take less (\d+). Give (\d+) realisations or more", said)
+    found = re.search(
+        r"needs 64, and the less expensive methods need (\d+). Use a budget of (\d+) realisations or more", said
+    )
     assert found is not None and int(found[2]) == 64 + int(found[1])
-    assert "collocation: order=1 states" in said and "--resume" not in said
+    assert "collocation: the stated error with order=1 is" in said and "--resume" not in said
     status, _, said = command_line("run", script, "--budget", found[2], "--no-report")
     assert status == 0, said
 

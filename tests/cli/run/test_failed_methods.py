@@ -33,7 +33,7 @@ SCRIPT = """
     mechanism.output("height", stone.position[1], units="m")
     study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3), [{methods}])
 """
-REASONS = {"broken": "RuntimeError: no <licence> found", "unfit": "it cannot do this study: too many inputs"}
+REASONS = {"broken": "RuntimeError: no <licence> found", "unfit": "the method cannot run this study: too many inputs"}
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_methods_that_fail_are_reported_at_the_end_and_the_others_are_there(cli,
         assert err.index("writing the report") < err.index(reason)
         assert reason in json.loads(tree.attrs["failed"])[label]
     report = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
-    assert "unfit has no results: it cannot do this study: too many inputs" in report
+    assert "unfit has no results: the method cannot run this study: too many inputs" in report
     assert "no &lt;licence&gt; found" in report and "no <licence>" not in report
     assert "--resume" in err  # chunks of what succeeded are kept, so that it costs little to go on
 

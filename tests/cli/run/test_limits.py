@@ -47,7 +47,7 @@ def test_a_run_tells_and_leaves_with_the_status_of_its_requirements(command_line
     assert (
         status == 0
         and "not met" not in err
-        and "All requirements are met: all methods state probabilities of at most 40 %" in out
+        and "All requirements are met: every method that states a probability states at most 40 %" in out
     )
     status, out, _ = command_line("check", "fall.py")
     assert status == 0 and "stone.x <= 1" in out and "at all times" in out and "below the ceiling" in out

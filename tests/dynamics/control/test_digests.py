@@ -222,7 +222,7 @@ def test_a_study_with_another_function_in_a_partial_is_not_resumed(tmp_path):
 
     stored = run(weak, tmp_path)
     assert np.array_equal(run(weak, tmp_path), stored)
-    with pytest.warns(uqmbd.StudyWarning, match="is that of another study"):
+    with pytest.warns(uqmbd.StudyWarning, match="belong to another study"):
         found = run(strong, tmp_path)
     assert np.array_equal(found, run(strong)) and not np.allclose(run(strong), stored)
 

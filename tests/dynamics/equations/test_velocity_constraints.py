@@ -55,7 +55,7 @@ def test_what_is_linear_after_expansion_is_taken():
 
 def test_a_velocity_in_a_constraint_of_positions_points_to_the_term():
     mechanism, _ = bound(lambda p: [uqmbd.Constraint(p.body.velocity[0])])
-    with pytest.raises(uqmbd.StudyError, match="linear in them, is a VelocityConstraint"):
+    with pytest.raises(uqmbd.StudyError, match="is linear in velocities as a VelocityConstraint"):
         uqmbd.check(mechanism)
     mechanism = uqmbd.Mechanism("trial", uqmbd.Planar())
     body = mechanism.body("body", mass=1, inertia=1)

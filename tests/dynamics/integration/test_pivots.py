@@ -1,10 +1,14 @@
 """Regular poses in which a pivot of the fixed order of elimination vanishes: the order is chosen again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import uqmbd
+from uqmbd.dynamics import build
+from uqmbd.dynamics.integration import singular_poses
 from uqmbd_joints import Revolute
 
 TIMES = np.linspace(0, 10, 101)
@@ -71,3 +75,26 @@ def test_random_governors_at_all_tolerances():
         worst = np.abs(found["speed"].values - speeds).max() / dimensions[0]
         errors.append(max(worst, np.abs(found["height"].values - heights).max() / dimensions[1]) / max(rtol, 1e-9))
     assert np.max(errors) < 1500
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "chosen"),
+    [
+        ([0.0, 1.0, np.nan, 0.1], [0.0, 1e-9, 1e-9, 1e-9], True),
+        ([0.0, np.nan, np.nan, np.nan], [1e-9, 1e-9, 1e-9, 1e-9], True),
+        ([0.0, np.nan, 1.0, 1.0], [0.0, np.nan, 0.0, 0.0], False),
+        ([0.0, 1.0, 1.0, 1.0], [0.0, 0.5, 0.0, 0.0], False),
+        ([0.0, 1.0, 1.0, 1.0], None, False),
+        ([0.0, np.inf, 1.0, 1.0], None, False),
+    ],
+)
+def test_a_residual_that_is_no_number_is_the_poorest(before, after, chosen, monkeypatch):
+    """It is better than none; an order without compiled programs (None), or with unknown residuals, is not taken."""
+    model = build(governor(12.0, 0.3, 0.1, 1.0))
+    other = replace(model, system=replace(model.system, programs=None) if after is None else model.system)
+    monkeypatch.setattr(singular_poses, "eliminated_anew", lambda *_: other)
+    monkeypatch.setattr(singular_poses, "residuals", lambda one, *_: np.array(before if one is model else after))
+    watcher = singular_poses.SingularPoseWatcher(model, np.zeros(1), 1e-6)
+    assert watcher.reorder(0.0, np.zeros(model.layout.width), 0.1) is chosen
+    assert watcher.model is (other if chosen else model)
+    assert (watcher.reordered, watcher.no_better) == ((1, 0) if chosen else (0, 1))

@@ -295,7 +295,7 @@ def test_a_result_off_the_constraints_is_a_failed_realisation_whoever_integrates
     mechanism.output("tip", rod.point((HALF, 0))[1], units="m")
     propagator = MonteCarlo(samples=8, seed=1, max_failures=1.0)
     study = uqmbd.Study("pendulum", mechanism, times, [propagator], integrator="drifting")
-    with pytest.warns(UserWarning, match="off the constraints 'pivot: point"):
+    with pytest.warns(UserWarning, match="violates the constraints 'pivot: point"):
         samples = study.propagate(propagator)["samples"]
     assert samples["status"].values.tolist() == [0, 2] * 4
     response = samples["response"].transpose("sample", "output", "time").values

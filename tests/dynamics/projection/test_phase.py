@@ -228,7 +228,9 @@ def test_a_clock_that_stands_is_reported_with_the_node():
     projected, rates = projection(mechanism, 3, 4)
     motion = projected.in_phase(rates, np.array([0.0, 5.0]), rtol=1e-6)
     longest = projected.ensemble.values.max()
-    with pytest.raises(uqmbd.IntegrationError, match=f"stands, or nearly so, at the node length = {longest:.6g}"):
+    with pytest.raises(
+        uqmbd.IntegrationError, match=f"stands still, or nearly still, at the node length = {longest:.6g}"
+    ):
         motion.at(np.array([10.0]))
 
 

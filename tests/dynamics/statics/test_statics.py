@@ -320,7 +320,7 @@ def test_values_and_mistakes():
     assert uqmbd.static_equilibrium(mechanism)["y"] == pytest.approx(-2 * G / 100)
     found = uqmbd.static_equilibrium(mechanism, {"mass": 3.0})
     assert found["y"] == pytest.approx(-3 * G / 100) and found["y"].attrs["units"] == "m"
-    with pytest.raises(uqmbd.StudyError, match="there is no random variable 'weight'"):
+    with pytest.raises(uqmbd.StudyError, match="values contains 'weight'; expected names of random variables"):
         uqmbd.static_equilibrium(mechanism, {"weight": 3.0})
     with pytest.raises(uqmbd.StudyError, match="time is 'now'; expected a number in s"):
         uqmbd.static_equilibrium(mechanism, time="now")

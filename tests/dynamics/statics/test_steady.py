@@ -162,7 +162,7 @@ def test_nutation_of_a_top_in_steady_precession():
 def test_a_top_that_nutates_is_not_taken_for_steady():
     spin, _ = steady_top(1.7, 0.8)
     mechanism, body = top(1.2 * spin, 1.7, 0.8)
-    with pytest.raises(uqmbd.AssemblyError, match="no steady motion was found from where it starts: "):
+    with pytest.raises(uqmbd.AssemblyError, match="no steady motion was found from the start pose: "):
         uqmbd.eigenfrequencies(mechanism, at="steady")
 
 
@@ -293,7 +293,7 @@ def test_what_goes_round_has_no_value_in_steady_motion():
     mechanism, shaft, _, _ = shaft_and_arms([0.9])
     driven(mechanism, shaft, 5.0)
     mechanism.output("x", uqmbd.at_steady(mechanism.bodies["arm0"].point((0, 0, -1))[0]), units="m")
-    with pytest.raises(uqmbd.UqmbdError, match=r"at_steady\(.*\) changes while the mechanism goes on steadily"):
+    with pytest.raises(uqmbd.UqmbdError, match=r"at_steady\(.*\) changes during the steady motion"):
         uqmbd.simulate(mechanism, [0, 1])
 
 
@@ -301,8 +301,8 @@ def test_what_goes_round_has_no_value_in_steady_motion():
 @pytest.mark.parametrize(
     ("angle", "axis", "message"),
     [
-        (2 * uqmbd.t**2, UP, "no steady motion was found from where it starts: "),
-        (5 * uqmbd.t, (1, 0, 0.1), "no steady motion was found from where it starts: "),
+        (2 * uqmbd.t**2, UP, "no steady motion was found from the start pose: "),
+        (5 * uqmbd.t, (1, 0, 0.1), "no steady motion was found from the start pose: "),
         # in balance all the way round, but the stiffness that gravity gives changes
         (5 * uqmbd.t, (1, 0, 0), "the coefficients of small motions .* change with time"),
     ],

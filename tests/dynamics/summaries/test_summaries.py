@@ -393,7 +393,9 @@ def test_tiny_steps_beside_long_ones_do_not_spoil_the_motion_between_them():
 def test_a_motion_that_no_number_of_times_resolves_is_reported(stages, monkeypatch):
     monkeypatch.setattr(Stages, "integrate", drawn)
     model, values = build_observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
-    with pytest.warns(UserWarning, match="'oscillator'.*not resolved, in 2 of 2.*16384 more.*another integrator"):
+    with pytest.warns(
+        UserWarning, match="'oscillator'.*not resolved, in 2 of 2.*16384 further times.*another integrator"
+    ):
         integrate(Ensemble(model, values), np.array([0.0, 1.0]), 1e-6, "stages", between=True)
 
 
@@ -407,7 +409,7 @@ def test_a_realisation_that_fails_at_more_times_only_is_that_of_fewer(stages, mo
     monkeypatch.setattr(Stages, "integrate", fussy)
     ensemble = Ensemble(build_observed_model(oscillator()[0], 0.0), np.zeros((2, 0)))
     most = 1000
-    with pytest.warns(UserWarning, match="in 2 of 2.*the integrator fails at more"):
+    with pytest.warns(UserWarning, match="in 2 of 2.*the integrator fails at further times"):
         got = integrate(ensemble, np.array([0.0, 1.0]), 1e-6, "stages", between=True)
     assert got.messages == ("", "")
     most = 100

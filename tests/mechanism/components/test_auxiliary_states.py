@@ -102,7 +102,7 @@ def test_a_controller_measures_a_state():
 @pytest.mark.parametrize("name", ["presure", "", "x", 3, None])
 def test_an_unknown_state_lists_those_that_there_are(name):
     _, chamber = filled()
-    with pytest.raises(uqmbd.StudyError, match="There are: 'pressure'"):
+    with pytest.raises(uqmbd.StudyError, match="Its auxiliary states are: 'pressure'"):
         chamber.state(name)
 
 

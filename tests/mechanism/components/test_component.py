@@ -39,16 +39,16 @@ class Gadget(uqmbd.Component):
 
 NONSENSE = {
     "a text": ("abc", "point is the text 'abc'; expected 2 numbers (where it is, m)"),
-    "texts": (("1", "2"), "with the text '1' in it"),
+    "texts": (("1", "2"), "which contains the text '1'"),
     "None": (None, "point is missing; expected 2 numbers"),
-    "complex": ((1j, 0), "1j in it, which is not real"),
+    "complex": ((1j, 0), "which contains 1j, which is not real"),
     "too few": (1, "point has 1 number, expected 2 (where it is, m)"),
     "too many": ((1, 2, 3), "point has 3 numbers, expected 2 (where it is, m); it is (1, 2, 3)"),
     "a matrix": (np.eye(2), "which is nested"),
     "ragged": ((1, (2,)), "point is (1, (2,)), which is nested"),
-    "a truth": ((True, 0), "with True in it"),
-    "a function": ((len, 0), "no number or expression"),
-    "a class": ((int, 0), "with the class int in it"),
+    "a truth": ((True, 0), "which contains True"),
+    "a function": ((len, 0), "not a number or an expression"),
+    "a class": ((int, 0), "which contains the class int"),
     "a condition": ((sympy.Symbol("x") > 0, 0), "which is a StrictGreaterThan"),
     "not finite": ((np.nan, 0), "which is not finite"),
     "a set": ({1, 2}, "point has 1 number, expected 2"),
@@ -77,8 +77,8 @@ def test_nonsense_in_a_plugins_parameter_is_a_study_error(plane, value, words):
         ({"rate": (1, 2)}, "rate has 2 numbers, expected 1"),
         ({"rate": [[1, 2], [3, 4]]}, "which is nested"),
         ({"rate": None}, "rate is missing; expected a number"),
-        ({"rate": {}}, "which is no number or expression"),
-        ({"axis": (0, 0)}, "axis: the vector (0, 0) has no length"),
+        ({"rate": {}}, "which is not a number or an expression"),
+        ({"axis": (0, 0)}, "axis: the vector (0, 0) has length zero"),
         ({"axis": (0, 0, 1)}, "axis has 3 numbers, expected 2"),
         ({"turn": (1, 0, 0, 0)}, "turn has 4 numbers, expected 1 (how it is turned, 1: the angle in rad)"),
         ({"turn": "left"}, "turn is the text 'left'"),
@@ -96,10 +96,10 @@ def test_what_is_wrong_with_a_value(plane, given, words):
         (lambda rod: Revolute(), "name"),
         (lambda rod: Revolute("A"), "'body_i' is missing; give a body or mechanism.ground"),
         (lambda rod: Revolute("A", rod), "'body_j' is missing"),
-        (lambda rod: Revolute("A", rod, rod, pointi=(0, 0)), "there is no argument 'pointi'; did you mean 'point_i'? Usage: Revolute(name, body_i"),
+        (lambda rod: Revolute("A", rod, rod, pointi=(0, 0)), "the class has no argument 'pointi'; did you mean 'point_i'? Usage: Revolute(name, body_i"),
         (lambda rod: Revolute("A", rod, rod, body_j=rod), "'body_j' is given twice"),
-        (lambda rod: Revolute("A", *[rod] * 9), "10 arguments given by position, at most 7 fit"),
-        (lambda rod: Revolute(rod, rod), "expected a text. The name is the first argument"),
+        (lambda rod: Revolute("A", *[rod] * 9), "10 positional arguments are given; expected at most 7"),
+        (lambda rod: Revolute(rod, rod), "expected a string as the first argument"),
     ],
 )  # fmt: skip
 def test_arguments(plane, make, words):
@@ -113,19 +113,19 @@ def test_arguments(plane, make, words):
     [
         (lambda g, rod: Revolute("A", g, rod), ["'point_i' is missing (joint point, frame of body i, m)", "Usage: "]),
         (lambda g, rod: Revolute("A", g, rod, (0, 0), (0, 0, 0)), ["point_j has 3 numbers, expected 2"]),
-        (lambda g, rod: Revolute("A", g, rod, (0, 0), (0, 0), (0, 0, 1)), ["axis_i is given", "leave it out"]),
-        (lambda g, rod: Revolute("A", g, None, (0, 0), (0, 0)), ["body_j is None, which is no body", "ground, rod"]),
-        (lambda g, rod: Revolute("A", g, "rod", (0, 0), (0, 0)), ["body_j is the text 'rod', which is no body"]),
+        (lambda g, rod: Revolute("A", g, rod, (0, 0), (0, 0), (0, 0, 1)), ["axis_i is given", "omit it"]),
+        (lambda g, rod: Revolute("A", g, None, (0, 0), (0, 0)), ["body_j is None; expected a body", "ground, rod"]),
+        (lambda g, rod: Revolute("A", g, "rod", (0, 0), (0, 0)), ["body_j is the text 'rod'; expected a body"]),
         (lambda g, rod: Revolute("A", rod, rod, (0, 0), (0, 0)), ["body_i and body_j are the same body 'rod'"]),
         (lambda g, rod: Revolute("A", g, g, (0, 0), (0, 0)), ["body_i and body_j are the ground", "no effect"]),
         (lambda g, rod: PointForce("F", g, (0, 0), (1, 0)), ["body is the ground", "no effect", "bodies of 'machine'"]),
         (lambda g, rod: Torque("T", rod, torque=1, frame="top"), ["frame is the text 'top'", "'world', 'body'"]),
         (lambda g, rod: Torque("T", rod, torque=(0, 0, 1)), ["torque has 3 numbers, expected 1 (the torque, N m)"]),
-        (lambda g, rod: Prismatic("P", g, rod, (0, 0), (0, 0), (0, 0), (1, 0)), ["axis_i: the vector", "has no length"]),
+        (lambda g, rod: Prismatic("P", g, rod, (0, 0), (0, 0), (0, 0), (1, 0)), ["axis_i: the vector", "has length zero"]),
         (lambda g, rod: PointForce("F", rod, (0, 0), (rod.acceleration[0], 0)), ["depends on rod.x''", "may depend on"]),
-        (lambda g, rod: Revolute, ["given the class Revolute", "made as Revolute(name, body_i"]),
-        (lambda g, rod: rod, ["add() was given <body 'rod'>", "expected a component"]),
-        (lambda g, rod: None, ["add() was given None"]),
+        (lambda g, rod: Revolute, ["is the class Revolute", "expected an object, e.g. Revolute(name, body_i"]),
+        (lambda g, rod: rod, ["the argument of add() is <body 'rod'>", "expected a component"]),
+        (lambda g, rod: None, ["the argument of add() is None"]),
     ],
 )  # fmt: skip
 def test_what_cannot_be_added(plane, make, words):
@@ -137,13 +137,13 @@ def test_what_cannot_be_added(plane, make, words):
 def test_rotations_make_no_sense_for_point_masses(kind):
     mechanism = uqmbd.Mechanism("points", uqmbd.Translational())
     bodies = [mechanism.body("a", mass=1), mechanism.body("b", mass=1)][: len(kind.bodies)]
-    refused(lambda: mechanism.add(kind("c", *bodies, 1)), "makes no sense in Translational space", "Spatial, Planar")
+    refused(lambda: mechanism.add(kind("c", *bodies, 1)), "does not support Translational space", "Spatial, Planar")
 
 
 def test_relative_rotation_is_none_of_a_point_masses(plane):
     mechanism = uqmbd.Mechanism("points", uqmbd.Translational())
     a, b = mechanism.body("a", mass=1), mechanism.body("b", mass=1)
-    refused(lambda: mechanism.add(Fixed("F", a, b, (0, 0), (0, 0), rotation=1)), "rotation is given", "do not turn")
+    refused(lambda: mechanism.add(Fixed("F", a, b, (0, 0), (0, 0), rotation=1)), "rotation is given", "do not rotate")
     mechanism.add(Fixed("F", a, b, (0, 0), (0, 0)))
 
 
@@ -153,7 +153,10 @@ def test_bodies_and_grounds_of_other_mechanisms(plane):
     refused(lambda: plane.add(Distance("D", plane.ground, stranger, (0, 0), (0, 0), 1)), "of another mechanism")
     refused(lambda: plane.add(Distance("D", other.ground, rod, (0, 0), (0, 0), 1)), "ground of another mechanism")
     force = (1.0 * stranger.velocity[0], 0)
-    refused(lambda: plane.add(PointForce("F", rod, (0, 0), force)), "body 'rod' is not in mechanism 'machine'")
+    refused(
+        lambda: plane.add(PointForce("F", rod, (0, 0), force)),
+        "this body 'rod' belongs to another mechanism than 'machine'",
+    )
 
 
 def test_reactions_are_for_outputs(plane):
@@ -165,10 +168,10 @@ def test_reactions_are_for_outputs(plane):
 def test_names_are_shared_by_bodies_and_components(plane):
     rod = plane.bodies["rod"]
     force = plane.add(PointForce("F", rod, (0, 0), (1, 0)))
-    refused(lambda: plane.add(force), "has been added to mechanism 'machine' already")
-    refused(lambda: plane.add(PointForce("F", rod, (0, 0), (1, 0))), "the name belongs to PointForce 'F'")
-    refused(lambda: plane.add(PointForce("rod", rod, (0, 0), (1, 0))), "the name belongs to body 'rod'")
-    refused(lambda: plane.body("F", mass=1, inertia=1), "the name belongs to PointForce 'F'")
+    refused(lambda: plane.add(force), "has already been added to mechanism 'machine'")
+    refused(lambda: plane.add(PointForce("F", rod, (0, 0), (1, 0))), "the PointForce 'F' has the same name")
+    refused(lambda: plane.add(PointForce("rod", rod, (0, 0), (1, 0))), "the body 'rod' has the same name")
+    refused(lambda: plane.body("F", mass=1, inertia=1), "the PointForce 'F' has the same name")
 
 
 def test_add_returns_the_component_with_its_values(plane):
@@ -263,7 +266,7 @@ def test_a_named_quantity_is_not_differentiated_in_ignorance():
 
     mechanism = uqmbd.Mechanism("wrong", uqmbd.Planar())
     mechanism.add(Wrong("wrong", mechanism.body("ball", mass=1, inertia=1)))
-    with pytest.raises(uqmbd.StudyError, match=r"'gap' is a quantity made by let\(\).*use rate_of\(\)"):
+    with pytest.raises(uqmbd.StudyError, match=r"'gap' is a quantity of let\(\).*Use rate_of\(\)"):
         instances_of(mechanism.all_components(), mechanism.space)
 
 
@@ -279,11 +282,15 @@ class Scalar(uqmbd.Component):
 
 def test_a_single_number_is_no_point(plane):
     made = Scalar("scalar", plane.bodies["rod"], where=2)
-    words = "point() needs 2 numbers", "if it is a parameter of a component declare it with kind='point'"
+    words = "expected 2 numbers", "If it is a parameter of a component, declare it with kind='point'"
     plane.add(made)
     refused(lambda: instances_of([made], plane.space), *words)
-    refused(lambda: plane.bodies["rod"].point((1, 2, 3)), "point() needs 2 numbers", "(1, 2, 3)")
-    refused(lambda: plane.bodies["rod"].direction(1), "direction() needs 2 numbers", "kind='vector'")
+    refused(
+        lambda: plane.bodies["rod"].point((1, 2, 3)), "expected 2 numbers, one for each axis of the body", "(1, 2, 3)"
+    )
+    refused(
+        lambda: plane.bodies["rod"].direction(1), "expected 2 numbers, one for each axis of the body", "kind='vector'"
+    )
 
 
 ROOT = sympy.sqrt(1 - 2 * LENGTH)

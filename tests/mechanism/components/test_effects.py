@@ -50,7 +50,7 @@ def test_a_number_of_another_law_is_refused_and_the_laws_that_have_it_are_named(
         mechanism.add(PlaneContact("floor", mechanism.ground, body, (0, 0), (0, 0), (0, 1), law=law, **{key: value}))
     text = str(caught.value)
     assert text.startswith(f"PlaneContact 'floor': {key} is ") and "it has no effect with law=" in text
-    assert others in text and "leave it out" in text
+    assert others in text and "omit it" in text
     assert not mechanism.components
 
 
@@ -93,10 +93,10 @@ def test_what_prepare_makes_of_a_number_is_an_effect_if_it_is_used():
     mechanism, body = ball()
     mechanism.add(Push("fine", body, half=3))
     with pytest.raises(
-        uqmbd.StudyError, match="half is 3; it has no effect with kind='two', so leave it out, or choose"
+        uqmbd.StudyError, match="half is 3, but it has no effect with kind='two', so omit it, or choose"
     ):
         mechanism.add(Push("idle", body, half=3, kind="two"))
-    with pytest.raises(uqmbd.StudyError, match="second is 4; it has no effect with kind='one', so leave it out, or"):
+    with pytest.raises(uqmbd.StudyError, match="second is 4, but it has no effect with kind='one', so omit it, or"):
         mechanism.add(Push("other", body, half=3, second=4))
     mechanism.add(Push("second", body, kind="two", second=4))
     check_component(Push, propagators=(), internal=False, conservative=False)

@@ -91,7 +91,9 @@ def test_a_typed_component_is_one_like_any_other():
     belt = mechanism.add(Belt("belt", mechanism.ground, wheel, (1, 0)))
     assert belt.driver is mechanism.ground and belt.driven is wheel and belt.tension == 5
     assert Belt.signature() == "(name, driver, driven, point, tension=5)"
-    with pytest.raises(uqmbd.StudyError, match="Belt 'belt': tension is given when the component is made and stays"):
+    with pytest.raises(
+        uqmbd.StudyError, match="Belt 'belt': tension cannot be changed after the creation of the component"
+    ):
         belt.tension = 6
     mechanism.output("x", wheel.position[0])
     uqmbd.simulate(mechanism, [0, 0.1])
@@ -113,16 +115,16 @@ def test_what_checkers_of_types_would_not_see_is_refused():
     length = uqmbd.Parameter("m", "length")
     with_default = uqmbd.Parameter("m", "length", default=1)
     kind = "uqmbd.Parameter[Quantity]"
-    assert "'length' has no annotation" in refused(length=length)
-    assert "'rope' has no annotation" in refused(bodies=("body", "rope"))
+    assert "'length' has no type annotation" in refused(length=length)
+    assert "'rope' has no type annotation" in refused(bodies=("body", "rope"))
     assert "see the arguments (name, body, mass); expected (name, body)" in refused(annotations={"mass": "float"})
     assert "see the arguments (name, length, body)" in refused(
         __annotations__={"length": kind, "body": "uqmbd.extend.NamedFrame"}, length=length
     )
-    assert "'length' has no default and follows 'radius'" in refused(
+    assert "'length' has no default, but follows 'radius'" in refused(
         annotations={"radius": kind, "length": kind}, radius=with_default, length=length
     )
-    assert "a body that may be left out" in refused(grounded=("body",))
+    assert "cannot have an optional body as a field" in refused(grounded=("body",))
 
 
 def test_a_turning_axis_is_optional_to_checkers_and_needed_in_space():

@@ -140,7 +140,7 @@ def test_random_geometry_has_to_be_given_in_local_frames():
     i, j = mechanism.bodies["i"], mechanism.bodies["j"]
     refused(
         lambda: mechanism.add(Spherical("S", i, j, at=(LENGTH, 0, 0))),
-        r"Spherical 'S': at is .* depends on length; .*not random.* Give point_i and point_j in the frames of the bodies",
+        r"Spherical 'S': at is .* depends on length; .*neither random.* Give point_i and point_j in the frames of the bodies",
     )
     refused(
         lambda: mechanism.add(Revolute("R", i, j, at=POINT, axis=(0, LENGTH, 1))),
@@ -153,15 +153,13 @@ def test_a_body_drawn_at_a_random_place_takes_an_axis_but_no_point():
     i, j = mechanism.bodies["i"], mechanism.bodies["j"]
     refused(
         lambda: mechanism.add(Spherical("S", i, j, at=POINT)),
-        "Spherical 'S': at is given, but the pose of body_i 'i' as drawn depends on length; .* Give point_i in",
+        "Spherical 'S': at is given, but the drawn pose of body_i 'i' depends on length; .* Give point_i in",
     )
     joint = mechanism.add(Revolute("R", i, j, (0, 0, 0), (0, 0, 0), axis=AXIS))
     np.testing.assert_allclose([float(x) for x in joint.axis_j], local("j", axis=AXIS), atol=1e-14)
     turned = two_bodies(quaternion=(sympy.cos(LENGTH), 0, 0, sympy.sin(LENGTH)))
     bodies = [turned.bodies[name] for name in BODIES]
-    refused(
-        lambda: turned.add(Parallel1("P", *bodies, axis=AXIS)), "axis is given, but the pose of body_i 'i' as drawn"
-    )
+    refused(lambda: turned.add(Parallel1("P", *bodies, axis=AXIS)), "axis is given, but the drawn pose of body_i 'i'")
 
 
 def test_what_cannot_be_given_in_the_world():
@@ -171,21 +169,21 @@ def test_what_cannot_be_given_in_the_world():
     cases = [
         (
             lambda: Revolute("J", i, j, zero, at=POINT, axis=AXIS),
-            "both at and point_i are given; give at in world axes",
+            "both at and point_i are given. Give either at in world axes",
         ),
         (lambda: Revolute("J", i, j, at=POINT, axis=AXIS, axis_j=AXIS), "both axis and axis_j are given"),
         (lambda: Revolute("J", i, j, at=(1, 2), axis=AXIS), "at has 2 numbers, expected 3"),
         (lambda: Revolute("J", i, j, at=POINT, axis=zero), "Revolute 'J': axis"),
-        (lambda: Revolute("J", i, j, at=POINT), "'axis_i' is missing .* or axis= in world axes, as drawn"),
-        (lambda: Revolute("J", i, j, axis=AXIS), "'point_i' is missing .* or at= in world axes, as drawn"),
+        (lambda: Revolute("J", i, j, at=POINT), "'axis_i' is missing .* or axis= in world axes, for the drawn pose"),
+        (lambda: Revolute("J", i, j, axis=AXIS), "'point_i' is missing .* or at= in world axes, for the drawn pose"),
         (lambda: Revolute("J", i, j, at=uqmbd.t, axis=AXIS), "at has 1 number, expected 3"),
-        (lambda: Revolute("J", i, j, at=(uqmbd.t, 0, 0), axis=AXIS), "at is .* depends on t; .* does not move"),
+        (lambda: Revolute("J", i, j, at=(uqmbd.t, 0, 0), axis=AXIS), "at is .* depends on t; .* nor time-dependent"),
         # where two points or axes do not coincide, one in the world makes no sense
-        (lambda: Distance("J", i, j, at=POINT, length=1), "there is no argument 'at'"),
-        (lambda: SpringDamper("J", i, j, at=POINT, stiffness=1), "there is no argument 'at'"),
-        (lambda: Universal("J", i, j, at=POINT, axis=AXIS), "there is no argument 'axis'"),
-        (lambda: Dot1("J", i, j, axis=AXIS), "there is no argument 'axis'"),
-        (lambda: RackAndPinion("J", i, j, at=POINT, axis=AXIS, radius=1), "there is no argument 'axis'"),
+        (lambda: Distance("J", i, j, at=POINT, length=1), "the class has no argument 'at'"),
+        (lambda: SpringDamper("J", i, j, at=POINT, stiffness=1), "the class has no argument 'at'"),
+        (lambda: Universal("J", i, j, at=POINT, axis=AXIS), "the class has no argument 'axis'"),
+        (lambda: Dot1("J", i, j, axis=AXIS), "the class has no argument 'axis'"),
+        (lambda: RackAndPinion("J", i, j, at=POINT, axis=AXIS, radius=1), "the class has no argument 'axis'"),
     ]
     for make, message in cases:
         refused(lambda make=make: mechanism.add(make()), message)
@@ -193,5 +191,5 @@ def test_what_cannot_be_given_in_the_world():
     body = plane.body("body", mass=1, inertia=1)
     refused(
         lambda: plane.add(Revolute("J", plane.ground, body, at=(0, 0), axis=(0, 0, 1))),
-        "Revolute 'J': axis is given; in the plane everything turns about the same axis, so leave it out",
+        "Revolute 'J': axis is given, but in the plane all rotations have the same axis; omit it",
     )

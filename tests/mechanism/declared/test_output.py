@@ -16,17 +16,17 @@ LENGTH = uqmbd.RandomVariable("length", chaospy.Uniform(0.9, 1.1), units="m")
 WRONG = {
     "a body": (lambda m, rod: rod, "is <body 'rod'> itself", "rod.position[0]"),
     "the ground": (lambda m, rod: m.ground, "itself; record one of its quantities"),
-    "a joint": (lambda m, rod: m.components["pivot"], "record a reaction of it, e.g. pivot.reaction_force[0]"),
+    "a joint": (lambda m, rod: m.components["pivot"], "record one of its reactions, e.g. pivot.reaction_force[0]"),
     "a vector": (lambda m, rod: rod.position, "has 2 components; record them one by one"),
     "a matrix": (lambda m, rod: rod.rotation, "has 4 components"),
     "a truth": (lambda m, rod: True, "the expression is True; expected a number"),
     "a text": (lambda m, rod: "rod.angle", "the expression is the text 'rod.angle'"),
     "nothing": (lambda m, rod: None, "the expression is missing"),
     "no entry": (lambda m, rod: [], "has 0 numbers, expected 1"),
-    "a constant": (lambda m, rod: 3, "is the constant 3; it depends on nothing"),
-    "a constant of the ground": (lambda m, rod: m.ground.position[0], "it depends on nothing"),
-    "what vanishes": (lambda m, rod: rod.angle - rod.angle, "is the constant 0; it depends on nothing"),
-    "a condition": (lambda m, rod: rod.position[0] > 0, "is true or false"),
+    "a constant": (lambda m, rod: 3, "is the constant 3. Expected an expression in quantities"),
+    "a constant of the ground": (lambda m, rod: m.ground.position[0], "Expected an expression in quantities"),
+    "what vanishes": (lambda m, rod: rod.angle - rod.angle, "is the constant 0. Expected an expression in quantities"),
+    "a condition": (lambda m, rod: rod.position[0] > 0, "is a relation or condition"),
     "a method": (lambda m, rod: rod.point, "the function point; record its result"),
     "a class": (lambda m, rod: Revolute, "is the function Revolute|is the class Revolute"),
     "infinite": (lambda m, rod: rod.angle * sympy.zoo, "not finite"),
@@ -54,7 +54,12 @@ def test_what_cannot_be_recorded(machine, make, words):
 def test_name_and_units(machine):
     angle = machine.bodies["rod"].angle
     machine.output("x", angle, units="rad")
-    for name, words in (("x", "an output of that name already"), ("", "empty"), ("time", "time axis"), (1, "text")):
+    for name, words in (
+        ("x", "an output with this name exists already"),
+        ("", "empty"),
+        ("time", "time axis"),
+        (1, "expected a string"),
+    ):
         with pytest.raises(uqmbd.StudyError, match=words):
             machine.output(name, angle)
     with pytest.raises(uqmbd.StudyError, match="output 'y': units is 5"):
@@ -66,7 +71,9 @@ def test_angle_has_units_of_an_angle(machine, units):
     x, y = machine.bodies["rod"].position
     with pytest.raises(uqmbd.StudyError) as caught:
         machine.output("x", sympy.atan2(y, x), units=units, angle=True)
-    assert "output 'x': it is declared an angle" in str(caught.value) and "'rad' or 'deg'" in str(caught.value)
+    assert "output 'x': the output is declared as an angle" in str(caught.value) and "'rad' or 'deg'" in str(
+        caught.value
+    )
     with pytest.raises(uqmbd.StudyError, match="output 'x': angle is 'deg'|output 'x': angle is the text 'deg'"):
         machine.output("x", sympy.atan2(y, x), units="deg", angle="deg")
     assert not machine.outputs
@@ -83,7 +90,7 @@ def test_length_of_a_turn(machine):
 def test_other_mechanisms_have_other_bodies(machine):
     other = uqmbd.Mechanism("other", uqmbd.Planar())
     rod = other.body("rod", mass=1, inertia=1)
-    with pytest.raises(uqmbd.StudyError, match="body 'rod' is not in mechanism 'machine'"):
+    with pytest.raises(uqmbd.StudyError, match="this body 'rod' belongs to another mechanism than 'machine'"):
         machine.output("x", rod.position[0])
     pivot = Revolute("pivot", machine.ground, machine.bodies["rod"], (0, 0), (0, 0))
     with pytest.raises(uqmbd.StudyError, match="'pivot' was not added to mechanism 'machine'; call mechanism.add"):

@@ -50,7 +50,7 @@ def test_what_has_no_rate_is_reported():
     mechanism.add(Revolute("pin", mechanism.ground, rod, (0, 0), (0, 0)))
     for expression in (rod.acceleration[0], mechanism.components["pin"].reaction_force[0], rod.angular_acceleration):
         with pytest.raises(
-            uqmbd.StudyError, match=r"time_derivative\(\): the expression is .* the rate of .* is not known"
+            uqmbd.StudyError, match=r"time_derivative\(\): the expression is .* the rate of .* is unknown"
         ):
             uqmbd.time_derivative(expression)
     assert uqmbd.time_derivative(3) == 0

@@ -45,12 +45,12 @@ def test_impossible_relations_are_refused():
     refused = {
         "the relation is always satisfied": sympy.Abs(x) >= 0,
         "the relation is never satisfied": sympy.Abs(x) < 0,
-        "it was given 3": 3,
+        "the relation is 3": 3,
         "a random quantity equals a value with probability zero": sympy.Eq(x, k),
         "several relations": (x <= 1) & (x >= -1),
-        "it was given the text 'x < 3'": "x < 3",
+        "the relation is the text 'x < 3'": "x < 3",
         "body 'elsewhere' is not in mechanism": other.position[0] <= 1,
-        "changes while the mechanism moves": x <= uqmbd.eigenfrequency(1),
+        "which changes during the motion": x <= uqmbd.eigenfrequency(1),
     }
     for words, relation in refused.items():
         with pytest.raises(uqmbd.StudyError, match=words):
@@ -61,9 +61,11 @@ def test_impossible_relations_are_refused():
 def test_names_are_unique_and_any_is_taken():
     mechanism, mass, _ = oscillator()
     mechanism.require("limit", mass.position[0] <= 1)
-    with pytest.raises(uqmbd.StudyError, match="there is a requirement of that name already"):
+    with pytest.raises(uqmbd.StudyError, match="a requirement with this name exists already"):
         mechanism.require("limit", mass.position[0] <= 2)
-    with pytest.raises(uqmbd.StudyError, match="any requirement is violated; choose another"):
+    with pytest.raises(
+        uqmbd.StudyError, match="this name is reserved for the violation of any requirement; choose another name"
+    ):
         mechanism.require("any", mass.position[0] <= 2)
     with pytest.raises(uqmbd.StudyError, match="the description is 3; expected a text"):
         mechanism.require("words", mass.position[0] <= 2, description=3)

@@ -178,7 +178,7 @@ def test_parameters_are_compared_with_what_they_are_declared_in(mechanism):
     assert "stiffness" in dimensions(
         lambda: mechanism.add(SpringDamper("spring", crank, rod, (0, 0), (0, 0), stiffness=variable("N")))
     )
-    with pytest.raises(uqmbd.StudyError, match=r"point_i.*in mm.*write .*/1000"):
+    with pytest.raises(uqmbd.StudyError, match=r"point_i.*in mm.*Write .*/1000"):
         mechanism.add(Revolute("wrong", crank, rod, (variable("mm"), 0), (0, 0)))
     with pytest.raises(uqmbd.StudyError, match=r"angle.*in deg.*pi/180"):
         mechanism.body("c", mass=2, inertia=1, angle=variable("deg"))

@@ -45,16 +45,16 @@ def spring_stated(how):
 
 WRONG_TERMS = {
     "the time": (lambda self, p, r: uqmbd.t * r[0], ["uqmbd.t", "p.time"]),
-    "a parameter of self": (lambda self, p, r: self.k * r.dot(r), ["self.k", "write p.k"]),
+    "a parameter of self": (lambda self, p, r: self.k * r.dot(r), ["self.k", "use p.k"]),
     "a random option": (lambda self, p, r: p.law * r.dot(r), ["stiffness of the spring", "option 'law'", "p.law"]),
     "a random variable": (lambda self, p, r: variable * uqmbd.t**0 * r.dot(r) + variable * r[0], ["stiffness of the spring", "uqmbd.Parameter"]),
     "a body": (lambda self, p, r: self.attached["body"].position[0] * p.k, ["stone.x", "p.body"]),
-    "a foreign symbol": (lambda self, p, r: x * r[0], ["symbol x", "what p offers"]),
+    "a foreign symbol": (lambda self, p, r: x * r[0], ["symbol x", "quantities of p"]),
     "an undefined function": (lambda self, p, r: undefined(r[0]), ["f(", "not defined"]),
     "an integral": (lambda self, p, r: sympy.Integral(sympy.exp(-(x**2)), (x, 0, r[0])), ["Integral", ".doit()"]),
     "a step without derivative": (lambda self, p, r: sympy.floor(r[0]), ["floor", "piecewise"]),
     "a number of NumPy's": (lambda self, p, r: np.sin(p.k * r[0]), ["raised TypeError", "test_expressions.py, line"]),
-    "a text": (lambda self, p, r: "r", ["'r'", "no expression"]),
+    "a text": (lambda self, p, r: "r", ["'r'", "not an expression"]),
     "nothing there": (lambda self, p, r: p.stiffness, ["raised AttributeError", "stiffness"]),
 }  # fmt: skip
 
@@ -71,11 +71,11 @@ def test_terms_that_mean_nothing_name_the_component_and_the_remedy(how, words):
 
 
 SLIPS = {
-    "a misspelt parameter": (lambda self, p: p.stifness, "nothing named 'stifness' here; did you mean 'stiffness'"),
+    "a misspelt parameter": (lambda self, p: p.stifness, "no attribute 'stifness'; did you mean 'stiffness'"),
     "the time": (lambda self, p: p.t, "the time is p.time"),
     "a choice of Python": (lambda self, p: min(p.stiffness, p.body.position[0]), r"line \d+\)\. Python's if, .* sympy.Piecewise"),
-    "a function of math": (lambda self, p: math.sqrt(p.stiffness), "sympy.sqrt for math.sqrt"),
-    "a function of NumPy": (lambda self, p: np.sqrt(p.stiffness * p.body.position[0]), "sympy.sqrt for numpy.sqrt"),
+    "a function of math": (lambda self, p: math.sqrt(p.stiffness), "sympy.sqrt instead of math.sqrt"),
+    "a function of NumPy": (lambda self, p: np.sqrt(p.stiffness * p.body.position[0]), "sympy.sqrt instead of numpy.sqrt"),
 }  # fmt: skip
 
 
@@ -106,7 +106,9 @@ def test_a_component_without_terms_is_reported():
 
     mechanism, stone = falling()
     mechanism.add(Silent("silent", stone))
-    with pytest.raises(uqmbd.StudyError, match=r"Silent 'silent': terms\(\) raised TypeError.*It is to yield terms"):
+    with pytest.raises(
+        uqmbd.StudyError, match=r"Silent 'silent': terms\(\) raised TypeError.*The method terms\(\) must yield terms"
+    ):
         uqmbd.simulate(mechanism, [0, 0.1])
 
 

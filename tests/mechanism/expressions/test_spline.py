@@ -139,19 +139,22 @@ def test_a_long_table_is_made_at_once():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([0], [1]), "there is 1 knot; expected at least 2"),
-        (([0, 1], [0, 0], True), "there are 2 knots; expected at least 3 of a period"),
-        (([0, 1, 1], [0, 0, 0]), "the knots do not increase: number 2 is 1 and number 3 is 1"),
-        (([0, 1, 2], [0, 1]), "there are 3 knots and 2 values; expected a value for each knot"),
+        (([0], [1]), "1 knot is given; expected at least 2"),
+        (([0, 1], [0, 0], True), "2 knots are given; expected at least 3 of a period"),
+        (([0, 1, 1], [0, 0, 0]), "the knots do not increase: knot 2 is 1, and knot 3 is 1"),
+        (([0, 1, 2], [0, 1]), "3 knots and 2 values are given; expected one value for each knot"),
         (([0, 1], [0, np.nan]), "value number 2 is nan; expected finite numbers"),
         (([0, np.inf], [0, 1]), "knot number 2 is inf"),
-        (([0, F], [0, 1]), "the knot F contains the random variable F; .* its argument over the factor"),
+        (
+            ([0, F], [0, 1]),
+            "the knot F contains the random variable F; .*divide the argument of the spline by the factor",
+        ),
         (([0, 1], [0, 3 * t]), r"the value 3\*t depends on time; expected numbers, or expressions in random variables"),
         (([0, 1], [0, X]), "the value x depends on the symbol x"),
         (([0, 1, 2], [0, 1, 2], True), "the first value of the period is 0 and the last 2; expected the same"),
         (([0, 1, 2], [F, 1, 2 * F], True), r"the first value of the period is F and the last 2\*F"),
         (([[0, 1]], [[0, 1]]), r"the knots are \[\[0, 1\]\], which is nested; expected a list of numbers"),
-        (([0, 1], ["a", 1]), "with the text 'a' in it"),
+        (([0, 1], ["a", 1]), "which contains the text 'a'"),
         (("ab", [0, 1]), "the knots are the text 'ab'; expected a list of numbers"),
         (([0, 1], 3), "the values are 3; expected a list of numbers or expressions"),
         (([0, 1], [0, 1e200]), "values reach 1e.200"),
@@ -167,9 +170,9 @@ def test_what_is_no_table(arguments, message):
     ("options", "message"),
     [
         ({"ends": "clamped"}, "ends is the text 'clamped'; expected one of 'not-a-knot', 'natural', 'flat'"),
-        ({"periodic": True, "ends": "flat"}, "a period has no ends; leave ends out"),
-        ({"periodic": True, "beyond": "linear"}, "a period has no ends; leave beyond out"),
-        ({"ends": "flat", "beyond": "linear"}, "flat ends have no slope"),
+        ({"periodic": True, "ends": "flat"}, "a periodic spline has no ends; leave ends out"),
+        ({"periodic": True, "beyond": "linear"}, "a periodic spline has no ends; leave beyond out"),
+        ({"ends": "flat", "beyond": "linear"}, "has zero slope at the ends"),
     ],
 )
 def test_options_that_mean_nothing(options, message):
@@ -208,10 +211,10 @@ def test_tables_of_many_knots(of):
     [
         (np.arange(MANY), "the first value of the period is 0 and the last 19999"),
         (np.array(["a"] * MANY), "the text 'a'"),
-        (np.ones(MANY, dtype=bool), "True in it"),
+        (np.ones(MANY, dtype=bool), "which contains True"),
         (np.ones((MANY, 1)), "which is nested"),
         (np.array([None] * MANY), "None"),
-        (np.ones(MANY + 1), "there are 20000 knots and 20001 values"),
+        (np.ones(MANY + 1), "20000 knots and 20001 values are given"),
     ],
 )
 def test_mistakes_in_tables_of_many_knots_are_named_as_in_small_ones(values, words):

@@ -15,6 +15,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.propagation.chaos import warn_of_surrogates
 from uqmbd.results import PolynomialChaos, surrogate
+from uqmbd.results.chaos import StoredSurrogate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_springs import SpringDamper
@@ -207,3 +208,23 @@ def test_where_nodes_are_known_the_range_is_that_of_all_of_them():
         warn_of_surrogates(node, "m", 1e-6, (np.zeros((1, 2)), np.full((1, 2), 0.2), 40))
     with pytest.warns(uqmbd.SurrogateWarning, match=r"'y' from t = 0 s to t = 1 s \(up to 25 % at t = 0 s\)"):
         warn_of_surrogates(node, "m", 1e-6, (np.zeros((1, 2)), np.full((1, 2), 0.1), 40))
+
+
+@pytest.mark.parametrize("errors", [(0.5, 0.0), (0.0, 0.5), (0.5, 0.5)])
+def test_each_output_gets_the_advice_of_its_own_surrogate(monkeypatch, errors):
+    """Of a surrogate composed of a custom one and an expansion, the custom one has a remedy for its outputs only."""
+    axes = uqmbd.extend.labels(["x", "y"], ["a"], [0.0, 1.0])
+    statistics = uqmbd.extend.statistics_dataset(axes, mean=np.zeros((2, 2)), std=np.ones((2, 2)))
+    node = xr.DataTree.from_dict({"statistics": statistics})
+    stated = [xr.Dataset({"verification_error": (("output", "time"), [[e, e]])}) for e in errors]
+    parts = (
+        StoredSurrogate("surrogate", stated[0].assign_attrs(remedy="add training nodes."), np.array([0])),
+        StoredSurrogate("chaos", stated[1], np.array([1])),
+    )
+    monkeypatch.setattr("uqmbd.propagation.chaos.surrogate_check.stored_surrogates", lambda node: parts)
+    with pytest.warns(uqmbd.SurrogateWarning) as seen:
+        warn_of_surrogates(node, "m", 1e-6)
+    said = str(seen[0].message)
+    assert len(seen) == 1
+    assert ("dd training nodes" in said, "aise the order" in said) == (errors[0] > 0, errors[1] > 0)
+    assert ("For 'x': add training nodes. For 'y': raise the order" in said) == (min(errors) > 0)

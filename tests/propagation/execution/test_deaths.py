@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import time
@@ -86,7 +87,8 @@ def test_a_resumed_run_tries_again_what_was_lost(tmp_path):
         study.run(Elsewhere(killers={1}), folder=tmp_path)
     again = Elsewhere()
     tree = study.run(again, folder=tmp_path, resume=True)
-    assert len(again.places) == 1
+    repeated = tree["monte-carlo/statistics"]["integration_error"].attrs["realisations"]
+    assert len(again.places) == 1 + math.ceil(repeated / 8), "tasks of eight are integrated again for the error"
     bits = [t["monte-carlo/samples"]["response"].values.tobytes() for t in (tree, study.run())]
     assert bits[0] == bits[1]
 
@@ -138,18 +140,20 @@ def through(executor, pieces, packed, function=size_of, **more):
 
 @pytest.mark.thorough
 def test_a_packed_object_travels_once_to_each_process():
-    """A megabyte, two processes of somebody else's pool, 350 pieces: a few megabytes are sent, not 350.
+    """A megabyte, two processes of a pool, 350 pieces: it is sent a few times, not with each piece.
 
-    A process that has it may take a piece that was meant for one that has not: how often depends on the machine's load.
+    A process that has the object may take a task that was meant for one that lacks it: how often depends on the load of
+    the machine. `test_one_object_at_a_time_is_sent_to_a_process_that_lacks_it` counts exactly.
     """
     packed = Packed.of(bytes(1_000_000))
     executor = Bytes(2)
     found = through(executor, 300, packed)
     processes = len({pid for pid, *_ in found})
     assert [one[1:] for one in found] == [(1_000_000, k) for k in range(300)]
-    assert processes * 1_000_000 <= executor.sent <= 10 * 1_000_100
+    assert processes * 1_000_000 <= executor.sent <= 60 * 1_000_100
+    before = executor.sent
     through(executor, 50, packed)
-    assert executor.sent <= 12 * 1_000_100, "the next study of the same model sends it to those who have not met it"
+    assert executor.sent - before <= 10 * 1_000_100, "the next study sends it only to processes that lack it"
     executor.pool.shutdown()
 
 

@@ -186,14 +186,17 @@ def test_whoever_computes_and_whatever_happens_results_are_those_of_one_process(
     def check(pieces, workers, seed, killers, known, collateral, strangers, stuck):
         one = StoredResults(known)
         with Simulated(workers, seed, killers, 0.0, collateral, strangers, stuck) as executor:
-            found = one.run(executor, pieces)
+            # a busy machine makes pieces late after 10 ms: only stuck workers need such a short patience
+            found = one.run(executor, pieces, patience=0.01 if stuck else 3600.0)
         computed = {k for k in range(pieces)} - known
         lost = killers & computed
         assert found == expected(pieces, lost)
         assert set(one.lost) == lost
         assert sorted(one.kept) == sorted(computed - lost)
         assert lost <= set(executor.died)
-        assert all(2 <= executor.told.count(k) <= (5 if stuck else 2) for k in lost), "tried once elsewhere"
+        told = [executor.told.count(k) for k in lost]
+        # next to stuck workers, further copies of a late piece may run: how many is a matter of the clock
+        assert all(count >= 2 if stuck else count == 2 for count in told), "tried once elsewhere"
 
     check()
 
@@ -225,6 +228,78 @@ def test_as_many_pieces_are_under_way_as_there_are_workers():
         StoredResults().run(executor, 3000)
     # two for each are sent; how many of them are answered before the next is sent is up to the machine
     assert 150 <= executor.most <= 700
+
+
+class FirstNeverFinishes(Executor):
+    """Two workers: the one that receives the first `stuck` calls has stopped."""
+
+    def __init__(self, stuck):
+        self.calls, self.stuck = 0, stuck
+
+    def submit(self, function, /, *arguments):
+        self.calls += 1
+        future = Future()
+        if self.calls > self.stuck:
+            future.set_result(function(*arguments))
+        return future
+
+
+class ObjectsStayWithTheStopped(FirstNeverFinishes):
+    """Two workers: whatever carries a packed object goes to the one that has stopped, except late pieces."""
+
+    def __init__(self):
+        super().__init__(0)
+        self.stopped = set()
+
+    def submit(self, function, /, *arguments):
+        self.calls += 1
+        piece = arguments[-1]
+        if any(isinstance(one, Packed) and one.data for one in arguments) and piece not in self.stopped:
+            self.stopped.add(piece)
+            return Future()
+        future = Future()
+        future.set_result(Reply(ME, "missing") if piece not in self.stopped else function(*arguments))
+        return future
+
+
+def test_a_model_that_went_to_a_stopped_worker_is_sent_again():
+    executor = ObjectsStayWithTheStopped()
+    assert StoredResults().run(executor, 5) == expected(5)
+    assert executor.calls <= 5 * 6
+
+
+class OtherTakesObjects(Executor):
+    """Two workers: one lacks the packed object and replies at once, the other takes most tasks that include it."""
+
+    def __init__(self, seed):
+        self.drawn, self.whole, self.taken, self.lacks = random.Random(seed), 0, 0, True
+
+    def submit(self, function, /, *arguments):
+        future = Future()
+        if whole := any(isinstance(one, Packed) and one.data for one in arguments):
+            self.whole += 1
+        other = self.drawn.random() < (0.9 if whole else 0.05)
+        self.taken += whole and other
+        self.lacks = self.lacks and not (whole and not other)
+        worker = ME if other else replace(ME, process=ME.process + 1)
+        missing = self.lacks and not other
+        future.set_result(Reply(worker, "missing") if missing else replace(function(*arguments), worker=worker))
+        return future
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_one_object_at_a_time_is_sent_to_a_process_that_lacks_it(seed):
+    executor = OtherTakesObjects(seed)
+    assert StoredResults().run(executor, 300, patience=60.0) == expected(300)
+    assert executor.whole == executor.taken + (not executor.lacks)
+
+
+@pytest.mark.parametrize("stuck", [1, 2])
+@pytest.mark.parametrize("pieces", [1, 2])
+def test_pieces_are_repeated_elsewhere_before_any_worker_has_replied(pieces, stuck):
+    executor = FirstNeverFinishes(stuck)
+    assert StoredResults().run(executor, pieces) == expected(pieces)
+    assert executor.calls <= pieces + stuck + 1
 
 
 def test_nobody_accepts():

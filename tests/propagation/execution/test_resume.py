@@ -197,6 +197,6 @@ def test_resume_after_a_change_of_the_study_computes_anew(script: Path, tmp_path
     script.write_text(text.replace(output, late.format(3)))
     _interrupted(script, out, 3)
     script.write_text(text.replace(output, late.format(7)))
-    with pytest.warns(StudyWarning, match="is that of another study"):
+    with pytest.warns(StudyWarning, match="belong to another study"):
         found = _computed(script, out, resume=True)
     assert found == _computed(script)

@@ -23,9 +23,12 @@ def fall(spread: float = 0.2, **options: Any) -> uqmbd.Study:
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ({"seed": 2}, r"^resume: monte-carlo has seed=2, not 1 as what is kept in .*unfinished: it begins anew"),
-        ({"spread": 0.1}, "^resume: what is kept in .* is that of another study .*: it is not used"),
-        ({"label": "mc"}, "^resume: nothing of mc is kept in .*; it begins anew"),
+        (
+            {"seed": 2},
+            r"^resume: monte-carlo has options that differ from the data of .*unfinished \(seed=2, not 1\), and recomputes",
+        ),
+        ({"spread": 0.1}, "^resume: the data in .* belong to another study .*They are not used"),
+        ({"label": "mc"}, "^resume: .* contains no data of mc; this method starts"),
         ({"samples": 90}, None),
         ({}, None),
     ],

@@ -77,7 +77,7 @@ def test_a_method_that_does_not_know_is_not_among_those_that_agree():
     ]
     (one,) = assess(tree).of("low", "requirement")
     assert one.method == "monte-carlo"
-    assert one.reason.endswith("not compared")
+    assert one.reason.endswith("; not compared: no other method states it")
     assert unmet(nodes, probability=0.1) == []
     assert unmet({"spread": nodes["spread"]}, probability=0.1)  # nobody knows
 
@@ -96,6 +96,17 @@ def test_rows_of_another_kind_are_refused(kind, child):
     with pytest.raises(uqmbd.StudyError, match="draws from the joint distribution") as caught:
         problem.propagate(method)
     assert 'sample_dataset(..., kind="nodes")' in str(caught.value)
+
+
+def test_nodes_that_are_stated_as_draws_are_reported_once():
+    """Each kind of outputs has such samples; the warning names the method, the input and the argument to write."""
+    mechanism = stone()
+    mechanism.output("highest", uqmbd.maximum(mechanism.bodies["stone"].position[0]), units="m")
+    study = uqmbd.Study("throw", mechanism, [0, 1], [method := Spread(kind="draws", child="samples")])
+    with pytest.warns(uqmbd.StudyWarning, match="not draws from the joint distribution") as caught:
+        study.propagate(method)
+    (text,) = [str(one.message) for one in caught if "not draws" in str(one.message)]
+    assert "Spread" in text and "'speed'" in text and 'kind="nodes"' in text
 
 
 def test_a_stored_result_whose_samples_are_nodes_is_refused():
@@ -157,6 +168,19 @@ def test_a_warning_of_a_stated_error_names_the_remedy_of_the_method():
     said = [str(one.message) for one in caught if issubclass(one.category, uqmbd.SurrogateWarning)]
     assert "stated error exceeds 10%" in said[0]
     assert all(text.endswith("Add training nodes.") for text in said)
+
+
+@pytest.mark.filterwarnings("ignore::uqmbd.SurrogateWarning")
+@pytest.mark.parametrize("remedy", ["add training nodes", ""])
+@pytest.mark.parametrize("size", [0.07, 10.0])
+def test_advice_on_a_stated_error_is_that_of_its_method(remedy, size):
+    """Alone, or as the reference of methods that are no better, it has no order to raise."""
+    alone = assess(run(Stating(remedy=remedy, size=size))).recommendation[0]
+    others = (Stating(remedy=remedy, size=2 * size, label="other"), Stating(remedy=remedy, size=size))
+    for text in (alone, run(*others)["comparison"].attrs["recommendation"]) if size > 1 else (alone,):
+        assert not {"order", "surrogate", "samples"} & set(text.replace(",", " ").split()), text
+        assert "use Monte Carlo" in text or (not remedy and "Use Monte Carlo" in text)
+        assert ("Add training nodes; if that" in text) == bool(remedy)
 
 
 @pytest.mark.filterwarnings("ignore::uqmbd.SurrogateWarning")

@@ -185,7 +185,7 @@ def test_a_run_refuses_what_it_cannot_hold_and_does_the_rest():
     large = MonteCarlo(samples=10**9, keep=10**9, label="large")
     study = uqmbd.Study("loads", study.mechanism, study.times, [large, Collocation(order=1)])
     with pytest.warns(
-        uqmbd.MethodFailedWarning, match="no results of 'large': .* of memory for 1000000000 stored samples"
+        uqmbd.MethodFailedWarning, match="the method 'large' failed: .* of memory for 1000000000 stored samples"
     ):
         tree = study.run()
     assert "collocation" in tree.children and "large" not in tree.children

@@ -108,7 +108,7 @@ def test_margins_for_propagators():
         assert np.array_equal(given.margins(values).running, other.margins(values).running)
     bare = uqmbd.Mechanism("bare", uqmbd.Translational())
     bare.output("x", bare.body("mass", mass=1).position[0])
-    with pytest.raises(uqmbd.StudyError, match="there are no requirements; state one"):
+    with pytest.raises(uqmbd.StudyError, match="the mechanism has no requirements; add one"):
         uqmbd.Study("s", bare, TIMES).problem(MonteCarlo()).margins(np.zeros((1, 0)))
 
 
@@ -135,7 +135,7 @@ def test_methods_of_others():
     data = study.propagate(Bare())["requirements"].to_dataset()
     assert np.isnan(data["violation_probability"]).all() and data["interval"].values.tolist() == [[0, 1]] * 3
     assert "neither samples nor a surrogate" in data.attrs["how"]
-    with pytest.raises(uqmbd.StudyError, match="declares that it answers requirements, and returned a node without"):
+    with pytest.raises(uqmbd.StudyError, match="declares that it computes requirements, but returned a node without"):
         study.propagate(Careless())
 
 

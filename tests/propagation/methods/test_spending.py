@@ -149,5 +149,5 @@ def test_realisations_belong_to_what_they_are_for() -> None:
 
 
 def test_a_part_that_there_is_not_is_refused() -> None:
-    with pytest.raises(StudyError, match="no part 'fiting'.*expected one of integration, fitting"):
+    with pytest.raises(StudyError, match="part of the cost is 'fiting'; expected one of integration, fitting"):
         run(Slow(parts=(("fiting", 1.0),)), Fake())

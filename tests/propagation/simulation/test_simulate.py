@@ -36,7 +36,7 @@ def test_one_realisation_of_a_study_is_a_simulation(swing, results):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"mass": 1.0}, "there is no random variable 'mass' in values; there are: length, push"),
+        ({"mass": 1.0}, "values contains 'mass'; expected names of random variables: length, push"),
         ({"length": "long"}, "the value of 'length' is 'long'; expected a finite number"),
         ({"length": np.inf}, "the value of 'length' is inf"),
         ({"length": None}, "the value of 'length' is None"),
@@ -53,7 +53,7 @@ def test_values_that_cannot_be_used(swing, values, words):
     [
         ({"times": [0, 0]}, "simulate 'swing': times do not increase"),
         ({"rtol": 0}, "simulate 'swing': rtol is 0"),
-        ({"integrator": "x"}, "simulate 'swing': there is no integrator 'x'"),
+        ({"integrator": "x"}, "simulate 'swing': integrator is 'x'; expected one of"),
         ({"mechanism": "swing"}, "simulate: the mechanism is 'swing'; expected a uqmbd.Mechanism"),
     ],
 )

@@ -284,7 +284,7 @@ def test_memory_of_a_failed_method_is_free_for_the_next(swing, monkeypatch):
 def test_chunks_of_a_run_in_which_a_method_failed_are_kept_for_resume(swing, tmp_path, monkeypatch):
     tree, _ = run_with(swing, GOOD, Own(how="raises"), folder=tmp_path)
     assert list(tmp_path.rglob("*.npz"))
-    with pytest.warns(uqmbd.StudyWarning, match="begins anew where"):
+    with pytest.warns(uqmbd.StudyWarning, match="recomputes the realisations"):
         tree = swing.with_propagators([GOOD, Own()]).run(folder=tmp_path, resume=True)
     assert not (tmp_path / "unfinished").exists()
     save(tree, tmp_path / "results.nc")
@@ -298,7 +298,7 @@ def test_comparison_that_fails_costs_nothing_but_itself(swing, tmp_path, monkeyp
     monkeypatch.setattr(
         uqmbd.results.tree.compared, "compare_both", lambda *a, **k: raising(ZeroDivisionError("no scale"))
     )
-    with pytest.warns(UserWarning, match="its methods cannot be compared: ZeroDivisionError: no scale"):
+    with pytest.warns(UserWarning, match="the comparison of the methods failed: ZeroDivisionError: no scale"):
         tree = swing.with_propagators([GOOD, Own()]).run()
     assert list(propagator_nodes(tree)) == ["good", "own"]
     assert "no scale" in tree["comparison"].attrs["problem"]
@@ -313,7 +313,7 @@ def test_reference_of_the_convergence_that_failed_is_reported(swing):
     )  # fmt: skip
     with pytest.warns(UserWarning) as told:
         tree = study.run()
-    assert "the reference 'own' gave no results" in tree["convergence"].attrs["problem"]
+    assert "the reference 'own' has no results" in tree["convergence"].attrs["problem"]
     assert {w.category for w in told} == {uqmbd.MethodFailedWarning, UserWarning}
 
 

@@ -96,7 +96,7 @@ def test_collocation_tells_nodes_outside():
 def test_galerkin_refuses_where_one_of_its_nodes_is_outside():
     study = uqmbd.Study("turn", bearing(), [0, 0.5], [Galerkin(order=4, verify=0)])
     with pytest.warns(uqmbd.StudyWarning, match="outside of its range"):
-        with pytest.raises(uqmbd.StudyError, match=r"'seal' is −.* expected 0 or more; load = .*truncate the distrib"):
+        with pytest.raises(uqmbd.StudyError, match=r"'seal' is −.* expected 0 or more; load = .*Truncate the distrib"):
             study.run()
 
 
@@ -104,7 +104,10 @@ def test_one_motion_tells_its_inputs():
     mechanism = bearing()
     assert np.isfinite(uqmbd.simulate(mechanism, [0, 0.5], values={"wear": 0.9})["speed"]).all()
     for start in ("drawn", "equilibrium"):
-        with pytest.raises(uqmbd.UqmbdError, match=r"is −0.1 N m s/rad: expected 0 or more; load = 1, wear = 1.1"):
+        with pytest.raises(
+            uqmbd.UqmbdError,
+            match="is −0.1 N\N{NARROW NO-BREAK SPACE}m\N{NARROW NO-BREAK SPACE}s/rad: expected 0 or more; load = 1, wear = 1.1",
+        ):
             uqmbd.simulate(mechanism, [0, 0.5], values={"wear": 1.1}, start=start)
 
 
@@ -136,7 +139,8 @@ def test_a_method_that_is_run_alone_is_reported_too():
     mechanism.output("x", cart.position[0], units="m")
     study = uqmbd.Study("roll", mechanism, [0, 1], [Collocation(order=2)])
     with pytest.warns(
-        uqmbd.StudyWarning, match="the damping of SpringDamper 'spring' is negative in 2.3 % .* these run"
+        uqmbd.StudyWarning,
+        match="the damping of SpringDamper 'spring' is negative in 2.3 % .* these realisations succeed",
     ):
         node = study.propagate(Collocation(order=2))
     assert (node["nodes/status"].values == Status.OK).all()

@@ -104,7 +104,7 @@ def test_script_is_read_again_when_it_changed(script):
 def test_missing_file_lists_its_neighbours(script, tmp_path):
     script("", name="crank.py")
     text = message(tmp_path / "krank.py")
-    assert "There is no file" in text and "krank.py" in text and "crank.py" in text.split("Python files in")[1]
+    assert "does not exist" in text and "krank.py" in text and "crank.py" in text.split("Python files in")[1]
 
 
 def test_folder_and_other_files(tmp_path):
@@ -117,12 +117,12 @@ def test_folder_and_other_files(tmp_path):
 def test_no_study(script):
     assert "has no module-level `study`" in message(script("x = 1\n"))
     hinted = message(script("import uqmbd\nproblem = uqmbd.Study()\n"))
-    assert "It holds a study named 'problem': rename it." in hinted
+    assert "It contains the study 'problem'; rename this variable to study." in hinted
 
 
 def test_study_of_another_type(script):
     text = message(script("study = 3\n"))
-    assert "`study` is 3 (of type int); a uqmbd.Study is expected" in text
+    assert "`study` is 3 (of type int); expected a uqmbd.Study" in text
 
 
 def test_script_that_raises_shows_its_own_line(script):
@@ -198,7 +198,7 @@ def test_a_comparison_of_random_variables_says_what_to_write(script, line, relat
 
 
 def test_script_that_exits(script):
-    assert "ended itself (SystemExit: 3)" in message(script("import sys\nsys.exit(3)\n"))
+    assert "exited (SystemExit: 3)" in message(script("import sys\nsys.exit(3)\n"))
 
 
 def test_failure_leaves_nothing_behind(script):

@@ -18,7 +18,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_montecarlo.replicates import uniform_samples
+from uqmbd_montecarlo.gathering import uniform_samples
 
 from ..conftest import fragile, oscillator
 
@@ -148,23 +148,23 @@ def test_problem_checks_inputs(swing):
 
 STUDIES = {
     "mechanism": (dict(mechanism="swing"), "the mechanism is 'swing'; expected a uqmbd.Mechanism"),
-    "one time": (dict(times=[1.0]), "times have shape (1,); expected at least two"),
+    "one time": (dict(times=[1.0]), "times have shape (1,); expected a one-dimensional sequence of at least two"),
     "a time": (dict(times=2.0), "times have shape ()"),
     "table of times": (dict(times=[[0, 1], [2, 3]]), "times have shape (2, 2)"),
     "texts": (dict(times=["now", "then"]), "expected numbers in s, e.g. numpy.linspace"),
     "complex": (dict(times=[0, 1j]), "expected numbers in s"),
     "not finite": (dict(times=[0, np.nan, 1]), "times[1] is not finite"),
-    "standing": (dict(times=[0, 1, 1]), "times do not increase: times[1] = 1 is followed by times[2] = 1"),
-    "falling": (dict(times=[0, 2, 1]), "times do not increase: times[1] = 2 is followed by times[2] = 1"),
+    "standing": (dict(times=[0, 1, 1]), "times do not increase: times[1] is 1, and times[2] is 1"),
+    "falling": (dict(times=[0, 2, 1]), "times do not increase: times[1] is 2, and times[2] is 1"),
     "rtol": (dict(rtol=2), "rtol is 2; expected a number between 1e-13 and 0.1"),
     "rtol text": (dict(rtol="1e-6"), "rtol is '1e-6'"),
-    "integrator": (dict(integrator="euler"), "there is no integrator 'euler'; there are: auto, ida, dop853"),
+    "integrator": (dict(integrator="euler"), "integrator is 'euler'; expected one of: auto, ida, dop853"),
     "name": (dict(name="a/b"), "cannot contain '/'"),
-    "class": (dict(propagators=[MonteCarlo]), "propagators holds the class MonteCarlo; give it an object"),
+    "class": (dict(propagators=[MonteCarlo]), "propagators contains the class MonteCarlo; expected an object"),
     "text": (dict(propagators="monte-carlo"), "propagators is 'monte-carlo'; expected a list such as"),
     "nothing": (dict(propagators=None), "propagators is None; expected a list"),
-    "number": (dict(propagators=[500]), "500 is no propagator"),
-    "twice": (dict(propagators=[MonteCarlo(), MonteCarlo(samples=9)]), "two propagators are called 'monte-carlo'; give each a label of its own"),
+    "number": (dict(propagators=[500]), "500 is not a propagator"),
+    "twice": (dict(propagators=[MonteCarlo(), MonteCarlo(samples=9)]), "two propagators have the label 'monte-carlo'; give each a different label"),
 }  # fmt: skip
 
 
@@ -182,11 +182,11 @@ def test_workers(swing, workers):
 
 
 def test_study_without_propagators_or_outputs(swing):
-    with pytest.raises(uqmbd.StudyError, match="has no propagators; give it some"):
+    with pytest.raises(uqmbd.StudyError, match="has no propagators; add them"):
         swing.with_propagators([]).run()
     mechanism = uqmbd.Mechanism("m", uqmbd.Planar())
     mechanism.body("b", mass=1, inertia=1)
-    with pytest.raises(uqmbd.StudyError, match="mechanism 'm' has no outputs; say what to observe"):
+    with pytest.raises(uqmbd.StudyError, match="mechanism 'm' has no outputs; add one"):
         uqmbd.Study("s", mechanism, TIMES, [MonteCarlo()]).run()
 
 
@@ -194,8 +194,8 @@ def test_nothing_random_is_an_obstacle_that_can_be_predicted():
     mechanism = uqmbd.Mechanism("m", uqmbd.Planar())
     mechanism.output("x", mechanism.body("b", mass=1, inertia=1).position[0])
     study = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo()])
-    assert "is random" in study.propagators[0].obstacle(study)
-    with pytest.raises(uqmbd.StudyError, match="nothing in mechanism 'm' is random; declare a uqmbd.RandomVariable"):
+    assert "no random variables" in study.propagators[0].obstacle(study)
+    with pytest.raises(uqmbd.StudyError, match="mechanism 'm' has no random variables; declare a uqmbd.RandomVariable"):
         study.run()
 
 
@@ -213,7 +213,7 @@ def test_samples_that_cannot_be_assembled_are_counted_named_and_left_out():
     mean = samples["response"].values[~short].mean(axis=0)
     assert node["statistics"]["mean"].values == pytest.approx(mean)
     (said,) = (str(w.message) for w in told)
-    assert said.startswith(f"monte-carlo: {short.sum()} of 100 realisations failed; the statistics are those of the ")
+    assert said.startswith(f"monte-carlo: {short.sum()} of 100 realisations failed; the statistics are based on the ")
     assert re.search(r"Most frequent reason: .*(left|right)", said)
 
 
@@ -231,7 +231,9 @@ def test_too_many_failures_are_an_error_with_the_most_frequent_reason():
     study = uqmbd.Study("s", fragile(highest=1.5), TIMES, [MonteCarlo(samples=40, seed=1, max_failures=0.1)])
     with pytest.raises(uqmbd.IntegrationError) as caught:
         study.run()
-    assert re.search(r"monte-carlo: \d+ of 40 samples failed, more than max_failures = 0.1", str(caught.value))
+    assert re.search(
+        r"monte-carlo: \d+ of 40 samples failed, more than the share max_failures = 0.1", str(caught.value)
+    )
     assert re.search(r"Most frequent reason: .*(left|right)", str(caught.value))
 
 
@@ -319,9 +321,9 @@ def test_script_with_a_guard_runs_and_its_workers_ignore_interrupts_and_may_die(
 
 
 def test_misspelt_option_of_a_method_is_a_study_error_that_suggests():
-    with pytest.raises(uqmbd.StudyError, match="MonteCarlo: there is no option 'sample'; did you mean 'samples'"):
+    with pytest.raises(uqmbd.StudyError, match="MonteCarlo: unknown option 'sample'; did you mean 'samples'"):
         MonteCarlo(sample=100)
-    with pytest.raises(uqmbd.StudyError, match=r"no option 'x'\. Its options are label, samples, seed"):
+    with pytest.raises(uqmbd.StudyError, match=r"unknown option 'x'\. Its options are label, samples, seed"):
         MonteCarlo(x=100)
     one = MonteCarlo(samples=100, seed=2)
     assert pickle.loads(pickle.dumps(one)) == copy.copy(one) == dataclasses.replace(one) == one

@@ -301,11 +301,11 @@ def test_vectors_of_scipy_and_openturns():
 
 
 REFUSED = {
-    "a family": (scipy.stats.weibull_min, "is scipy.stats.weibull_min without parameters; give it its parameters"),
+    "a family": (scipy.stats.weibull_min, "is scipy.stats.weibull_min without parameters; expected an object with parameters"),
     "several at once": (scipy.stats.norm([0, 1], 2), r"whose loc has the shape \(2,\); expected one number"),
-    "no distribution": (scipy.stats.norm(0, -1), "no random number is distributed as scipy.stats.norm"),
+    "no distribution": (scipy.stats.norm(0, -1), "scipy.stats.norm.* is not a valid distribution"),
     "several variables": (scipy.stats.dirichlet([1, 2]), "dirichlet_frozen of scipy.stats"),
-    "a vector": (scipy.stats.multivariate_normal([0, 1]), "has 2 dimensions, expected 1; for dependent variables use"),
+    "a vector": (scipy.stats.multivariate_normal([0, 1]), "has 2 dimensions; expected 1: for dependent variables use"),
 }  # fmt: skip
 
 
@@ -317,13 +317,15 @@ def test_what_is_refused(given, words):
 
 def test_what_is_refused_of_others():
     if hasattr(scipy.stats, "Normal"):
-        with pytest.raises(uqmbd.StudyError, match="is the class scipy.stats.Normal; give it its parameters"):
+        with pytest.raises(
+            uqmbd.StudyError, match="is the class scipy.stats.Normal; expected an object with parameters"
+        ):
             uqmbd.RandomVariable("x", scipy.stats.Normal)
-        with pytest.raises(uqmbd.StudyError, match=r"of several variables \(the shape \(2,\)\)"):
+        with pytest.raises(uqmbd.StudyError, match=r"a distribution of several variables \(shape \(2,\)\)"):
             uqmbd.RandomVariable("x", scipy.stats.Normal(mu=[0.0, 1.0], sigma=1.0))
     ot = pytest.importorskip("openturns")
     for given, words in (
-        (ot.Normal, "is the class openturns.Normal; give it its parameters"),
+        (ot.Normal, "is the class openturns.Normal; expected an object with parameters"),
         (ot.FiniteDiscreteDistribution([[0.5], [1.25]]), "expected whole numbers only"),
         (ot.Dirac(2.0), "all of its quantiles are 2"),
         (ot.Normal(2), "has 2 dimensions, expected 1"),
@@ -331,7 +333,7 @@ def test_what_is_refused_of_others():
         with pytest.raises(uqmbd.StudyError, match=words):
             uqmbd.RandomVariable("x", given)
     clayton = ot.JointDistribution([ot.Normal(), ot.Uniform()], ot.ClaytonCopula(2.0))
-    with pytest.raises(uqmbd.StudyError, match="ClaytonCopula of OpenTURNS; expected NormalCopula or none"):
+    with pytest.raises(uqmbd.StudyError, match="ClaytonCopula of OpenTURNS; expected NormalCopula, or no copula"):
         uqmbd.random_vector(["a", "b"], clayton)
 
 

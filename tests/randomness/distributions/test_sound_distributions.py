@@ -62,7 +62,7 @@ def sampled_or_refused(name, bad):
         try:
             uqmbd.RandomVariable("x", distribution)
         except uqmbd.StudyError as error:
-            assert "random variable 'x': no random number is distributed as" in str(error)
+            assert "random variable 'x': " in str(error) and "is not a valid distribution" in str(error)
             continue
         with np.errstate(all="ignore"):
             x = np.ravel(distribution.inv(LEVELS))
@@ -88,7 +88,7 @@ def test_other_parameters_that_belong_to_no_distribution_are_refused(name, bad):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: chaospy.Normal(1.0, -0.02), "Normal(mu=1.0, sigma=-0.02): all of its quantiles are 0.8356"),
+        (lambda: chaospy.Normal(1.0, -0.02), "all of its quantiles are 0.8356"),
         (lambda: chaospy.Normal(1.0, 0), "chaospy cannot sample it (condition not satisfied: `scale > 0`)"),
         (lambda: chaospy.Uniform(2, 1), "`upper > lower`"),
         (lambda: chaospy.LogNormal(0, 0), "all of its quantiles are 1."),
@@ -106,15 +106,19 @@ def test_other_parameters_that_belong_to_no_distribution_are_refused(name, bad):
     ],
 )
 def test_what_is_wrong_with_a_distribution_is_reported(make, words):
-    with pytest.raises(uqmbd.StudyError, match=f"random variable 'x': no random number is .*{re.escape(words)}"):
+    with pytest.raises(
+        uqmbd.StudyError, match=f"random variable 'x': .* is not a valid distribution: .*{re.escape(words)}"
+    ):
         uqmbd.RandomVariable("x", make())
 
 
 def test_what_is_wrong_with_one_of_several_is_reported():
     joint = chaospy.J(chaospy.Normal(0, 1), chaospy.Normal(0, -1))
-    with pytest.raises(uqmbd.StudyError, match=r"random_vector \('a', 'b'\): no random number.*of component 2 all of"):
+    with pytest.raises(
+        uqmbd.StudyError, match=r"random_vector \('a', 'b'\): .* is not a valid distribution: .*of component 2 all of"
+    ):
         uqmbd.random_vector(["a", "b"], joint)
-    with pytest.raises(uqmbd.StudyError, match=r"random_vector \('a', 'b'\): no random number"):
+    with pytest.raises(uqmbd.StudyError, match=r"random_vector \('a', 'b'\): .* is not a valid distribution"):
         uqmbd.random_vector(["a", "b"], chaospy.MvStudentT(-1, [0, 0], [[1, 0], [0, 1]]))
     uqmbd.random_vector(["a", "b"], chaospy.MvNormal([0, 0], [[1, 0.5], [0.5, 1]]))
     uqmbd.random_vector(["a", "b"], chaospy.Clayton(chaospy.Iid(chaospy.Uniform(), 2), 2.0))

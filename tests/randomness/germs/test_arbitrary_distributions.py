@@ -180,17 +180,17 @@ def test_whole_numbers(distribution, law, count):
     expansion = psi @ products[i, j, :count]
     assert np.allclose(expansion, psi[:, i] * psi[:, j], atol=1e-9) and not products[..., count:].any()
     with pytest.raises(
-        uqmbd.StudyError, match=f"'teeth' takes {count} values only: it has polynomials up to degree {count - 1}"
+        uqmbd.StudyError, match=f"'teeth' has only {count} values, so it has polynomials up to degree {count - 1}"
     ):
         germ.polynomials(0.0, count)
-    with pytest.raises(uqmbd.StudyError, match="Lower the order for it"):
+    with pytest.raises(uqmbd.StudyError, match="Use a lower order for this input"):
         germ.gauss(count + 1)
 
 
 def test_arithmetic_with_whole_numbers_and_distributions_that_contradict_themselves():
     wrong = {
-        "treats as continuous": 2 * chaospy.DiscreteUniform(1, 6),
-        "contradicts itself": chaospy.Normal() ** 2,
+        "with a distribution of whole numbers as continuous": 2 * chaospy.DiscreteUniform(1, 6),
+        "is inconsistent": chaospy.Normal() ** 2,
         "cannot evaluate": chaospy.Normal() + chaospy.Uniform(),
     }
     for words, distribution in wrong.items():

@@ -203,9 +203,11 @@ def test_inputs_outside_their_support_and_arrays_of_another_shape():
         space.to_germs([[1.0, 1.0], [2.5, 1.0]])
     with pytest.raises(uqmbd.StudyError, match="Input 'b' is -1 in row 0"):
         space.to_germs([[1.0, -1.0]])
-    with pytest.raises(uqmbd.StudyError, match=r"germs have shape \(3,\); expected \(points, 2\)"):
+    with pytest.raises(uqmbd.StudyError, match=r"germs have the shape \(3,\); expected \(points, 2\)"):
         space.to_inputs([1, 2, 3])
-    with pytest.raises(uqmbd.StudyError, match=r"multi-index has shape \(1, 3\); expected \(terms, 2\)"):
+    with pytest.raises(
+        uqmbd.StudyError, match=r"multi-index has the shape \(1, 3\); expected \(terms, 2\) with degrees of 0 or more"
+    ):
         space.evaluate([[0, 0]], [[0, 0, 0]])
     with pytest.raises(uqmbd.StudyError, match="transform is 'cholesky'; expected one of rosenblatt, nataf"):
         GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(0, 2))]), "cholesky")

@@ -174,15 +174,15 @@ def test_rules_of_whole_numbers():
 
 
 WRONG = {
-    "counts": (lambda s: gauss_tensor(s, [2, 3]), "counts has 2 entries; expected one number, or one for each of the 3 germs"),
+    "counts": (lambda s: gauss_tensor(s, [2, 3]), "counts has 2 entries; expected one number for all germs, or one number for each of the 3 germs"),
     "count": (lambda s: gauss_tensor(s, 0), "number of nodes of 'x0' is 0; expected a whole number of at least 1"),
-    "too many": (lambda s: gauss_tensor(s, 1000), "1000000000 nodes for 3 germs are more than .* Use a sparse grid"),
+    "too many": (lambda s: gauss_tensor(s, 1000), "1000000000 nodes for 3 germs exceed the limit of .* Use a sparse grid"),
     "level": (lambda s: smolyak(s, -1), "level is -1"),
     "growth": (lambda s: smolyak(s, 1, "fast"), "growth is 'fast'; expected one of slow, linear"),
     "rule": (lambda s: smolyak(s, 1, rule="simpson"), "rule is 'simpson'; expected one of gauss, clenshaw-curtis"),
-    "holes": (lambda s: sparse_rule(s, [[0, 0, 0], [2, 0, 0]]), r"not downward closed: it holds \(2, 0, 0\) but not \(1, 0, 0\)"),
+    "holes": (lambda s: sparse_rule(s, [[0, 0, 0], [2, 0, 0]]), r"not downward closed: it contains \(2, 0, 0\), but not \(1, 0, 0\)"),
     "twice": (lambda s: sparse_rule(s, [[0, 0, 0], [0, 0, 0]]), "a row twice"),
-    "shape": (lambda s: sparse_rule(s, [[0, 0]]), r"levels have shape \(1, 2\)"),
+    "shape": (lambda s: sparse_rule(s, [[0, 0]]), r"levels have the shape \(1, 2\)"),
     "nested level": (lambda s: clenshaw_curtis(s, [1, 2, -1]), "level of 'x2' is -1"),
     "sequence": (lambda s: monte_carlo_rule(s, 8, 1, "grid"), "sequence is 'grid'; expected one of 'random', 'latin-hypercube', 'sobol', 'halton'"),
     "no samples": (lambda s: monte_carlo_rule(s, 0, 1), "count is 0"),

@@ -91,14 +91,14 @@ def test_a_general_rosenblatt_transform_of_an_earlier_version_is_not_stored():
     germs = np.array([[0.1, 0.5]])
     index = index_set(2, 3)
     assert np.array_equal(again.evaluate(germs, index), space.evaluate(germs, index))
-    with pytest.raises(uqmbd.StudyError, match="map to inputs .* is not stored.*Evaluate it at germs"):
+    with pytest.raises(uqmbd.StudyError, match="does not contain the map to inputs .*Evaluate the chaos at germs"):
         again.to_inputs(germs)
-    with pytest.raises(uqmbd.StudyError, match="map to germs .* is not stored"):
+    with pytest.raises(uqmbd.StudyError, match="does not contain the map to germs"):
         again.to_germs(germs)
 
 
 def test_another_dataset():
-    with pytest.raises(uqmbd.StudyError, match="no germ space: it lacks germ, input, germ_family"):
+    with pytest.raises(uqmbd.StudyError, match="no germ space, because germ, input, germ_family"):
         GermSpace.from_dataset(xr.Dataset())
 
 

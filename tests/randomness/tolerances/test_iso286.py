@@ -152,7 +152,7 @@ def test_every_zone_is_as_wide_as_its_grade_or_refused_by_name(size, letter, gra
     try:
         lower, upper = deviations("here", size, name)
     except uqmbd.StudyError as error:
-        assert "no deviation of this class" in str(error)
+        assert "contain no deviation of this class" in str(error)
     else:
         assert upper - lower == pytest.approx(STANDARD[place(size, SIZES)][GRADES.index(grade)], abs=1e-9)
 
@@ -160,18 +160,18 @@ def test_every_zone_is_as_wide_as_its_grade_or_refused_by_name(size, letter, gra
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((30, "q6"), "expected a class of ISO 286"),
-        ((30, "Hh7"), "expected a class of ISO 286"),
-        ((30, "H19"), "there is no grade '19'"),
+        ((30, "q6"), "expected a tolerance class of ISO 286"),
+        ((30, "Hh7"), "expected a tolerance class of ISO 286"),
+        ((30, "H19"), "the grade is '19'"),
         ((30, 7), "expected a text"),
         ((0.03, "H7"), "units='m'"),
         ((1, "H7"), "more than 1"),
         ((501, "H7"), "at most 500"),
-        ((20, "t6"), "no deviation of this class"),
-        ((14, "v6"), "no deviation of this class"),
+        ((20, "t6"), "contain no deviation of this class"),
+        ((14, "v6"), "contain no deviation of this class"),
         ((20, "K9"), "above 8"),
         ((20, "N2"), "below 3"),
-        ((12, "ef7"), "no deviation of this class"),
+        ((12, "ef7"), "contain no deviation of this class"),
         ((20, "j8"), "j5, j6, j7"),
         ((True, "H7"), "nominal is True; expected a number"),
         ((30, "H7", 0), "cpk is 0"),

@@ -84,8 +84,8 @@ def test_the_source_is_stated_and_survives_other_processes(inspected):
     [
         ((30, 0.02, -0.01), "write 0.01; if it is 30.01.*tolerance\\(30.015, 0.005, 0.005\\)"),
         ((30, -0.007, -0.020), "write 0.02"),
-        ((30, 0, 0), "not above the lower one"),
-        ((30, -0.02, 0.01), "not above the lower one"),
+        ((30, 0, 0), "expected an upper limit above the lower limit"),
+        ((30, -0.02, 0.01), "expected an upper limit above the lower limit"),
         ((30, np.nan, 0), "plus is nan"),
         (("30", 0.1, 0.1), "nominal is '30'"),
         ((30, 0.1, 0.1, 0), "cpk is 0"),

@@ -34,7 +34,7 @@ def test_columns_of_numbers_or_names_are_taken(values):
 
 @pytest.mark.parametrize("mark", [(np.nan, 1.0), (0.5, np.inf), (1.0,), (1, 2, 3), 0.5, "ab", (0.5, "a"), None])
 def test_marks_are_pairs_of_numbers(mark):
-    refused(Curve("one", TIMES, marks=[(0.5, 0.5), mark]), "curve 'one': marks hold")
+    refused(Curve("one", TIMES, marks=[(0.5, 0.5), mark]), "curve 'one': marks contain")
 
 
 @pytest.mark.parametrize("key", ["references", "limits"])

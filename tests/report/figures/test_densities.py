@@ -61,5 +61,5 @@ def test_the_report_shows_the_times_that_the_study_asks_for(result, tmp_path):
 
 def test_report_times_must_lie_within_the_study():
     mechanism = uqmbd.Mechanism("rest", uqmbd.Translational())
-    with pytest.raises(uqmbd.StudyError, match="report_times holds 3 s; expected times between 0 and 1 s"):
+    with pytest.raises(uqmbd.StudyError, match="report_times contains 3 s; expected times between 0 and 1 s"):
         uqmbd.Study("rest", mechanism, [0, 1], report_times=[3])

@@ -281,7 +281,7 @@ def test_frozen_ticks_say_the_same(study: xr.DataTree, output: str) -> None:
 
 def test_errors_say_what_there_is(study: xr.DataTree) -> None:
     """An unknown output lists the known ones; a method without samples has no histograms."""
-    with pytest.raises(StudyError, match="no output 'y'; there are 'slider_x'"):
+    with pytest.raises(StudyError, match="no output 'y'; the outputs are 'slider_x'"):
         report.bands(study, "y")
     with pytest.raises(StudyError, match="stored no samples"):
         report.histograms(study["galerkin $3"], "slider_x")

@@ -63,7 +63,7 @@ def test_what_cannot_be_drawn_is_reported():
     node = node_of(np.zeros((2, 3)), np.ones((2, 3)))
     with pytest.raises(uqmbd.StudyError, match="cannot be drawn over itself"):
         over_output(node, "x", over="x")
-    with pytest.raises(uqmbd.StudyError, match="There is no output 'z'"):
+    with pytest.raises(uqmbd.StudyError, match="The results have no output 'z'"):
         over_output(node, "x", over="z")
 
 
@@ -104,11 +104,11 @@ def test_over_what_is_reported_at_once():
     stone = mechanism.bodies["stone"]
     with pytest.raises(uqmbd.StudyError, match=r"over is the text 'wy'; did you mean 'way'\? Expected the name of an"):
         mechanism.output("a", stone.velocity[0], over="wy")
-    with pytest.raises(uqmbd.StudyError, match="over is 3; expected the name of an output that is recorded already"):
+    with pytest.raises(uqmbd.StudyError, match="over is 3; expected the name of an existing output"):
         mechanism.output("a", stone.velocity[0], over=3)
     mechanism.output("f", uqmbd.eigenfrequency(1), units="Hz")
-    with pytest.raises(uqmbd.StudyError, match="over='f' is an output without a time"):
+    with pytest.raises(uqmbd.StudyError, match="over='f' is a scalar output"):
         mechanism.output("a", stone.velocity[0], over="f")
-    with pytest.raises(uqmbd.StudyError, match="it has no time, and is no curve over another output"):
+    with pytest.raises(uqmbd.StudyError, match="a scalar output is not a curve over another output"):
         mechanism.output("g", uqmbd.eigenfrequency(1), over="way")
     assert "a" not in mechanism.outputs

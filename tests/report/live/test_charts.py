@@ -97,6 +97,27 @@ def test_values_of_one_time_have_the_same_digits_and_zero_is_zero(node, scale):
         assert len({len(text.partition(".")[2]) for text in found}) == 1
 
 
+def test_ends_of_an_interval_have_one_power_of_ten(node):
+    """Of pairs within four decades of each other, at any size, with and without a spread; each is nearly exact."""
+    rng = np.random.default_rng(3)
+    sizes = 10 ** rng.uniform(-14, 12, 400)
+    pairs = np.sort(rng.choice([-1, 1], (400, 1)) * sizes[:, None] * 10 ** rng.uniform(0, 3.9, (400, 2)))
+    pairs[0] = 5.917e-5, 4.881e-4
+    spreads = [[0.0, np.ptp(pair) / 4][k % 2] for k, pair in enumerate(pairs)]
+    lines = "answer = given.map(([pair, s]) => [withSamePower(pair, s), alike(pair, s)]);"
+    found = node(["numbers.js"], lines, [[pair.tolist(), spread] for pair, spread in zip(pairs, spreads, strict=True)])
+    assert found[0][0] == ["0.5917 × 10⁻⁴", "4.881 × 10⁻⁴"]
+    for pair, texts in zip(pairs, found, strict=True):
+        for ends in texts:
+            parts = [end.replace("−", "-").partition(" × 10") for end in ends]
+            assert len({power for number, _, power in parts if float(number)}) <= 1, ends
+            read = [
+                float(number) * 10.0 ** int((power or "0").replace("⁻", "-").translate(DIGITS))
+                for number, _, power in parts
+            ]
+            np.testing.assert_allclose(read, pair, rtol=6e-4, atol=0.01 * np.ptp(pair))
+
+
 def test_ticks_that_are_a_step_apart_differ_and_are_exact(node):
     for step in (1e-6, 0.0025, 0.05, 0.25, 2, 50, 2.5e4):
         given = [[k * step for k in range(-3, 4)], step]

@@ -50,7 +50,11 @@ def test_nothing_scrolls_sideways_and_texts_stay_texts(opened, page_file, width,
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator(".contributed tbody tr").count() == 6 and page.locator(".contributed li").count() == 6
     assert page.locator(".contribution .views button").count() == 2
-    assert page.locator(".first img, .first script:not([type])").count() == 0
+    # the only image is the picture of the chart of the section, for pages without scripts
+    assert page.locator(".first script:not([type])").count() == 0
+    images = page.locator(".first img").evaluate_all("(all) => all.map((one) => [one.parentNode.className, one.src])")
+    assert len(images) == 1 and all("charted" in kind for kind, _ in images)
+    assert all(source.startswith("data:image/svg+xml;base64,") for _, source in images)
 
 
 def test_deviations_are_seen_first_and_begin_at_the_limit(opened, page_file):

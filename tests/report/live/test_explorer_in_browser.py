@@ -35,9 +35,9 @@ def swinging(space):
     return mechanism
 
 
-def written(mechanism, folder):
-    """Return the results and the report of a study of it."""
-    methods = [MonteCarlo(samples=40, seed=1, label="mc"), Collocation(order=3, label="c")]
+def written(mechanism, folder, **options):
+    """Return the results and the report of a study of it; `options` are those of the collocation."""
+    methods = [MonteCarlo(samples=40, seed=1, label="mc"), Collocation(order=3, label="c", **options)]
     study = uqmbd.Study("swing", mechanism, np.linspace(0, 1, 51), methods)
     tree, problem = report.with_motion(study.run(), study)
     assert not problem
@@ -49,6 +49,12 @@ def written(mechanism, folder):
 @pytest.fixture(scope="module")
 def flat(tmp_path_factory):
     return written(swinging(uqmbd.Planar(gravity=(0, -9.81))), tmp_path_factory.mktemp("flat"))
+
+
+@pytest.fixture(scope="module")
+def narrow(tmp_path_factory):
+    """So few verification points that none is at an extreme: the verified range ends before the sliders."""
+    return written(swinging(uqmbd.Planar(gravity=(0, -9.81))), tmp_path_factory.mktemp("narrow"), verify=7)
 
 
 @pytest.fixture(scope="module")
@@ -218,6 +224,15 @@ def test_a_value_that_no_realisation_has_is_refused(opened, flat, text):
     assert enter(page, 0, "0.51") == "" and values(page)[0] == 0.51
 
 
+@pytest.mark.parametrize("name", ["All at their means", "Another realisation"])
+def test_the_text_on_a_refused_value_ends_when_a_button_chooses_another(opened, flat, name):
+    page = opened(flat[1])
+    assert "is refused" in enter(page, 0, "-5")
+    page.get_by_role("button", name=name).click()
+    settle(page)
+    assert page.locator(".refusal").all_inner_texts() == [""] * page.locator(".input-row").count()
+
+
 def test_the_ends_of_a_bounded_input_are_its_values(opened, tmp_path):
     """Its support, and nothing outside: a length above zero stays above zero; a text is no number."""
     mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
@@ -233,9 +248,9 @@ def test_the_ends_of_a_bounded_input_are_its_values(opened, tmp_path):
         assert enter(page, 0, text) == "Enter a number."
 
 
-def test_values_beyond_the_verified_range_are_shaded_and_say_so(opened, flat):
+def test_values_beyond_the_verified_range_are_shaded_and_say_so(opened, narrow):
     """The ends are those of the verification realisations in the results."""
-    tree, path = flat
+    tree, path = narrow
     page = opened(path)
     row = page.locator(".input-row:has(#input-0)")
     known = [results.surrogate(tree[one]) for one in ("c", "c/scalars", "c/requirements")]

@@ -122,6 +122,18 @@ def test_everything_is_reached_by_keys_alone(opened, page_file):
     assert [name for name, shown, _ in reached if not shown] == []
 
 
+def test_the_mechanism_is_drawn_before_it_is_in_the_window(opened, page_file):
+    """A picture of the whole page has it: on a low window it is below the fold, and nothing is scrolled."""
+    page = opened(page_file, width=390, height=300)
+    page.wait_for_timeout(600)
+    assert page.locator("#mechanism canvas").bounding_box()["y"] > 300
+    inked = """(canvas) => {
+        const { data, width, height } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return width > 300 && data.some((value) => value > 0);
+    }"""
+    assert page.locator("#mechanism canvas").evaluate(inked)
+
+
 def test_hostile_names_are_texts_in_sliders_player_and_first_screen(opened, tmp_path):
     """Of the study, the mechanism, bodies, inputs, outputs, methods and requirements: no element of the page is theirs."""
     names = list(HOSTILE.values())

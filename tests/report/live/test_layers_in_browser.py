@@ -40,7 +40,8 @@ def page_file(tmp_path_factory):
 
 
 def figure_of(page, starts):
-    figure = page.locator(f'figure.charted[data-alt^="{starts}"]').last
+    described = f':is([data-alt^="{starts}"], :has(> img[alt^="{starts}"]))'
+    figure = page.locator(f"figure.charted{described}").last
     figure.scroll_into_view_if_needed()
     figure.locator("canvas").first.wait_for()
     page.wait_for_timeout(200)

@@ -34,7 +34,8 @@ def test_realisations_in_the_page_are_those_of_the_results(make_node):
     np.testing.assert_array_equal(unpacked(part["points"]), samples["inputs"].values[rows])
     exact = samples["response"].sel(output=["slider_x"]).values[rows]
     found = unpacked(part["origin"]) + unpacked(part["responses"])
-    np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-7)
+    # a page writes a hundredth to a thousandth of the spread: less than half of that is lost
+    assert (np.abs(found - exact) <= 5e-4 * exact.std(axis=0) + 1e-15).all()
     json.dumps(stored(tree), allow_nan=False)
 
 
@@ -54,8 +55,9 @@ def test_the_data_stay_small(samples, times):
     part = found["histories"]["surrogate"]
     own = unpacked(part["times"])
     assert len(json.dumps(found)) < 450_000 and found["nearest"] >= 20 and own[[0, -1]].tolist() == [0, 1]
-    np.testing.assert_allclose(unpacked(part["origin"]) + unpacked(part["responses"]), np.broadcast_to(
-        unpacked(part["points"])[:, :, None], unpacked(part["responses"]).shape), rtol=1e-6, atol=1e-6)  # fmt: skip
+    exact = np.broadcast_to(unpacked(part["points"])[:, :, None], unpacked(part["responses"]).shape)
+    made = unpacked(part["origin"]) + unpacked(part["responses"])
+    np.testing.assert_allclose(made, exact, rtol=1e-6, atol=5e-4 * exact[:, 0, 0].std())
 
 
 @pytest.mark.slow

@@ -99,5 +99,5 @@ def test_poses_are_kept_with_the_motion(tmp_path):
 
 def test_samples_alone_give_no_poses():
     study = uqmbd.Study("posed", turning(), np.linspace(0, 0.2, 5), [MonteCarlo(samples=4, seed=1, label="mc")])
-    with pytest.raises(StudyError, match="no surrogate, so there is none of the poses"):
+    with pytest.raises(StudyError, match="no surrogate, so there is no surrogate of the poses"):
         pose_surrogate(study, "mc", frames=3)

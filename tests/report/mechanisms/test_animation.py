@@ -237,6 +237,19 @@ def test_report_without_motion_has_no_such_picture(study, tmp_path):
     assert 'id="mechanism"' not in page
 
 
+def test_a_study_without_times_has_a_report_without_an_animation_and_without_a_problem(tmp_path):
+    mechanism = uqmbd.Mechanism("rod", uqmbd.Planar(gravity=(0, -9.81)))
+    mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+    rod = mechanism.body("rod", mass=mass, inertia=1, position=(0, -0.5))
+    mechanism.add(Revolute("axle", mechanism.ground, rod, (0, 0), (0, 0.5)))
+    mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    study = uqmbd.Study("rod", mechanism, propagators=[MonteCarlo(samples=2)])
+    tree, note = with_motion(study.run(), study)
+    assert "no output times" in note and "no_motion" not in tree.attrs and "motion" not in tree.children
+    page = write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "The mechanism could not be drawn" not in page and 'id="mechanism"' not in page
+
+
 @pytest.mark.thorough
 def test_what_cannot_be_drawn_is_a_note(study, tmp_path):
     tree = study.run(only=["monte-carlo"])

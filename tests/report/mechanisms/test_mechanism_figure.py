@@ -203,7 +203,7 @@ def test_a_mechanism_that_cannot_be_assembled_is_shown_as_drawn():
 def test_mistakes():
     with pytest.raises(uqmbd.StudyError, match="no bodies to draw"):
         report.mechanism(uqmbd.Mechanism("empty", uqmbd.Planar()))
-    with pytest.raises(uqmbd.StudyError, match="no random variable 'lenght'"):
+    with pytest.raises(uqmbd.StudyError, match="values contains 'lenght'; expected names of random variables"):
         report.mechanism(crank(), {"lenght": 1})
 
 

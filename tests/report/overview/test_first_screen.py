@@ -43,6 +43,7 @@ def required(node, probability, lower, upper):
 def test_numbers_that_tell_most_are_those_of_the_statistics():
     result = StudyResult.of(results.study_tree([sampled()], study="s", mechanism="m"))
     y, x = asked(result)["rows"]
+    assert [row["known"] for row in (y, x)] == [result.assessment.of(name)[0] for name in "yx"]
     data = result.methods["mc"].of("y")
     assert (y["name"], x["name"]) == ("y", "x") and in_view(result) == "y"
     assert y["when"] == "1 s" and float(y["spread"].removesuffix(" N")) == pytest.approx(
@@ -155,7 +156,7 @@ def test_a_method_that_is_alone_and_not_known_well_comes_with_what_would_help(ma
     """It is not told to be used again as it was; nor is a requirement that was never violated by few samples."""
     alone = results.assess(results.study_tree([make_chaos("c", 1)], study="s", mechanism="m"))
     (said,) = alone.recommendation
-    assert min(line.level for line in alone.reliability) < 2 and "a higher order should reduce it" in said
+    assert min(line.level for line in alone.reliability) < 2 and "Raise the order; if that does not" in said
     known = results.assess(results.study_tree([make_chaos("c", 7)], study="s", mechanism="m"))
     assert min(line.level for line in known.reliability) == 2 and known.recommendation == ()
     never = required(sampled(count=100), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.03, 0.03, 0.03])
@@ -184,12 +185,30 @@ def test_a_page_without_histories_has_no_section_of_them(tmp_path):
 
 
 def test_outputs_before_and_after_a_calibration_stand_side_by_side():
+    """The chart in view begins with the last population, whose inputs are below it."""
     before, after = sampled("before"), sampled("after", seed=1)
     after.attrs["population"] = "what a record told"
     result = StudyResult.of(results.study_tree([before, after], study="s", mechanism="m"))
+    picture = ANSWERS.content(result)["picture"]
+    assert picture["caption"].startswith("y by after, before: ")
     assert [row["name"] for row in asked(result)["rows"]] == ["y (before)", "y (after)", "x (before)", "x (after)"]
     lines = result.assessment.reliability
-    assert len(lines) == 4 and all("not compared" in line.reason for line in lines)
+    other = "not compared: no other method has the same distributions of the inputs"
+    assert len(lines) == 4 and all(line.reason.endswith(other) for line in lines)
+
+
+def test_a_quantity_that_is_not_compared_has_a_reason_and_its_method():
+    """Of several methods the one of each row is named; one may be alone, or the only one that states a probability."""
+    (alone, _) = results.assess(results.study_tree([sampled()], study="s", mechanism="m")).reliability
+    assert alone.reason.startswith("stated error ") and alone.reason.endswith("; not compared: this is the only method")
+    never = required(sampled(), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.01, 0.01, 0.01])
+    found = results.assess(results.study_tree([never, sampled("second", seed=1)], study="s", mechanism="m"))
+    for name in ("one", "two", "any"):
+        (line,) = found.of(name, "requirement")
+        assert line.reason.startswith("by mc, no violation occurred, ")
+        assert line.reason.endswith("; not compared: no other method states it")
+    (compared,) = found.of("y")
+    assert compared.reason.startswith(f"by {compared.method}, stated error ")
 
 
 def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():

@@ -61,7 +61,7 @@ def test_table_yield_and_margins_are_those_of_the_file(stored):
             margin = data["statistics"].to_dataset().sel(output=row["name"]).isel(time=-1)
             mean, spread = numbers(row["margin"][0])[0], numbers(row["margin"][1])[0]
             assert [mean, spread] == pytest.approx([float(margin["mean"]), float(margin["std"])], rel=1e-3)
-            assert row["margin"][0].endswith(" m")
+            assert row["margin"][0].endswith(" m") and row["margin"][2] == "m"
     whole = stored["collocation/requirements"].to_dataset().sel(requirement="any")
     share, level, *ends = numbers(content["asked"]["yield"])
     assert (share, level) == (pytest.approx(1 - float(whole["violation_probability"]), abs=6e-3), 0.95)

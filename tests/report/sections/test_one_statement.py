@@ -203,7 +203,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path, monkeypat
     for method in re.split(", | or ", recommended.group(1)) if recommended else ():
         assert not any(kind in WORST for (m, _), (kind, _) in verdict.items() if m == method)
         errors = data["stated_error_max"].sel({"method": method}).values
-        assert f"{format_at_most(float(errors.max()))} of the standard deviation" in lead
+        assert format_at_most(float(errors.max()), "the standard deviation") in lead
     assert "to within" not in text_of(page)
     # what is to be believed follows from the verdict and the largest stated error of the most trusted method
     trusted = (results.assessment.recommended(data) or (data.attrs["reference"],))[0]
@@ -216,7 +216,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path, monkeypat
             assert level == "3" and "does not vary" in line
             continue
         levels.append(level)
-        assert f"{format_at_most(error)} of the standard deviation" in text_of(line)
+        assert format_at_most(error, "the standard deviation") in text_of(line)
         assert (level == "2") <= (kind not in WORST and error <= 0.05) and (level == "0") >= (error > 0.1)
         assert ("agrees with" in line) <= (kind in ("agrees", "reference"))
     assert levels == sorted(levels)

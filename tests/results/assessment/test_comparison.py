@@ -48,7 +48,7 @@ def test_reference_rule() -> None:
     assert results.choose_reference({"many": many, "few": few}) == "few"
     assert results.choose_reference({"many": many, "more": more}) == "many"
     assert results.compare({"many": many, "few": few}, reference="many").attrs["reference"] == "many"
-    with pytest.raises(StudyError, match="'nobody' is not among the methods 'many'"):
+    with pytest.raises(StudyError, match="The reference is 'nobody'; expected one of the methods 'many'"):
         results.compare({"many": many}, reference="nobody")
 
 

@@ -166,7 +166,7 @@ def test_equal_runs_are_the_same(noise: float, change: float, seed: int) -> None
         synthetic("B mc", mean * (1 + 1e-14 * change), std, error=0.02, wall_time=10.0 * noise),
     ]
     lead, *others = results.recommend(results.compare(nodes, "A mc"))
-    assert lead.startswith("A mc and B mc are the same: equal results from equal numbers of realisations.")
+    assert lead.startswith("A mc and B mc give equal results from equal numbers of realisations.")
     assert not others and "cheaper" not in lead and "Use" not in lead
 
 

@@ -229,7 +229,7 @@ def test_dependent_inputs() -> None:
     np.testing.assert_allclose(chaos.sobol_first_germ.ravel(), [(1 + r) / 2, (1 - r) / 2])
     np.testing.assert_allclose(chaos.sobol_total_germ, chaos.sobol_first_germ)
     for name in ("sobol_first", "sobol_total", "sobol_second"):
-        with pytest.raises(StudyError, match=f"'{name}' has no meaning here.*{name}_germ"):
+        with pytest.raises(StudyError, match=f"'{name}' does not exist for dependent inputs.*{name}_germ"):
             getattr(chaos, name)
     statistics = chaos.statistics()
     assert "sobol_first" not in statistics and "input" not in statistics.dims
@@ -250,11 +250,11 @@ def test_marginal() -> None:
     x = np.linspace(-1, 1, 5)
     np.testing.assert_allclose(given.evaluate(np.stack([x, x * 0 + 0.3], axis=1)).ravel(), 1 + x + x**2)
     assert (given.variance / chaos.variance).item() == pytest.approx(chaos.sobol_first[0].item())
-    with pytest.raises(StudyError, match="Different germs are expected, of x, y; z was given"):
+    with pytest.raises(StudyError, match="The germs are z; expected different germs out of x, y"):
         chaos.marginal("z")
-    with pytest.raises(StudyError, match="x, x was given"):
+    with pytest.raises(StudyError, match="The germs are x, x; expected different germs"):
         chaos.sobol_interaction("x", "x")
-    with pytest.raises(StudyError, match="At least one germ is expected"):
+    with pytest.raises(StudyError, match="No germ is given"):
         chaos.marginal()
 
 
@@ -288,19 +288,19 @@ def test_a_chaos_does_not_change() -> None:
     [
         (
             {"coefficients": np.ones((2, 1, 2))},
-            r"'coefficients' must have the shape \(term, output, time\) = \(3, 1, 2\)",
+            r"'coefficients' has the shape .*; expected \(term, output, time\) = \(3, 1, 2\)",
         ),
         ({"coefficients": np.full((3, 1, 2), np.nan)}, r"'coefficients' .* not finite at \[0, 0, 0\]"),
-        ({"multi_index": [[0], [1], [1]]}, "must not hold a term twice"),
-        ({"multi_index": [[1], [0], [2]]}, "start with the mean"),
-        ({"multi_index": [[0], [1], [-1]]}, "none negative"),
+        ({"multi_index": [[0], [1], [1]]}, "contains a term twice"),
+        ({"multi_index": [[1], [0], [2]]}, "its first row must contain zeros, for the mean"),
+        ({"multi_index": [[0], [1], [-1]]}, "degrees of 0 or more"),
         ({"multi_index": [[0], [1], [0.5]]}, "whole numbers"),
-        ({"multi_index": [[0, 0], [1, 0], [2, 0]]}, "'multi_index' must have the shape"),
-        ({"labels": extend.labels(["y"], ["other"], [0.0, 1.0])}, "must have the same inputs"),
-        ({"verification_germs": [[1.0]]}, "belong together"),
-        ({"verification_germs": [[1.0]], "verification_response": [[[1.0]]]}, "'verification_response' must have"),
+        ({"multi_index": [[0, 0], [1, 0], [2, 0]]}, "'multi_index' has the shape .*; expected "),
+        ({"labels": extend.labels(["y"], ["other"], [0.0, 1.0])}, "expected the same inputs"),
+        ({"verification_germs": [[1.0]]}, "expected both or neither"),
+        ({"verification_germs": [[1.0]], "verification_response": [[[1.0]]]}, "'verification_response' has the shape"),
         ({"verification_germs": [[1.0]], "verification_response": [[[1.0, np.inf]]]}, "not finite"),
-        ({"verification_germs": [], "verification_response": []}, "at least one realisation"),
+        ({"verification_germs": [], "verification_response": []}, "The verification arrays contain no realisation"),
     ],
 )
 def test_bad_data(change: dict[str, object], message: str) -> None:

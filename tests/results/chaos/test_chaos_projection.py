@@ -96,13 +96,16 @@ def test_bits_do_not_depend_on_threads() -> None:
 def test_bad_input() -> None:
     """Sizes are said with both numbers; failed realisations are refused with their row."""
     psi = legendre(np.linspace(-1, 1, 4), 5)
-    with pytest.raises(StudyError, match="6 terms and 4 samples were given"):
+    with pytest.raises(StudyError, match="there are 6 terms and 4 samples"):
         extend.least_squares(np.ones((4, 1)), psi)
-    with pytest.raises(StudyError, match=r"\(K, \.\.\.\) and \(K, P\); \(5, 1\) and \(4, 6\)"):
+    with pytest.raises(
+        StudyError,
+        match=r"'response' has the shape \(5, 1\), and 'psi' has the shape \(4, 6\); expected \(K, \.\.\.\) and \(K, P\)",
+    ):
         extend.least_squares(np.ones((5, 1)), psi)
     with pytest.raises(StudyError, match="do not determine the 2 terms"):
         extend.least_squares(np.ones((4, 1)), np.ones((4, 2)))
-    with pytest.raises(StudyError, match="'response' holds a number that is not finite in row 2"):
+    with pytest.raises(StudyError, match="'response' contains a number that is not finite in row 2"):
         extend.project([[1.0], [1.0], [np.nan], [1.0]], psi, np.ones(4))
     with pytest.raises(StudyError, match="one number for each of the 4 nodes"):
         extend.project(np.ones((4, 1)), psi, np.ones(3))

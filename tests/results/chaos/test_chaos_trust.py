@@ -141,7 +141,10 @@ def test_verdict_without_verification() -> None:
         f"order 4 is not enough for slider_x after {TIMES[since]:g} s: {100 * share[worst]:.2g} % of the standard "
         f"deviation in the top order at {TIMES[worst]:g} s, most of it in rate; raise the order"
     )
-    assert constant.startswith("$F_{pin}$: order 4 carries at most ") and "no proof" in constant
+    assert (
+        constant.startswith("$F_{pin}$: order 4 carries at most ")
+        and "only verification realisations can prove it" in constant
+    )
     # a tensor set of order 4 has total degrees up to 8; its order is 4 all the same
     assert oscillator(4, kind="tensor").verdicts()[0].startswith("order 4 is not enough for slider_x after")
     # a passage above the tolerance that does not persist

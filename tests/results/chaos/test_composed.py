@@ -145,7 +145,7 @@ def test_stored_in_one_node_and_read_whole_or_by_output(tmp_path):
         np.testing.assert_array_equal(
             surrogate(read["mine"], name, times=[2, 5]).evaluate(points)[:, 0], whole.evaluate(points)[:, row, [2, 5]]
         )
-    with pytest.raises(uqmbd.StudyError, match="no output 'e'; there are"):
+    with pytest.raises(uqmbd.StudyError, match="no output 'e'; its outputs are"):
         surrogate(read["mine"], "e")
     assert order_of(read["mine"]) == 1 and isinstance(surrogate_of(read["mine"]), ComposedChaos)
     assert Method("mine", read["mine"]).surrogate_data.sizes["term"] == 4
@@ -154,7 +154,7 @@ def test_stored_in_one_node_and_read_whole_or_by_output(tmp_path):
 def test_an_output_missing_or_twice_is_refused():
     plain, aligned, _ = parts()
     with pytest.raises(
-        uqmbd.StudyError, match="each output once at each time; they have b, c, a, d, and the outputs are a, b, c"
+        uqmbd.StudyError, match="contain b, c, a, d; expected each of the outputs a, b, c exactly once at each time"
     ):
         ComposedChaos({"plain": plain, "events": aligned}, ("a", "b", "c"))
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.extend import CustomSurrogate, GermSpace, labels
+from uqmbd.report import write_report
 from uqmbd.report.live.polynomials import polynomial_of
-from uqmbd.results import load, propagator_node, save, surrogate, validate
+from uqmbd.results import ComposedChaos, PolynomialChaos, load, propagator_node, save, study_tree, surrogate, validate
+from uqmbd.results.chaos import absent_surrogate, surrogate_parts
 from uqmbd.results.requirements.surrogates import sampled_requirements
 
 
@@ -130,6 +133,21 @@ def test_a_surrogate_in_a_node_is_stored(tmp_path):
         np.testing.assert_array_equal(found[:, 0, 0], chaos.evaluate(points)[:, row, 1])
 
 
+def test_a_composed_surrogate_may_have_a_part_that_is_a_model():
+    times = np.array([0.0, 1.0])
+    model = CustomSurrogate(Formula(0.5, times), space(), labels(["x", "y"], ["a", "b"], times))
+    flat = np.zeros((1, 1, 2))
+    part = PolynomialChaos(flat, [[0, 0]], space(), labels(["z"], ["a", "b"], times))
+    whole = ComposedChaos({"model": model, "flat": part}, ("x", "y", "z"))
+    node = propagator_node(
+        "mine", whole.statistics(), propagator="p", realisations=8, wall_time=0.0, children=whole.to_datasets()
+    )
+    tree = study_tree([node], study="s", mechanism="m")
+    validate(tree)
+    inputs = [[0.8, 1.5]]
+    assert np.array_equal(surrogate(tree["mine"]).evaluate(inputs), whole.evaluate(inputs))
+
+
 class Mistaken(Formula):
     """Returns what its test asks for."""
 
@@ -182,11 +200,27 @@ def test_a_page_evaluates_polynomials_in_place_of_a_model():
     """Those of a polynomial are exact; those of a step are too far from it."""
     chaos = CustomSurrogate(Formula(0.5, TIMES), SPACE, AXES)
     germs = np.random.default_rng(2).normal(size=(20, 2)) * [1.0, 0.3]
-    np.testing.assert_allclose(polynomial_of(chaos).evaluate_germs(germs), chaos.evaluate_germs(germs), atol=1e-9)
+    made, about = polynomial_of(chaos)
+    np.testing.assert_allclose(made.evaluate_germs(germs), chaos.evaluate_germs(germs), atol=1e-9)
+    assert (about["model"], about["order"]) == ("formula", 2) and about["difference"] < 1e-9
     step = Mistaken(0.5, TIMES)
     step.returned = lambda x: np.sign(x - 3.0)
     with pytest.raises(uqmbd.StudyError, match="page evaluates polynomials"):
         polynomial_of(CustomSurrogate(step, SPACE, AXES))
+
+
+def test_the_page_says_that_sliders_use_polynomials(tmp_path):
+    """The report names the model, the order and the largest difference; a method with polynomials needs no words."""
+    chaos = CustomSurrogate(Formula(0.5, TIMES), SPACE, AXES)
+    about = {"propagator": "p", "realisations": 3, "wall_time": 0.0}
+    node = propagator_node("p", chaos.statistics(samples=64), children=chaos.to_datasets(), **about)
+    page = write_report(study_tree([node], study="s", mechanism="m"), tmp_path / "r.html", sections=[]).read_text()
+    assert "evaluates polynomials that are fitted to the stored surrogate" in page
+    assert "A page cannot evaluate the model &#39;formula&#39;. The sliders evaluate polynomials of order 2" in page
+    plain = polynomial_of(chaos)[0]
+    node = propagator_node("p", chaos.statistics(samples=64), children=plain.to_datasets(), **about)
+    page = write_report(study_tree([node], study="s", mechanism="m"), tmp_path / "r.html", sections=[]).read_text()
+    assert "The page evaluates the stored surrogate" in page and "cannot evaluate the model" not in page
 
 
 def test_a_chart_of_distributions_samples_a_model():
@@ -200,3 +234,103 @@ def test_a_chart_of_distributions_samples_a_model():
     assert drawn["time"].values.tolist() == [0.5, 2.0]
     np.testing.assert_allclose(drawn.mean("sample"), chaos.mean[0, 1:], rtol=2e-2)
     np.testing.assert_allclose(drawn.std("sample"), chaos.std[0, 1:], rtol=5e-2)
+
+
+class Arrays:
+    """A model that consists of any arrays: outputs are a, and the time."""
+
+    name = "arrays"
+
+    def __init__(self, held):
+        self.held = held
+
+    def evaluate(self, inputs):
+        return inputs[:, :1, None] + np.array([[0.0], [1.0]]) * TIMES
+
+    def arrays(self):
+        return self.held
+
+    @classmethod
+    def from_arrays(cls, arrays):
+        return cls(dict(arrays))
+
+
+names = st.one_of(
+    st.sampled_from(["w", "w_0", "w_0_0", "w_1", "x", "output", "time", "input", "Ω", "verification", "term"]),
+    st.from_regex(r"[a-z_][a-z0-9_]{0,3}", fullmatch=True),
+)
+held = st.dictionaries(names, st.tuples(st.sampled_from("fiu?"), st.lists(st.integers(0, 3), max_size=3)), max_size=6)
+
+
+@pytest.mark.thorough
+@settings(max_examples=30, deadline=None)
+@given(asked=held)
+def test_arrays_of_any_names_and_shapes_are_stored(asked, tmp_path_factory):
+    """To the bit: an array may have the name of an axis of another one."""
+    draw = np.random.default_rng(len(asked))
+    kinds = {"f": np.float64, "i": np.int32, "u": np.uint8, "?": np.bool_}
+    model = Arrays({name: draw.integers(0, 2, size).astype(kinds[kind]) for name, (kind, size) in asked.items()})
+    chaos = CustomSurrogate(model, SPACE, AXES)
+    node = propagator_node("mine", chaos.statistics(samples=64), propagator="p", realisations=1, wall_time=0.0,
+                           children=chaos.to_datasets())  # fmt: skip
+    path = tmp_path_factory.mktemp("arrays") / "results.nc"
+    save(node, path)
+    for found in (CustomSurrogate.from_dataset(chaos.selected(times=[1]).to_dataset()), surrogate(load(path))):
+        assert found.model.held.keys() == model.held.keys()
+        for name, value in model.held.items():
+            again = found.model.held[name]
+            assert again.shape == value.shape
+            np.testing.assert_array_equal(again, value)
+
+
+def multiple(factor, name):
+    class Multiple(Arrays):
+        def evaluate(self, inputs):
+            return factor * inputs[:, :1, None] + 0 * np.array([[0.0], [1.0]]) * TIMES
+
+    Multiple.name = name
+    return Multiple
+
+
+def test_a_selection_has_the_model_of_the_whole_whatever_has_its_name_by_now():
+    first = CustomSurrogate(multiple(1.0, "same name")({}), SPACE, AXES)
+    CustomSurrogate(multiple(1.0, "same name")({}), SPACE, AXES)  # the same code again, as by a second import
+    with pytest.warns(uqmbd.StudyWarning, match="replaces another class with the name 'same name'"):
+        second = CustomSurrogate(multiple(10.0, "same name")({}), SPACE, AXES)
+    for chaos, factor in ((first, 1.0), (second, 10.0), (first, 1.0)):
+        part = chaos.selected([1], [2]).selected([0], [0])
+        assert part.model is chaos.model
+        assert part.evaluate([[0.9, 2.0]]).ravel() == pytest.approx([0.9 * factor])
+    assert CustomSurrogate.from_dataset(first.to_dataset()).evaluate([[0.9, 2.0]]).max() == pytest.approx(9.0)
+
+
+def test_the_name_of_a_class_of_a_plugin_is_taken(monkeypatch):
+    monkeypatch.setattr("uqmbd.results.storage.models.surrogates", lambda: {"taken": multiple(1.0, "taken")})
+    with pytest.raises(uqmbd.StudyError, match="the name of Arrays is 'taken', which .* registers for another class"):
+        CustomSurrogate(type("Arrays", (Arrays,), {"name": "taken"})({}), SPACE, AXES)
+
+
+def test_without_terms_and_verification_messages_name_the_arguments():
+    chaos = CustomSurrogate(Formula(0.5, TIMES), SPACE, AXES)
+    for call in (chaos.verdicts, chaos.verification_error, chaos.verification_std, chaos.horizon):
+        with pytest.raises(uqmbd.StudyError, match="pass verification_germs and verification_response"):
+            call()
+    for name in ("top_energy", "top_energy_germ"):
+        with pytest.raises(uqmbd.StudyError, match="has no polynomial terms"):
+            getattr(chaos, name)
+    germs = np.random.default_rng(1).normal(size=(2, 2)) * [1.0, 0.2]
+    response = Formula(0.5, TIMES).evaluate(SPACE.to_inputs(germs)) + np.array([0.1, 5.0])[:, None, None]
+    words = CustomSurrogate(Formula(0.5, TIMES), SPACE, AXES, germs, response).verdicts()
+    assert all("verify" not in one and "pass more verification_germs" in one for one in words), words
+
+
+def test_an_absent_model_of_a_part_is_reported():
+    """Also where outputs have surrogates of different kinds."""
+    chaos = CustomSurrogate(multiple(1.0, "absent")({}), SPACE, AXES)
+    data = chaos.to_dataset().assign_attrs(model="not installed")
+    children = {"composed": xr.DataTree(children={"part": xr.DataTree(children={"surrogate": xr.DataTree(data)})})}
+    node = xr.DataTree(name="mine", children=children)
+    assert "not installed" in absent_surrogate(node)
+    assert surrogate_parts(node) == {}
+    with pytest.raises(uqmbd.StudyError, match="no installed plugin registers"):
+        surrogate(node)

@@ -149,7 +149,7 @@ WRONG = {
     "missing": ({"crank": 0.15}, "Values of load, rod are missing; expected one for each input: crank, load, rod"),
     "unknown": (
         {**POINTS, "crnak": 1.0},
-        "There is no input 'crnak'; the inputs are: crank, load, rod; did you mean 'crank'",
+        "The surrogate has no input 'crnak'; the inputs are: crank, load, rod; did you mean 'crank'",
     ),
     "lengths": (
         {**POINTS, "load": [1.0, 2.0]},
@@ -159,8 +159,14 @@ WRONG = {
     "no number": ({**POINTS, "load": float("nan")}, "'load' is nan"),
     "text": ({**POINTS, "load": "heavy"}, "Input 'load' is 'heavy'; expected a number"),
     "shape": ({**POINTS, "load": [[1.0, 2.0]]}, r"Input 'load' has the shape \(1, 2\)"),
-    "units": ({**POINTS, "crank": xr.DataArray(15.0, attrs={"units": "cm"})}, "'crank' is given in 'cm'; expected 'm'"),
-    "dimension": ({**POINTS, "load": xr.DataArray([1.0], dims="time")}, "a dimension 'time', which results have"),
+    "units": (
+        {**POINTS, "crank": xr.DataArray(15.0, attrs={"units": "cm"})},
+        "'crank' has the units 'cm'; expected 'm'",
+    ),
+    "dimension": (
+        {**POINTS, "load": xr.DataArray([1.0], dims="time")},
+        "the dimension 'time', whose name is reserved for results",
+    ),
     "coordinates": (
         {
             "crank": xr.DataArray([0.15, 0.151], dims="run", coords={"run": [0, 1]}),
@@ -169,7 +175,7 @@ WRONG = {
         },
         "Coordinates of the inputs differ",
     ),
-    "column": (pd.DataFrame({**POINTS, "mass": 1.0}), "There is no input 'mass'"),
+    "column": (pd.DataFrame({**POINTS, "mass": 1.0}), "The surrogate has no input 'mass'"),
     "columns": (pd.DataFrame({"rod": [0.35]}), "Values of crank, load are missing"),
     "table": (xr.DataArray([[0.15, 0.35]], dims=("run", "input")), "'input' has 2 entries without names; expected 3"),
 }
@@ -184,7 +190,7 @@ def test_what_is_wrong_is_reported(case):
 
 
 def test_inputs_are_given_once():
-    with pytest.raises(uqmbd.StudyError, match=r"given twice, as a whole and by name \(crank\)"):
+    with pytest.raises(uqmbd.StudyError, match=r"given twice, as an array and by name \(crank\)"):
         CHAOS.evaluate(POINTS, crank=0.15)
 
 
@@ -192,5 +198,7 @@ def test_germs_outside_their_support_are_reported():
     k = CHAOS.space.inputs.index("load")
     point = np.zeros((2, 3))
     point[1, k] = 1.2
-    with pytest.raises(uqmbd.StudyError, match="Germ 'load' is 1.2 in row 1; expected a number from -1 to 1"):
+    with pytest.raises(
+        uqmbd.StudyError, match="Germ 'load' is 1.2 in row 1; expected a number in its support, from -1 to 1"
+    ):
         CHAOS.evaluate_germs(point)

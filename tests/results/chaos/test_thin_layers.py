@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import chaospy
 import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.extend import GermBox, GermSpace, VerificationPoints, gauss_tensor, labels, project
+from uqmbd.extend import GermBox, GermSpace, Verification, VerificationPoints, gauss_tensor, labels, project
 from uqmbd.results import PiecewiseChaos, PolynomialChaos
+from uqmbd.results.chaos.stated_error import compute_stated_error, moving_errors
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
+from uqmbd_joints import Revolute
 
 # orders are low on purpose
 pytestmark = pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")
@@ -145,6 +149,117 @@ def test_errors_next_to_events_of_many_balls():
     ratios = np.array([event_ratio(seed, 20000) for seed in range(20)])
     assert np.mean((ratios > 0.5) & (ratios < 2)) > 0.9
     assert ratios.min() > 0.2 and ratios.max() < 5
+
+
+def front(rng, steps):
+    """Return a chaos of two uniform germs of an output that jumps or bends at random times, and its true error (T,)."""
+    order, power = int(rng.integers(1, 5)), int(rng.integers(2))
+    spread, bend = rng.uniform(0.02, 0.15), rng.uniform(-0.3, 0.3)
+    mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+    mechanism.output("a", sum(uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"))
+    space, times = GermSpace.of(mechanism.inputs), np.linspace(0, 1, steps)
+
+    def function(germs):
+        """Positions (K, 1, T)."""
+        at = 0.5 + spread * (germs @ [1.0, bend] + 0.2 * germs[:, 0] ** 2)[:, None]
+        return (np.sin(times + germs[:, :1]) + (times > at) * 3 * (times - at) ** power)[:, None]
+
+    rule, terms, seed = gauss_tensor(space, order + 1), space.basis(order), int(rng.integers(1000))
+    points = VerificationPoints.drawn(space, 14, seed, 1)
+    verified = Verification(space, points, function(points.germs), 14)
+    coefficients = project(function(rule.nodes), space.evaluate(rule.nodes, terms), rule.weights)
+    axes, known = labels(["y"], ["a", "b"], times), np.concatenate([rule.nodes, points.germs])
+    error = verified.chaos(coefficients, terms, axes).verification_error()
+    ends = VerificationPoints.at_extremes(space, 16, known, function(known), seed, 2, error)
+    verified = verified.joined(Verification(space, ends, function(ends.germs), 2))
+    chaos = verified.chaos(coefficients, terms, axes)
+    germs = rng.uniform(-1, 1, (1000, 2))
+    wrong = np.sqrt(np.mean((chaos.evaluate_germs(germs) - function(germs)) ** 2, axis=0))[0]
+    return chaos, wrong / np.maximum(chaos.std, 0.01 * chaos.std.max())[0]
+
+
+def front_ratios(count):
+    """Return stated over true errors of fronts, and the true errors, of all times at which they count."""
+    found = []
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        chaos, true = front(rng, int(rng.choice([41, 101, 401])))
+        found.append(np.stack([chaos.verification_error()[0] / np.maximum(true, 1e-300), true])[:, true > 1e-4])
+    return np.concatenate(found, axis=1)
+
+
+def test_errors_of_jumps_and_kinks_that_move():
+    """At the first and the last times of a front one of a hundred realisations is wrong; sixteen have none of it."""
+    ratio, size = front_ratios(10)
+    assert np.mean(ratio[size > 0.01] < 0.2) < 0.01
+    assert np.mean((ratio > 0.5) & (ratio < 2)) > 0.9
+
+
+@pytest.mark.thorough
+def test_errors_of_many_jumps_and_kinks_that_move():
+    ratio, size = front_ratios(150)
+    assert np.mean(ratio[size > 0.01] < 0.2) < 0.002
+    assert np.mean((ratio > 0.5) & (ratio < 2)) > 0.9
+
+
+def test_errors_that_move_have_no_scale_and_no_direction():
+    """They scale with the output, and are the same forwards and backwards; they are never below the error itself."""
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        error = np.exp(rng.normal(0, 2, (2, int(rng.integers(1, 70))))) * (rng.random() < rng.random())
+        found = moving_errors(error)
+        assert (found >= error).all() and found.max() == error.max()
+        np.testing.assert_array_equal(moving_errors(1024 * error), 1024 * found)
+        np.testing.assert_array_equal(moving_errors(error[:, ::-1])[:, 1:-1], found[:, ::-1][:, 1:-1])
+        np.testing.assert_array_equal(moving_errors(error[::-1]), found[::-1])
+
+
+@pytest.mark.parametrize("power", [2, 4, 6])
+@pytest.mark.parametrize("realisations", [16, 32])
+def test_an_error_of_all_realisations_counts_at_its_own_times(power, realisations):
+    """It grows from the start, then hardly: as that of two frequencies, which was stated 100,000 times too large."""
+    times = np.linspace(0, 20, 401)
+    growth = times**power / (1 + times**power) * (1 + times / 10)
+    wrong = np.random.default_rng(power).normal(size=(realisations, 1, 1)) * growth
+    weights = np.full(realisations, 1 / realisations)
+
+    def stated(wrong):
+        return compute_stated_error(wrong, 0 * wrong, 0 * wrong[0], 1 + 0 * wrong[0], weights, times=times)[0]
+
+    true = np.sqrt(np.mean(wrong[:, 0] ** 2, axis=0))
+    # the first steps are coarse against the growth
+    np.testing.assert_allclose(stated(wrong)[8:], true[8:], rtol=1e-12)
+    # of one realisation the same growth may be that of an event, which others reach earlier
+    alone = wrong * (np.arange(realisations) == 3)[:, None, None]
+    assert stated(alone)[8] > 2 * np.sqrt(np.mean(alone[:, 0, 8] ** 2))
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*sequence of phases differs")
+def test_points_are_where_aligned_elements_are_wrong():
+    """A pendulum that may turn: near the separatrix, few realisations of one element differ from all others.
+
+    The true error is that of 400 realisations at a thousandth of the tolerance.
+    """
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(5, 8))
+    mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -G)))
+    rod = mechanism.body("rod", mass=1, inertia=0.01, angular_velocity=speed, velocity=(speed, 0), position=(0, -1))
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (0, 1)))
+    mechanism.output("height", rod.position[1], units="m")
+    study, method = uqmbd.Study("pendulum", mechanism, np.linspace(0, 5, 51)), Collocation(order=3, alignment="phase")
+    node = study.propagate(replace(method, max_elements=6, seed=1))
+    chaos = node.uqmbd.surrogate()
+    assert node.attrs["elements"] > 1
+    first = sum(max(3, np.ceil(16 * element.box.probability)) for element in chaos.elements)
+    more = node.attrs["verification"] - first
+    assert 0 < more <= 0.15 * (node.attrs["realisations"] - more)
+    values = np.linspace(5, 8, 801)[1::2, None]
+    exact = uqmbd.Study("pendulum", mechanism, study.times, rtol=1e-9).problem(method).realise(values).response
+    true = np.sqrt(np.mean((chaos.evaluate(values) - exact) ** 2, axis=0))[0] / chaos.std.max()
+    stated = chaos.verification_error()[0] * chaos.std[0] / chaos.std.max()
+    large = true > 0.01
+    assert large.sum() > 20 and (stated[large] > 0.2 * true[large]).all()
+    assert np.mean(np.abs(np.log(stated[large] / true[large])) < np.log(2)) > 0.7
 
 
 def test_points_are_where_elements_are_wrong():

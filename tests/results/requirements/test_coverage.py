@@ -38,7 +38,7 @@ def truth(benchmark, case):
 def test_intervals_of_a_few_seeds(benchmark, case):
     probability = truth(benchmark, case)
     held, widths, found, cost = benchmark.coverage(case, "order 3, verify 8", 6, probability)
-    assert held >= 5 / 6 and cost == 32
+    assert held >= 5 / 6 and cost in (32, 34)  # two more points in a gap between verification points
     counted = benchmark.counted_width(probability, cost)
     # a smooth one is worth a thousand realisations, a kinked one that is not followed no more than its verification
     assert np.median(widths) < (counted / 30 if case == "smooth" else 0.4)
@@ -87,7 +87,7 @@ def test_signs_alone_tell_of_margins_that_jump(method):
             warnings.simplefilter("ignore", UserWarning)
             data = study.propagate(replace(method, seed=seed))["requirements"]
         held.append((data["interval"][:, 0] <= exact) & (exact <= data["interval"][:, 1]))
-        assert "it does not follow" in data.attrs["how"]
+        assert "it is inaccurate, and only the signs" in data.attrs["how"]
     assert np.mean(held) >= 0.92
 
 

@@ -63,5 +63,5 @@ def test_any_is_the_union():
 
 
 def test_an_interval_without_its_probability_is_refused():
-    with pytest.raises(StudyError, match="requirement 'a': the probability 0.5 is given the interval from 0 to 0.1"):
+    with pytest.raises(StudyError, match="requirement 'a': the probability is 0.5, and its interval is 0 to 0.1"):
         requirements_dataset(["a"], violation_probability=[0.5], lower=[0.0], upper=[0.1])

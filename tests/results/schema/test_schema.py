@@ -69,10 +69,10 @@ def test_outputs_without_time() -> None:
 @pytest.mark.parametrize(
     ("outputs", "inputs", "times", "message"),
     [
-        (["x", "x"], [], [0.0], "Output names must be unique: 'x' occurs twice"),
-        (["a/b"], [], [0.0], "must not be empty, contain '/'"),
-        (["time"], [], [0.0], "or be 'time'"),
-        (["x"], [" "], [0.0], "Input names must not be empty"),
+        (["x", "x"], [], [0.0], "Output name 'x' occurs twice"),
+        (["a/b"], [], [0.0], "Output name 'a/b': expected a non-empty name"),
+        (["time"], [], [0.0], "Output name 'time': expected a non-empty name other than 'time'"),
+        (["x"], [" "], [0.0], "Input name ' ': expected a non-empty name"),
         ([], [], [0.0], "at least one output"),
         (["x"], [], [0.0, 0.0], "increasing numbers"),
         (["x"], [], [], "increasing numbers"),
@@ -88,15 +88,17 @@ def test_bad_labels(outputs: list[str], inputs: list[str], times: list[float], m
 def test_builders_refuse_wrong_shapes() -> None:
     """The message says which array, its meaning and both shapes."""
     axes = extend.labels(["x"], ["k"], [0.0, 1.0])
-    with pytest.raises(StudyError, match=r"'response' must have the shape \(sample, output, time\) = \(3, 1, 2\)"):
+    with pytest.raises(
+        StudyError, match=r"'response' has the shape .*; expected \(sample, output, time\) = \(3, 1, 2\)"
+    ):
         extend.sample_dataset(np.zeros((3, 2, 1)), np.zeros((3, 1)), axes)
-    with pytest.raises(StudyError, match="'inputs' must have the shape"):
+    with pytest.raises(StudyError, match="'inputs' has the shape .*; expected"):
         extend.sample_dataset(np.zeros((3, 1, 2)), np.zeros((3, 2)), axes)
-    with pytest.raises(StudyError, match="Status 77 has no meaning"):
+    with pytest.raises(StudyError, match="The status 77 is unknown"):
         extend.sample_dataset(np.zeros((1, 1, 2)), [[0.0]], axes, status=[77])
-    with pytest.raises(StudyError, match="one text for each of the 1 samples"):
+    with pytest.raises(StudyError, match="one string for each of the 1 samples"):
         extend.sample_dataset(np.zeros((1, 1, 2)), [[0.0]], axes, messages=[])
-    with pytest.raises(StudyError, match="'sobol_first' must have the shape"):
+    with pytest.raises(StudyError, match="'sobol_first' has the shape .*; expected"):
         extend.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]], sobol_first=[[0.0, 1.0]])
     statistics = extend.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]])
     for label in ("", "a/b", "comparison", "statistics"):

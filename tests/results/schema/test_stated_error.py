@@ -60,3 +60,19 @@ def test_another_shape_is_refused():
         statistics_dataset(
             AXES, mean=np.zeros((2, 3)), std=np.ones((2, 3)), stated_error=StatedError([1.0], "relative", "e")
         )
+
+
+@settings(max_examples=20)
+@given(unknown=st.lists(st.integers(0, 3), min_size=6, max_size=6), kind=st.sampled_from(["relative", "absolute"]))
+def test_every_unknown_error_has_a_reason(unknown, kind):
+    """Where the error, the standard deviation or both are NaN: of both variables, in exactly the case of a NaN."""
+    state = np.array(unknown).reshape(2, 3)
+    std = np.where(state & 1, np.nan, 1.0)
+    error = np.where(state & 2, np.nan, 0.1)
+    found = statistics_dataset(
+        AXES, mean=np.where(state & 1, np.nan, 0.0), std=std, stated_error=StatedError(error, kind, "fold error")
+    )
+    for name in ("stated_error", "verification_error"):
+        assert ("unknown" in found[name].attrs) == bool(np.isnan(found[name].values).any()), name
+    absolute = np.isnan(error) | (np.isnan(std) if kind == "relative" else False)
+    np.testing.assert_array_equal(np.isnan(found["stated_error"].values), absolute)

@@ -139,12 +139,12 @@ def test_failed_samples_never_enter() -> None:
 
 def test_bad_input_is_named() -> None:
     """Too few samples, a hidden NaN, and unusable probabilities are errors that say what to do."""
-    with pytest.raises(StudyError, match="at least two samples that succeeded; 1 of 3 did"):
+    with pytest.raises(StudyError, match="at least two successful samples; only 1 of 3 succeeded"):
         sample_statistics(np.ones((3, 1)), status=[0, 1, 2])
-    with pytest.raises(StudyError, match="give it a status other than 0"):
+    with pytest.raises(StudyError, match="set a status other than 0"):
         sample_statistics([[1.0], [np.nan]])
     for wrong in ([0.5, 0.5], [-0.1], [0.5, 1.1], []):
-        with pytest.raises(StudyError, match="increase between 0 and 1"):
+        with pytest.raises(StudyError, match="expected increasing numbers between 0 and 1"):
             sample_statistics([[1.0], [2.0]], wrong)
     with pytest.raises(StudyError, match="one number for each of the 2 samples"):
         sample_statistics([[1.0], [2.0]], status=[0])
@@ -161,7 +161,7 @@ def test_running_statistics_are_those_of_the_first_samples() -> None:
                 assert values[k] == pytest.approx(plain[name].item(), rel=1e-6), (name, n)
     constant = running_statistics(np.full(5, 0.1), [2, 5])
     assert np.all(constant["mean"] == 0.1) and not constant["std"].any() and not constant["std_error_std"].any()
-    with pytest.raises(StudyError, match="from 2 to the 3 samples"):
+    with pytest.raises(StudyError, match="expected numbers from 2 to 3"):
         running_statistics([1.0, 2.0, 3.0], [4])
 
 

@@ -174,7 +174,7 @@ def test_what_is_left_of_a_digest_is_refused(tmp_path: Path) -> None:
                 load(path)
     path.unlink()
     path.write_bytes(content[:end] + bytes(len(content) - end))
-    with pytest.raises(StudyError, match="after the end of its data are no digest"):
+    with pytest.raises(StudyError, match="after the end of its data are not a digest"):
         load(path)
     path.unlink()
     path.write_bytes(content[:end])  # as a program leaves it that changes the file
@@ -205,7 +205,7 @@ def test_open_does_not_read_large_variables(tmp_path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[chunk.byte_offset + chunk.size // 2] ^= 4
     path.write_bytes(content)
-    with pytest.raises(StudyError, match="does not have the digest"):
+    with pytest.raises(StudyError, match="does not match its digest"):
         load(path)
     with uqmbd.results.open(path) as opened:
         assert opened.encoding["digest"] == "verified"
@@ -220,13 +220,15 @@ def test_the_manifest_of_a_run_knows_its_files(make_node: MakeNode, tmp_path: Pa
     start_manifest(tmp_path)
     path = save(tree, tmp_path / "results.nc")
     tree.to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(StudyError, match="not what uqmbd wrote there.*rename it"):
+    with pytest.raises(
+        StudyError, match="differs from the file that the manifest of the folder describes.*rename the file"
+    ):
         load(path)
     record(tmp_path, ["results.nc"])
     assert load(path).encoding["digest"] == "verified"
     with h5py.File(path, "r+") as file:
         file.attrs["note"] = "mine"
-    with pytest.raises(StudyError, match="not what uqmbd wrote there"):
+    with pytest.raises(StudyError, match="differs from the file that the manifest of the folder describes"):
         load(path)
     shutil.move(path, tmp_path / "mine.nc")
     assert load(tmp_path / "mine.nc").encoding["digest"] == "not verified"

@@ -217,7 +217,7 @@ def test_in_format_3_what_is_not_written_is_refused(
 def test_damaged_metadata_of_format_3_are_one_message(new_folder: Path, name: str) -> None:
     for text in ("", "[]", "{}", "null", '{"node_type": "array", "codecs": 3}', "\xff"):
         (new_folder / name).write_text(text, encoding="latin-1")
-        with pytest.raises(StudyError, match=r"damaged or no result|is not read"):
+        with pytest.raises(StudyError, match=r"damaged, or is not a result|is rejected"):
             load(new_folder)
 
 
@@ -250,5 +250,5 @@ def test_links_are_refused(folder: Path, tmp_path: Path) -> None:
 def test_damaged_metadata_are_one_message(folder: Path, name: str) -> None:
     for text in ("", "[]", "{}", "null", '{"compressor": 3, "filters": 1, "dtype": 1}', "\xff"):
         (folder / name).write_text(text, encoding="latin-1")
-        with pytest.raises(StudyError, match=r"damaged or no result|is not read"):
+        with pytest.raises(StudyError, match=r"damaged, or is not a result|is rejected"):
             load(folder)

@@ -70,7 +70,7 @@ def test_opened_results_are_those_that_are_loaded_with_all_samples(folder: Path,
 def test_samples_that_are_elsewhere_are_reported(folder: Path) -> None:
     shutil.rmtree(folder / "monte-carlo-samples.zarr")
     with (
-        pytest.warns(StudyWarning, match="not next to the result"),
+        pytest.warns(StudyWarning, match="is not in the folder of the result"),
         uqmbd.results.open(folder / "results.nc") as opened,
     ):
         assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
@@ -124,7 +124,7 @@ def test_a_chunk_that_is_cut_off_or_taken_away_is_named_when_it_is_read(folder: 
 
 def test_samples_alone_are_no_result(folder: Path) -> None:
     for read in (uqmbd.results.open, load):
-        with pytest.raises(StudyError, match="holds samples of a method"):
+        with pytest.raises(StudyError, match="contains samples of a method"):
             read(folder / "monte-carlo-samples.zarr")
 
 

@@ -134,7 +134,7 @@ def test_length_that_a_chunk_states_is_not_trusted(store: SampleStore) -> None:
 
 
 def test_outputs_that_there_are_not_are_refused(store: SampleStore) -> None:
-    with pytest.raises(StudyError, match="no output 'y'; there are x0, x1"):
+    with pytest.raises(StudyError, match="no output 'y'; its outputs are x0, x1"):
         store.chunks(["y"])
 
 
@@ -168,10 +168,10 @@ def test_other_layouts_are_refused(store: SampleStore, wrong: dict[str, object])
 
 
 def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="There are no samples"):
+    with pytest.raises(StudyError, match="is not a sample store; expected the folder"):
         SampleStore.open(tmp_path / "nothing.zarr")
     (tmp_path / "bad.zarr").mkdir()
-    with pytest.raises(StudyError, match="cannot be read as samples"):
+    with pytest.raises(StudyError, match="is damaged, or is not a sample store"):
         SampleStore.open(tmp_path / "bad.zarr")
 
 

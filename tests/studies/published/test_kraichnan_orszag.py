@@ -71,7 +71,7 @@ def variance_error(made, node, times):
 @pytest.mark.thorough
 @pytest.mark.filterwarnings(
     "ignore:.*the sequence of phases still differs",
-    "ignore:.*stands or turns back",
+    "ignore:.*stops or turns back",
     "ignore::uqmbd.errors.SurrogateWarning",
 )
 def test_few_elements_hold_where_plain_ones_fail(made):
@@ -87,7 +87,7 @@ def test_few_elements_hold_where_plain_ones_fail(made):
 @pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore:.*the sequence of phases still differs",
-    "ignore:.*stands or turns back",
+    "ignore:.*stops or turns back",
     "ignore::uqmbd.errors.SurrogateWarning",
 )
 def test_variance_to_100(made):

@@ -1,4 +1,4 @@
-"""What differs between stored results besides their numbers: studies, inputs, options, versions."""
+"""Differences between stored results in studies, inputs, options and versions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import Any
 
 import xarray as xr
 
+from uqmbd.wording import typeset_units
+
 __all__ = ["find_differences"]
 
 INPUT = "input "
-"""Begin of the facts about inputs."""
+"""Prefix of the names of facts about inputs."""
 
 _PASSED_OVER = frozenset(
     {"created", "command", "parts", "model", "limits", "failed", "script", "script_sha256", "allowed_probability"}
@@ -19,17 +21,17 @@ _PASSED_OVER = frozenset(
 
 
 def find_differences(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:
-    """Return what differs between results: a name, and what each of them says.
+    """Return the differences between results, each with its name and the value in each result.
 
-    `trees`: results of studies, by letter.
+    `trees` are results of studies, by letter.
     """
     facts = {letter: _facts(tree) for letter, tree in trees.items()}
-    # results of earlier versions do not say what their mechanisms consist of
+    # results of earlier versions do not list the parts of their mechanisms
     if all("parts" in tree.attrs for tree in trees.values()):
         facts = {letter: {**_parts(trees[letter]), **own} for letter, own in facts.items()}
     found = []
     if any(not _recorded(tree) for tree in trees.values()):
-        # statistics alone do not say what they are of: that is no sign of equal inputs
+        # statistics alone do not state their inputs, so inputs may differ
         said = {letter: [n.removeprefix(INPUT) for n in one if n.startswith(INPUT)] for letter, one in facts.items()}
         known = {k: ", ".join(said[k]) or "none" if _recorded(tree) else "not recorded" for k, tree in trees.items()}
         found.append(("inputs", known))
@@ -37,7 +39,7 @@ def find_differences(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[s
     names = list(dict.fromkeys(name for one in facts.values() for name in one))
     for name in names:
         given = {letter: one.get(name, "–") for letter, one in facts.items()}
-        # an option of a method that is not in a result at all is no difference of its own
+        # an option of a method that is missing in a result is no separate difference
         if len(set(given.values())) > 1 and not _of_absent(name, facts):
             found.append((name, given))
     return found
@@ -76,14 +78,14 @@ def _facts(tree: xr.DataTree) -> dict[str, str]:
 
 
 def _parts(tree: xr.DataTree) -> dict[str, str]:
-    """Bodies and components of the mechanism, each a fact of its own."""
+    """Return the bodies and components of the mechanism as separate facts."""
     parts = _pairs(tree.attrs["parts"])
     facts = {f"body {name}": "yes" for name in parts.get("bodies", ())}
     return {**facts, **{f"component {name}": str(kind) for name, kind in parts.get("components", {}).items()}}
 
 
 def _recorded(tree: xr.DataTree) -> bool:
-    """Return whether any method says what its inputs are, or that there are none."""
+    """Return whether any method states its inputs, or states that it has no inputs."""
     from uqmbd.results import propagator_nodes
 
     nodes = propagator_nodes(tree).values()
@@ -91,7 +93,7 @@ def _recorded(tree: xr.DataTree) -> bool:
 
 
 def _stated(node: xr.DataTree) -> Any:
-    """Dataset of a method that says what its inputs are."""
+    """Return the dataset of a method that states its inputs."""
     kept = [node.children[child].to_dataset() for child in ("samples", "statistics", "chaos") if child in node.children]
     return next((data for data in kept if "input_description" in data.coords), None)
 
@@ -100,7 +102,10 @@ def _inputs(node: xr.DataTree) -> dict[str, str]:
     if (data := _stated(node)) is None:
         return {}
     columns = (data[name].values for name in ("input", "input_description", "input_units"))
-    return {f"{INPUT}{n}": f"{text or 'not stated'} {units}".strip() for n, text, units in zip(*columns, strict=True)}
+    return {
+        f"{INPUT}{n}": f"{text or 'not stated'} {typeset_units(units)}".strip()
+        for n, text, units in zip(*columns, strict=True)
+    }
 
 
 def _pairs(text: object) -> dict[str, Any]:

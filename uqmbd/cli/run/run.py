@@ -1,4 +1,4 @@
-"""`uqmbd run`: load a study, run it, store the results, write the report, and say in a few lines what came out."""
+"""`uqmbd run`: load and run a study, store the results, write the report, and print a summary."""
 
 from __future__ import annotations
 
@@ -63,15 +63,15 @@ def run_study(
 ) -> None:
     """Run a study script and write ``results.nc`` and ``report.html`` into a folder.
 
-    `script`: the study script; `only`: labels of the propagators to run; all if there is none; `settings`: changed
-    options, ``LABEL.option=value``; `out`: folder for the results; made if it does not exist; `workers`: who
-    computes; None: this process; `resume`: continue an unfinished run in the folder; `require`: probability with
-    which each requirement may be violated, as 0.01 or ``"1%"``.  Where all methods succeeded, and one of them does
-    not tell with 95 % confidence that it is less, the exit status is 3; `budget`, `accuracy`: as of `Study.run`.
-    Where all methods succeeded, and one of them does not reach the accuracy, the exit status is 3; `report`: whether
-    the report is written; `figures`: whether its figures are written as files, too; `show`: whether it is opened in
-    the browser; `begin`: when the command began, as of `time.monotonic`; `progress`: what shows progress already, and
-    the first stage in it.
+    `script` is the study script. `only` are labels of the propagators to run; empty: all. `settings` are changed
+    options, ``LABEL.option=value``. `out` is the folder of the results, created if missing. `workers` compute; None:
+    this process. `resume` continues an unfinished run in the folder. `require` is the allowed probability of violation
+    of each requirement, such as 0.01 or ``"1%"``. `Study.run` documents `budget` and `accuracy`. If all methods
+    succeeded, the exit status is 3 if `unmet` lists a requirement, or if a method does not reach the accuracy.
+
+    `report` states whether to write the report, `figures` whether to write its figures also as files, and `show`
+    whether to open it in the browser. `begin` is the start of the command from `time.monotonic`. `progress` is a
+    display that already shows progress, and its first stage.
     """
     begin = time.monotonic() if begin is None else begin
     chosen, allowed = choices(budget, accuracy), allowed_of(require, "--require")
@@ -81,7 +81,7 @@ def run_study(
             figures=figures, chosen=chosen,
         )  # fmt: skip
         shown.close()
-    # when nothing moves any more
+    # after the display of progress has ended
     complete, tree, target = delivered()
     if show and target is not None:
         open_report(target)
@@ -92,7 +92,8 @@ def run_study(
 
     said = [] if allowed is None else unmet(propagator_nodes(tree), allowed)
     if allowed is not None and not said:
-        print(f"All requirements are met: all methods state probabilities of at most {format_probability(allowed)}.")
+        most = format_probability(allowed)
+        print(f"All requirements are met: every method that states a probability states at most {most}.")
     said += missed(tree)
     for sentence in said:
         print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
@@ -114,10 +115,10 @@ def _run_and_write(
     figures: bool,
     chosen: dict[str, Any],
 ) -> Callable[[], tuple[bool, xr.DataTree, Path | None]]:
-    """Run a study and write what came out; return what says it."""
+    """Run a study and write its results; return the function that prints the summary."""
     with loading():
         if report:
-            # before the work, not after it: whatever is wrong with the report should cost no hours
+            # before the run: an error in the report must not appear after hours of computation
             import uqmbd.report  # noqa: F401 - an import that fails is to fail here
 
         with shown_derivation(progress):
@@ -133,7 +134,7 @@ def _run_and_write(
         )
     if not study.propagators:
         raise StudyError(f"{script}: the study has no propagators; add some, such as propagators=[MonteCarlo(...)].")
-    # Before the work, not after it: a folder that cannot be written should cost no hours.
+    # check the folder before the computation, because an error after hours would be expensive
     with claimed(writable(out)):
         if workers is not None and (awaited := workers.awaited):
             progress.stage(awaited)
@@ -151,12 +152,12 @@ def _run_and_write(
 
 
 def _list_findings(study: Study, only: Sequence[str]) -> list[str]:
-    """Print what is probably wrong with a study, as `uqmbd check` does; return the texts."""
+    """Print the findings on a study, as `uqmbd check` does; return their texts."""
     study = study.with_propagators(p for p in study.propagators if not only or p.node_name in only)
     found = findings(study)
     for finding in found:
         if finding.severity is Severity.WARNING:
-            # whatever the filters of the script are
+            # independent of the warning filters of the script
             warnings.showwarning(UserWarning(warning_of(study, finding)), UserWarning, "", 0)
         else:
             print(str(finding), file=sys.stderr, flush=True)
@@ -174,17 +175,17 @@ def _computed(
     resume: bool,
     **chosen: Any,
 ) -> xr.DataTree:
-    """Run a study; where that ends before its time, say how to go on."""
+    """Run a study; if it ends early, print how to resume it."""
     from uqmbd.results import save
 
     try:
         with warnings.catch_warnings():
-            # they are reported at the end
+            # failed methods are reported at the end
             warnings.simplefilter("ignore", MethodFailedWarning)
             for text in _list_findings(study, only):
-                # a method says it again of itself
+                # each method repeats this warning
                 warnings.filterwarnings("ignore", f".*: {re.escape(text)}")
-            # curves of error against cost may take long: what is found before them is stored before them
+            # curves of error against cost may take long, so earlier results are stored before them
             grows = getattr(study, "convergence", None) is not None and not only
             before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}
             return study.run(
@@ -211,13 +212,16 @@ def _delivered(
     report: bool,
     figures: bool,
 ) -> Callable[[], tuple[bool, xr.DataTree, Path | None]]:
-    """Write results and report; return what sums them up, and tells whether nothing is missing."""
+    """Write results and report; return the function that prints the summary and reports completeness."""
     from uqmbd.results import failed_methods, save
 
     tree.attrs.update(about)
     # before anything else that may go wrong: a result holds its methods and their comparison
     progress.stage("writing the results")
     files = {"results": save(tree, out / "results.nc")}
+    files |= {
+        f"samples of {p.node_name}": s for p in study.propagators if (s := out / store_name(p.node_name)).exists()
+    }
     problem = ""
     if report:
         progress.stage("writing the report")
@@ -244,7 +248,7 @@ def _delivered(
 
 
 def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], *, figures: bool) -> str:
-    """Write poses and report of saved results; return why the report could not be written, or nothing."""
+    """Write poses and report of saved results; return the reason of a failure, or an empty text."""
     from uqmbd.report import with_motion, with_poses
 
     with Isolated(*ERRORS_AND_EXITS) as work:
@@ -253,20 +257,21 @@ def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], 
             print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
         else:
             tree, _ = with_poses(tree, study)
-        # poses have a file of their own
-        write_motion(tree, out)
+        # poses have a separate file
+        files |= write_motion(tree, out)
     if work.failed:
         print(f"Note: the report shows no animation of the mechanism: {work.reason}", file=sys.stderr, flush=True)
     with Isolated(*ERRORS_AND_EXITS) as work:
         files["report"] = write(tree, out / "report.html", figures=figures)
+        files |= {"figures": out / FIGURES} if figures else {}
     return f"the report cannot be written: {work.reason}" if work.failed else ""
 
 
 def _origin(script: Path, require: float | None) -> dict[str, Any]:
-    """Return attributes of results: the script and its digest, the command, and the probability that is allowed."""
+    """Return attributes of results: the script and its digest, the command, and the allowed probability."""
     try:
         digest = {"script_sha256": hashlib.sha256(script.read_bytes()).hexdigest()}
-    except OSError:  # a script that is no file any more
+    except OSError:  # the file of the script no longer exists
         digest = {}
     command = {"command": shlex.join(["uqmbd", *sys.argv[1:]])} if "run" in sys.argv[1:2] else {}
     allowed = {} if require is None else {"allowed_probability": require}
@@ -286,5 +291,5 @@ def _needed(*, report: bool, figures: bool) -> tuple[str, ...]:
 
 
 def _stores(study: Study, only: Sequence[str]) -> list[str]:
-    """Return the names of the stores of samples that methods may write."""
+    """Return the names of the sample stores that methods may write."""
     return [store_name(one.node_name) for one in study.propagators if not only or one.node_name in only]

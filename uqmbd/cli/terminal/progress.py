@@ -1,4 +1,4 @@
-"""Progress of a command: a table that moves on a terminal, plain lines anywhere else."""
+"""Progress of a command: a live table on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 __all__ = ["Screen", "Staged", "plain_progress", "shown_progress"]
 
 PICTURES = 8
-"""Pictures a second."""
+"""Frames per second."""
 BEAT = 0.2
-"""Seconds between two looks whether a line is due."""
+"""Time between two checks for a due line, s."""
 
 
 class Staged(Progress, Protocol):
     """Progress of a whole command."""
 
     def stage(self, text: str) -> None:
-        """Begin work without a number."""
+        """Start work without a bar."""
 
     def close(self) -> None:
-        """Leave the screen to others: all is done."""
+        """Stop the display after all work."""
 
 
 @contextmanager
@@ -49,7 +49,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
         with plain_progress(target) as lines:
             yield lines
         return
-    # what others write appears above the table; a standard output that goes elsewhere stays there
+    # other output appears above the table; a redirected standard output is not affected
     live = Live(
         console=console,
         refresh_per_second=PICTURES,
@@ -67,7 +67,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
 
 @contextmanager
 def plain_progress(stream: TextIO) -> Iterator[Lines]:
-    """Write lines of progress; ask every now and then whether there is one of work that reports nothing."""
+    """Write lines of progress, also at intervals during work that reports nothing."""
     import threading
 
     lines = Lines(stream)
@@ -88,7 +88,7 @@ def plain_progress(stream: TextIO) -> Iterator[Lines]:
 
 @dataclass
 class Screen:
-    """The table on a terminal; rich draws it again and again, in a thread of its own."""
+    """Live table on a terminal, which rich redraws in a separate thread."""
 
     live: Live
     clock: Callable[[], float] = time.monotonic
@@ -100,31 +100,35 @@ class Screen:
         self.board.expect(totals)
 
     def stage(self, text: str) -> None:
-        """Show what begins."""
+        """Show the current stage."""
         self.board.stage(text, self.clock())
 
     def start(self, label: str, total: int) -> None:
-        """Show a bar; one that has not ended grows."""
+        """Show a bar, or extend one that is still active."""
         self.board.settle(self.clock())
         self.board.begun(label, total, self.clock())
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Move the bar."""
+        """Advance the bar."""
         self.board.moved(label, count)
+
+    def cost(self, label: str, seconds: float) -> None:
+        """Set the wall time in the row, s."""
+        self.board.costs(label, seconds)
 
     def finish(self, label: str) -> None:
         """Fill the bar and stop its clock."""
         self.board.ended(label, "done", self.clock())
 
     def fail(self, label: str) -> None:
-        """Say that it has failed."""
+        """Mark the bar as failed."""
         self.board.ended(label, "failed", self.clock())
 
     def close(self) -> None:
-        """Leave the table as it is."""
+        """Stop the display and leave the table on the screen."""
         self.board.settle(self.clock())
         self.live.stop()
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Draw it."""
+        """Draw the table."""
         yield self.board.table(self.clock(), options.max_width)

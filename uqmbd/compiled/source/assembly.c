@@ -1,7 +1,7 @@
 #include "assembly.h"
 
 static const double CLOSED = 1e-12;     /* residual, over the length of its gradient and the size of the mechanism */
-static const double TURN = 0.3;         /* largest change of a quaternion's entry: beyond, the linearisation means nothing */
+static const double TURN = 0.3;         /* largest change of a quaternion's entry: beyond, the linearisation is invalid */
 static const double DEPENDENT = 1e-14;  /* squared length, of 1, that is left of a row that is independent */
 static const double FOLLOWS = 1e-13;    /* ... of one that may follow from others: below it does, */
 static const double ALONE = 1e-7;       /* above it does not */
@@ -9,7 +9,7 @@ static const double KEPT = 1e-11;       /* what speeds may leave of an equation,
 
 enum { STEPS = 200, HALVINGS = 14 };
 
-/* What is known of the equations of eight realisations. */
+/* Data of the equations of eight realisations. */
 typedef struct {
     V *work, *entries, *lengths, *residuals, *right, *lower, *inverses, *column, *x, *change, *trial;
 } Memory;
@@ -101,7 +101,7 @@ static void add_least(const Equations *e, const Memory *m, V *right, V *x) {
     }
 }
 
-/* `right` less A x of the first so many equations. */
+/* `right` minus A x of the first equations. */
 static void defects(const Equations *e, const Memory *m, const V *right, const V *x, int64_t count, V *found) {
     for (int64_t i = 0; i < count; i++) {
         V sum = right[i];
@@ -111,7 +111,7 @@ static void defects(const Equations *e, const Memory *m, const V *right, const V
     }
 }
 
-/* Values over the lengths of their gradients: displacements. */
+/* Values divided by the lengths of their gradients: displacements. */
 static void displacements(const Equations *e, const Memory *m, V *found) {
     for (int64_t i = 0; i < e->equations; i++) found[i] = value(e, m, i) / m->lengths[i];
 }
@@ -125,7 +125,7 @@ static void bound(const Equations *e, const Turns *turns, V *change) {
     for (int64_t i = 0; i < e->unknowns; i++) change[i] *= factor;
 }
 
-/* Bring quaternions back to length one after a step that was too long to matter otherwise. */
+/* Normalise quaternions after a step. */
 static void normalise(const Turns *turns, V *x) {
     for (int64_t b = 0; b < turns->bodies; b++) {
         const int64_t *coordinates = turns->coordinates + b * turns->size;
@@ -160,7 +160,7 @@ static void store(const V *x, int64_t unknowns, Mask left, int64_t first, int64_
     }
 }
 
-/* Eight realisations whose coordinates stand in the work array; lanes that are left. */
+/* Close eight realisations whose coordinates are in the work array; return the undecided lanes. */
 static Mask close_eight(const Equations *e, const Turns *turns, const Memory *m, int64_t cosines,
                         const int64_t *cosine) {
     int64_t n = e->unknowns;
@@ -175,7 +175,7 @@ static Mask close_eight(const Equations *e, const Turns *turns, const Memory *m,
         copy(m->work, trial, n);
         run_program(&e->program, m->work);
         if (step) {
-            /* in the lengths of the last pose: what they were there */
+            /* scaled by the gradient lengths of the last pose */
             displacements(e, m, m->right);
             V after = norm(m->right, e->equations);
             accepted = running & ((after < before) | (after < closed));
@@ -258,7 +258,7 @@ void least_speeds(const Equations *e, V *memory, const Source *sources, int64_t 
         fill(m.x, 0.0, e->unknowns);
         if (any(left)) {
             left &= factorise(e, &m);
-            for (int64_t again = 0; again < 2; again++) { /* the second time what rounding left */
+            for (int64_t again = 0; again < 2; again++) { /* the second pass reduces rounding errors */
                 defects(e, &m, m.residuals, m.x, e->solved, m.right);
                 add_least(e, &m, m.right, m.x);
             }

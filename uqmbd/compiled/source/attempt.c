@@ -1,4 +1,4 @@
-/* An attempted step: stages, the state that it leads to, and the estimate of its error. */
+/* An attempted step: stages, new state, and error estimate. */
 #include "group.h"
 
 /* Rate of the state in the work array, of what is stepped. */
@@ -11,7 +11,7 @@ static void evaluate_rate(const Problem *p, Group *g, V time, V *rate) {
     g->evaluations++;
 }
 
-/* By what the state in the work array, whose rate or values were evaluated just now, exceeds the constraints. */
+/* Constraint residuals of the state in the work array, whose rate or values were just evaluated. */
 static void evaluate_surplus(const Problem *p, Group *g) {
     run_program(&p->drift, g->work);
     run_program(&p->place, g->work);
@@ -83,7 +83,7 @@ INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
     return folded(p, sum) / (double)(p->width / p->blocks);
 }
 
-/* Evaluate the rates of lanes that start anew, and guess the first step of those that have none (II.4 of the book). */
+/* Evaluate the rates of restarted lanes, and estimate the first step of those without one (II.4 of the book). */
 static void start(const Problem *p, Group *g) {
     int64_t width = p->width;
     copy(g->work, g->z, width);
@@ -141,6 +141,6 @@ static void attempt(const Problem *p, Group *g) {
     }
     fifth = folded(p, fifth);
     third = folded(p, third);
-    /* where both vanish so does the error; what is not finite stays so */
+    /* if both vanish, so does the error; NaN and infinity are preserved */
     g->error = g->size * fifth / root((fifth + 0.01 * third) * p->moving + 1e-300);
 }

@@ -1,9 +1,9 @@
-/* Contacts that last: their forces, and states that are put onto them. */
+/* Persistent contacts: their forces, and the projection of states onto them. */
 #include "group.h"
 
-static const double SINGULAR = 1e-11; /* relative size of a singular value that is none */
+static const double SINGULAR = 1e-11; /* relative size of a singular value that counts as zero */
 
-/* What is computed for one lane: numbers, in the workspace of the caller. */
+/* Arrays of one lane, in the workspace of the caller. */
 typedef struct {
     double *matrix;   /* (size, size) */
     double *solution; /* (size, 1 + direction): without forces, then per force in each direction that may act */
@@ -58,7 +58,7 @@ static Lane lane_of(const Contacts *c, const Group *g) {
     return s;
 }
 
-/* Whether contacts of a member last. */
+/* Whether a member has persistent contacts. */
 static int touches(const Contacts *c, const Encounters *e, int64_t m) {
     for (int64_t k = 0; k < c->events; k++)
         if (e->mode[m * c->events + k] != OPEN) return 1;
@@ -153,7 +153,7 @@ static void least_solution(Lane *s, int64_t size) {
     for (int64_t j = 0; j < size; j++) {
         double square = 0.0;
         for (int64_t k = 0; k < size; k++) square += u[k * size + j] * u[k * size + j];
-        if (!(square <= most)) most = square; /* NaN stays */
+        if (!(square <= most)) most = square; /* keeps NaN */
         s->found[j] = 0.0;
     }
     for (int64_t j = 0; j < size; j++) {
@@ -168,9 +168,9 @@ static void least_solution(Lane *s, int64_t size) {
     for (int64_t i = 0; i < size; i++) s->found[i] *= s->unit[i];
 }
 
-/* -- contacts that last, of one lane -------------------------------------------------------------------------------- */
+/* -- persistent contacts of one lane -------------------------------------------------------------------------------- */
 
-/* Accelerations and rates of the speeds of a lane, without and per force; its contacts stand in the work array. */
+/* Accelerations and rates of the speeds of a lane, without and per force; its contacts are in the work array. */
 static void answer(const Problem *p, const Group *g, int64_t l, Lane *s) {
     const Contacts *c = p->contacts;
     const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
@@ -208,7 +208,7 @@ static void set_units(Lane *s, int64_t size) {
     }
 }
 
-/* Forces of the contacts of a lane that last, and the rates of their speeds with them; after `answer`. */
+/* Forces of the persistent contacts of a lane, and the resulting rates of their speeds; after `answer`. */
 static void find_forces(const Problem *p, const Group *g, int64_t l, Lane *s) {
     const Contacts *c = p->contacts;
     const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
@@ -263,7 +263,7 @@ static void find_forces(const Problem *p, const Group *g, int64_t l, Lane *s) {
     }
 }
 
-/* Change coordinates (or velocities) of a lane, from row `to` on, so that what is held becomes zero; after `answer`. */
+/* Change coordinates (or velocities) of a lane, from row `to` on, so that gaps become zero; after `answer`. */
 static void correct(const Problem *p, Group *g, int64_t l, Lane *s, int64_t to, int64_t size) {
     int64_t count = s->count;
     for (int64_t i = 0; i < size; i++)
@@ -275,9 +275,9 @@ static void correct(const Problem *p, Group *g, int64_t l, Lane *s, int64_t to, 
             g->work[to + i][l] += s->solution[i * (1 + count) + 1 + s->held[j]] * s->found[j];
 }
 
-/* -- contacts that last, of all lanes ------------------------------------------------------------------------------- */
+/* -- persistent contacts of all lanes ------------------------------------------------------------------------------- */
 
-/* Add the forces of contacts that last to the rate of the state in the work array. */
+/* Add the forces of persistent contacts to the rate of the state in the work array. */
 static void add_forces(const Problem *p, Group *g, V *rate) {
     Lane s = lane_of(p->contacts, g);
     run_program(&p->contacts->contact, g->work);
@@ -293,7 +293,7 @@ static void add_forces(const Problem *p, Group *g, V *rate) {
     }
 }
 
-/* Put the states in the work array onto the contacts that last. */
+/* Project the states in the work array onto the persistent contacts. */
 static void put_on_contacts(const Problem *p, Group *g, Mask which) {
     const Contacts *c = p->contacts;
     which &= g->touching;

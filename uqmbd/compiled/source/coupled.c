@@ -2,7 +2,7 @@
 
 enum { PLAIN = 6, AGAIN = 50 };
 
-static const double ROUNDING = 1e-14; /* of a row, over the sum of the magnitudes that it adds up */
+static const double ROUNDING = 1e-14; /* of a row, relative to the sum of the magnitudes of its terms */
 
 INLINE int64_t in_eights(int64_t count) { return (count + LANES - 1) / LANES; }
 
@@ -223,7 +223,7 @@ static int krylov(const Coupled *c, const V *right, V *found, double tolerance) 
         precondition(c, image, next);
         for (int64_t i = 0; i < count; i++) next[i] = -next[i];
         for (int64_t j = 0; j <= k; j++) column[j] = 0.0;
-        for (int64_t twice = 0; twice < 2; twice++) /* once loses digits */
+        for (int64_t twice = 0; twice < 2; twice++) /* a single pass loses digits */
             for (int64_t j = 0; j <= k; j++) {
                 double part = inner(basis + j * count, next, count);
                 add(next, -part, basis + j * count, count);
@@ -301,7 +301,7 @@ static void direct(const Coupled *c, const V *projected, V *found) {
         found[i / terms * blocks + i % terms / LANES][i % terms % LANES] = info ? not_a_number() : right[i];
 }
 
-/* Solve where the plain iteration converges slowly, and note whether it is worth while. */
+/* Solve if the plain iteration converges slowly, and record whether this pays. */
 static void solve_slowly(const Coupled *c, const V *right, V *found, double tolerance) {
     int64_t before = c->counts[ITERATIONS];
     int good = krylov(c, right, found, tolerance) && finite(largest_of(found, length(c)));
@@ -326,7 +326,7 @@ static void solve_motion(const Coupled *c, V *found) {
         direct(c, right, found);
         return;
     }
-    if (c->nodes == c->terms) { /* nothing is truncated */
+    if (c->nodes == c->terms) { /* no truncation */
         solve(c, found);
         return;
     }
@@ -341,7 +341,7 @@ static void solve_motion(const Coupled *c, V *found) {
         c->counts[ITERATIONS]++;
         moved = largest_of(change, accelerations);
         if (guessed && !(moved <= largest_of(first, accelerations))) {
-            /* the last correction, of a state that may have been far from this one, is worse than none */
+            /* the last correction belongs to a distant state, and is worse than none */
             copy(found, first, count);
             guessed = 0;
             continue;

@@ -26,7 +26,7 @@ static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask who
     for (int64_t l = 0; l < LANES; l++) {
         int64_t m = g->member[l];
         if (!coarse[l]) continue;
-        if (pool->trusted[m] || (p->guarded && pool->told[m])) { /* near a singular pose others decide */
+        if (pool->trusted[m] || (p->guarded && pool->told[m])) { /* near a singular pose, the caller decides */
             coarse[l] = 0;
             continue;
         }
@@ -54,7 +54,7 @@ static void interpolate(const Problem *p, Group *g, V part, V *target) {
     to_state(p, g, target);
 }
 
-/* Put the states in the work array onto the constraints. */
+/* Project the states in the work array onto the constraints. */
 static void put_on_constraints(const Problem *p, Group *g, Mask which) {
     if (!p->surplus) return;
     run_program(&p->values, g->work);
@@ -71,7 +71,7 @@ static void write_results(const Problem *p, const Pool *pool, Group *g, Mask due
     int64_t entries = p->width / p->blocks, stride = p->instants * entries;
     double *rows[LANES];
     for (int64_t l = 0; l < LANES; l++) {
-        rows[l] = (double *)g->last; /* needed no more: room for what is not wanted */
+        rows[l] = (double *)g->last; /* no longer needed: space for unused results */
         if (!due[l]) continue;
         double *at = pool->result + column[l]++ * entries;
         rows[l] = at + g->member[l] * stride;
@@ -80,7 +80,7 @@ static void write_results(const Problem *p, const Pool *pool, Group *g, Mask due
     if (!p->terms) to_rows(rows, LANES, g->work, p->width);
 }
 
-/* Interpolated states at given times in the work array; those of contacts that last are put onto these. */
+/* Interpolate states at given times in the work array, and project them onto persistent contacts. */
 static void interpolate_at(const Problem *p, Group *g, Mask which, V moment) {
     interpolate(p, g, larger(smaller((moment - g->now) / g->size, splat(1.0)), splat(0.0)), g->work);
     if (!any(g->touching & which)) return;

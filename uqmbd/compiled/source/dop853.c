@@ -1,4 +1,4 @@
-/* Steps, one after the other: which are taken, how long the next ones are, and who waits for a decision. */
+/* Step loop: acceptance of steps, size of the next ones, and lanes that wait for a decision. */
 #include "group.h"
 
 /* Lanes whose step leads farther off the constraints than tolerances do. */
@@ -119,7 +119,7 @@ static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status
     return taken;
 }
 
-/* What follows from a step that was taken: the next size, the end of a leg, the end. */
+/* Process an accepted step: the next size, the end of an integration interval, the end. */
 static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, double error, int stiff) {
     int64_t m = g->member[l];
     double factor = 5.0;
@@ -148,7 +148,7 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
     return p->leg_jumps[leg] ? JUMP : RUNNING;
 }
 
-/* Events: go on from parts of the step that were taken, put on the constraints and on contacts that last. */
+/* Events: continue from within the step, projected onto the constraints and persistent contacts. */
 static void stop(const Problem *p, Group *g, Mask stopped, V until) {
     interpolate(p, g, until, g->work);
     g->work[p->time] = smaller(larger(g->now + until * g->size, g->low), g->high);
@@ -158,7 +158,7 @@ static void stop(const Problem *p, Group *g, Mask stopped, V until) {
     g->fresh |= stopped;
 }
 
-/* Put the states that were reached onto contacts that last; lanes where one has come to rest, and its guard. */
+/* Project the new states onto persistent contacts; return lanes where one has come to rest, and its guard. */
 static Mask keep_contacts(const Problem *p, Group *g, Mask taken, V reached, int64_t *happened) {
     copy(g->work, g->z, p->width);
     g->work[p->time] = smaller(larger(reached, g->low), g->high);
@@ -178,7 +178,7 @@ static int64_t happen(const Pool *pool, Group *g, int64_t l, int64_t happened) {
     return EVENT;
 }
 
-/* Whether a step might bring more marks than there is room for. */
+/* Whether a step might add more event marks than the buffer holds. */
 static int noted_many(const Problem *p, const Pool *pool, int64_t m) {
     int64_t noted = pool->encounters->noted[m];
     return noted && noted > pool->encounters->room - SAMPLES * p->contacts->events;
@@ -200,7 +200,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
         }
     }
     Mask stiff = looks_stiff(p, g);
-    /* a step of half the size, as the ends of legs make them, is accurate between, too */
+    /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
     Mask whole = taken & (g->error > splat(1.0 / 256.0));
     int64_t known = any(whole);
     if (known) {

@@ -1,4 +1,4 @@
-/* One translation unit: all that is compiled ahead of time. */
+/* One translation unit: all code that is compiled ahead of time. */
 #include "program.c"
 #include "contacts.c"
 #include "events.c"
@@ -15,8 +15,9 @@
 #include "assembly.c"
 #include "parts.c"
 #include "peaks.c"
+#include "ranks.c"
 
-/* Sizes of the structures, for those who mirror them. */
+/* Sizes of the structures, for driver.py, which mirrors them. */
 void sizes(int64_t *found) {
     found[0] = sizeof(Step);
     found[1] = sizeof(Program);

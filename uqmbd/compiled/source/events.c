@@ -1,9 +1,9 @@
-/* Events: where in a step guards fall through zero. */
+/* Events: position in a step at which guards fall through zero. */
 #include "group.h"
 
-static const double TINY = 1e-10;     /* gap, over the size of the mechanism, by which an interpolant may be wrong */
+static const double TINY = 1e-10;     /* permitted error of an interpolated gap, relative to the size of the mechanism */
 static const double PROJECTED = 10.0; /* tolerances by which a projection may change a guard */
-static const double NARROW = 1e-5;    /* part of two samples to which a lowest value between them is sought */
+static const double NARROW = 1e-5;    /* accuracy of a minimum between two samples, relative to their distance */
 
 /* Guards of the interpolant at a part of the step. */
 static void find_guards(const Problem *p, Group *g, V part) {

@@ -1,4 +1,4 @@
-/* What a group of eight realisations holds, and how a realisation comes into a lane and out of it. */
+/* Data of a group of eight realisations, and the transfer of a realisation into a lane and out of it. */
 #include "group.h"
 
 int64_t advance_workspace(const Problem *p) {
@@ -39,7 +39,7 @@ static void place(const Problem *p, Group *g, double *workspace) {
     g->evaluations = 0;
 }
 
-/* Times between which the equations are evaluated: at the ends of a leg forces may jump. */
+/* Times between which the equations are evaluated: forces may jump at the ends of an integration interval. */
 static void bounds(const Problem *p, Group *g, int64_t l, int64_t leg) {
     double begin = g->begin[l], end = p->leg_ends[leg];
     double size = 1.0;
@@ -52,7 +52,7 @@ static void bounds(const Problem *p, Group *g, int64_t l, int64_t leg) {
     g->high[l] = end - 1e-12 * size;
 }
 
-/* Put a row of entries into a lane, and the rows of further terms beside it; where there is no term they are zero. */
+/* Put a row of entries into a lane, and rows of further terms into the next ones; zero without a term. */
 static void load_entries(const Problem *p, const double *rows, V *x, int64_t l, int64_t m, int64_t running) {
     int64_t entries = p->width / p->blocks;
     for (int64_t b = 0; b < p->blocks; b++) {

@@ -6,10 +6,10 @@ enum {
     FINE = 33,     /* places at which a polynomial is evaluated to find its largest and smallest values */
     FINE_ROOM = 5, /* vectors of them: the last place several times */
     DEEPEST = 40,  /* how often a part may be divided */
-    ROUGH = 6      /* after so many times one part is more accurate than the whole, or none is ever */
+    ROUGH = 6      /* divisions after which one part must be more accurate than the whole, or none ever is */
 };
 
-/* By which an estimate of a polynomial's error is multiplied. */
+/* Safety factor of the error estimate of a polynomial. */
 static const double SAFETY = 2.0;
 /* Ratio of the last coefficients to those before, times this: from 1 on they fall so slowly that there is a kink.  One
    between the first two points hardly shows in them: the error there is so many times their size. */
@@ -29,7 +29,7 @@ static const double INSIDE = 1e-12;
 
 static const double ENDLESS = __builtin_inf(), UNKNOWN = __builtin_nan("");
 
-/* What an expression is resolved for. */
+/* Quantity for which an expression is resolved. */
 enum { LARGEST, SMALLEST, SO_FAR, INTEGRAL, REACHED };
 
 /* Recorded steps of realisations, one after the other. */

@@ -31,7 +31,7 @@ void run_program(const Program *program, V *work) {
     }
 }
 
-/* Where the arguments of the next state stand, and what all lanes hold of a source; null: they differ. */
+/* Address of the arguments of the next state, and common values of all lanes of a source; null: they differ. */
 typedef struct {
     int64_t row, rest;
     const double *held;

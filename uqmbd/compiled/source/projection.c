@@ -1,4 +1,4 @@
-/* States at output times are put onto the constraints, in position, then in velocity, which depends on the position. */
+/* Projection of states at output times onto the constraints: positions first, then velocities, which depend on them. */
 #include "dop853.h"
 
 enum { CORRECTIONS = 3 };

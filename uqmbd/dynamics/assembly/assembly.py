@@ -1,11 +1,11 @@
 """Assembly: consistent positions, velocities, accelerations and multipliers from the drawn pose.
 
-Positions by damped Gauss-Newton with the smallest change, and velocities with the smallest norm: by the driver, and
-where it is undecided by singular values.  The rank of the constraint Jacobian by singular values and pivoted QR;
-accelerations from the index-1 system.
+Damped Gauss-Newton steps yield positions with the smallest change; velocities have the smallest norm. The driver solves
+both; undecided realisations are solved by singular values.  Singular values and pivoted QR determine the rank of the
+constraint Jacobian. Accelerations follow from the index-1 system.
 
-Length: poses and velocities are one module, since where velocities cannot be realised, poses next to the drawn one are
-closed to say why.
+Length: poses and velocities are in one module, because messages on impossible velocities require the closure of poses
+near the drawn pose.
 """
 
 from __future__ import annotations
@@ -47,21 +47,21 @@ POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200
 
 ROUNDED = 2e-7
-"""Part of the largest stated velocity by which statements may contradict each other: that of data with seven digits.
-They are the ones that give way; the constraints hold to rounding."""
+"""Allowed contradiction of given velocities, relative to the largest: the accuracy of data with seven digits.
+Given velocities are adjusted; the constraints are satisfied to rounding."""
 SLOW = 1e-4
-"""Speed, m/s or rad/s, as which slower ones count where a dead centre magnifies them."""
+"""Lower bound of given speeds, m/s or rad/s, in the check of amplification near a dead centre."""
 AMPLIFIED = 1e6
-"""Speed over what is stated of speeds, from which it is looked at how well the pose determines it."""
+"""Speed relative to given speeds above which the sensitivity to the pose is checked."""
 DIGITS = 1e-6
-"""Part of a speed by which it may change with the pose, as far as that is closed."""
+"""Allowed relative change of a speed with the pose, within the closure of the pose."""
 BLOCK = 1 << 20
-"""Entries of gradients that are evaluated together."""
+"""Number of gradient entries that are evaluated together."""
 SHIFT = 1e-6
 """Displacement along a motion over which gradients are compared, m or rad."""
 REFUSED = "State fewer of them, or consistent ones."
 LEAST_ROUNDED = 1e-8
-"""The same, at least, m/s or rad/s."""
+"""Least allowed contradiction of given velocities, m/s or rad/s."""
 
 
 def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
@@ -70,7 +70,7 @@ def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict
 
 
 def _scales(gradient: Array) -> Array:
-    """Norm of each equation's gradient: residuals divided by it are displacements."""
+    """Return the norm of the gradient of each equation; a residual divided by it is a displacement."""
     norm = np.linalg.norm(np.ascontiguousarray(gradient), axis=2)
     return np.where(norm > 1e-9, norm, 1.0)
 
@@ -78,7 +78,7 @@ def _scales(gradient: Array) -> Array:
 def positions(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None = None
 ) -> tuple[Array, list[str]]:
-    """Close the constraints by the least change of drawn poses (K, coordinate), then satisfy the start conditions.
+    """Close the constraints by the least change of drawn poses (K, coordinate), then satisfy start conditions.
 
     Return assembled poses (K, coordinate), and for each realisation the reason of failure or an empty text.  The
     independent equations are `rows`; by default they are chosen by singular values.
@@ -92,7 +92,7 @@ def positions(
 def placed(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, Array, list[str]]:
-    """Poses of `positions`, the auxiliary states there, and messages."""
+    """Return the poses of `positions`, their auxiliary states, and messages."""
     q, messages = _closed(model, drawn, time, parameters, rows)
     s = np.zeros((len(q), model.layout.states))
     if model.layout.states:
@@ -106,7 +106,7 @@ def placed(
 
 
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of drawn poses: by the driver, then by the iteration below."""
+    """Close all constraints by the smallest change of drawn poses: by the driver, then by `iterate_poses`."""
     if rows is None:
         return iterate_poses(model, drawn, time, parameters, rows)
     q, undecided = closed_poses(model, drawn, time, parameters, rows)
@@ -122,7 +122,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
 def iterate_poses(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of drawn poses, also through singular ones; return messages."""
+    """Close all constraints by the smallest change of drawn poses, also through singular poses; return messages."""
     n = drawn.shape[1]
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
@@ -141,7 +141,7 @@ def iterate_poses(
         r = residual[todo][:, used]
         move = np.zeros((len(todo), n))
         move[:, free] = -solve_least_norm(a, r, truncate=rows is None)
-        # no body turns by more than about 0.6 rad in one iteration: beyond, the linearisation means nothing
+        # limit rotations in one iteration to about 0.6 rad: beyond, the linearisation is invalid
         largest = (
             np.abs(move[:, quaternions.ravel()]).max(axis=1, initial=0.0) if quaternions.size else np.zeros(len(todo))
         )
@@ -163,7 +163,7 @@ def iterate_poses(
             if not len(pending):
                 break
             if halving == 13:
-                active[todo[pending]] = False  # no descent: as close as it gets
+                active[todo[pending]] = False  # no descent: the pose is as close as possible
         moved = np.abs(best_q - q[todo]).max(axis=1, initial=0.0)
         q[todo] = best_q
         now = _constraints(model, q, time, parameters)
@@ -176,7 +176,7 @@ def iterate_poses(
 
 
 def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array:
-    """Bring quaternions back to length one after a step that was too long to matter otherwise."""
+    """Normalise quaternions after a long step."""
     if not quaternions.size:
         return q
     e = q[:, quaternions]
@@ -200,8 +200,8 @@ def _position_messages(
             if not np.all(np.isfinite(worst)):
                 i = int(np.argmax(~np.isfinite(worst)))
                 messages.append(
-                    f"the equation {model.equations[i]!r} is {now['phi'][k, i]:g}: a number that "
-                    f"{model.owners[i]!r} is given, as a driver's function of time, has no finite value. {REMEDY}"
+                    f"the equation {model.equations[i]!r} is {now['phi'][k, i]:g}: an argument of "
+                    f"{model.owners[i]!r}, such as a driver's function of time, has no finite value. {REMEDY}"
                 )
                 continue
             i = int(np.argmax(worst))
@@ -232,9 +232,9 @@ def _largest_owners(model: Model, worst: Array) -> str:
 
 
 def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
-    """Return a message on equations that were omitted as redundant but follow from others in the assembled pose only.
+    """Return a message on omitted redundant equations that follow from others only in the assembled pose.
 
-    `parameters` are those of one realisation, (1, parameter).
+    `parameters` (1, parameter) belong to one realisation.
     """
     q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
     if messages[0]:
@@ -243,18 +243,17 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
     if not len(here):
         return ""
     return (
-        f"The drawn pose is a dead centre: in it alone {named(model, here)} can be left out, and the motion from there "
-        "is not determined. Draw the mechanism in another pose, if only a little farther along the motion, or drive "
-        "another joint."
+        f"The drawn pose is a dead centre: only in this pose {named(model, here)} can be left out, and the motion "
+        "from there is not determined. Draw the mechanism slightly farther along the motion, or drive another joint."
     )
 
 
 def independent_rows(gradient: Array, first: Index, last: Index | None = None) -> tuple[Index, Index]:
     """Split equations into independent and redundant ones (sorted indices) by gradients (equation, coordinate).
 
-    The gradients are ``Phi_q`` at an assembled pose, or ``D`` of equations between velocities.  Equations `first`
-    (unit quaternions) are kept before all others.  Equations `last` (those between velocities) are kept after all
-    others: they never replace one of positions.
+    The gradients are ``Phi_q`` at an assembled pose, or ``D`` for velocity equations.  Equations `first` (unit
+    quaternions) have priority over all others.  Equations `last` (velocity equations) have the lowest priority and
+    never replace a position equation.
     """
     m = len(gradient)
     if last is not None and len(last):
@@ -284,7 +283,7 @@ def velocities(
 ) -> tuple[Array, list[str]]:
     """Return velocities (K, coordinate) of least norm that satisfy constraints and stated velocities, and messages.
 
-    A message names the contradictions of a realisation; it is empty where there are none.
+    A message names the contradictions of a realisation; it is empty without contradictions.
     """
     messages = [""] * len(q)
     conditioned = model.conditions is not None and len(model.conditions.velocities) > 0
@@ -311,11 +310,11 @@ def velocities(
 def _undetermined(
     model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Index, Array]:
-    """Find the realisations whose velocities (K, n) an assembled pose does not determine to six digits.
+    """Find the realisations with velocities (K, n) that an assembled pose does not determine to six digits.
 
-    The pose is closed as far as possible.  Return the indices, and for each the largest stated speed over the length of
-    its gradient.  A ratio of speeds is no criterion: it changes with units and lengths.  The criterion is the change of
-    velocities with the pose, along the motion.
+    The pose is closed as far as possible.  Return the indices, and for each the largest given speed over the length of
+    its gradient.  A ratio of speeds would depend on units and lengths. The criterion is therefore the change of
+    velocities with the pose along the motion.
     """
     a, b, _ = _speed_equations(model, q, s, time, parameters, all_parameters)
     length = np.linalg.norm(a, axis=2)
@@ -340,7 +339,7 @@ def _undetermined(
 def _stated(
     model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Array, list[str]]:
-    """Solve for `velocities` by singular values if equations are nearly dependent; state the contradictory ones."""
+    """Solve for `velocities` by singular values if equations are nearly dependent; report contradictions."""
     kept, (a, b, names) = model.layout.kept, _speed_equations(model, q, s, time, parameters, all_parameters)
     if len(names) == len(model.equations):
         return solve_least_norm(a[:, kept], b[:, kept], truncate=False), [""] * len(q)
@@ -372,7 +371,7 @@ def _stated(
 def _speed_equations(
     model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Array, Array, list[str]]:
-    """Gradients (K, m, n) and right-hand sides (K, m) of all conditions on velocities, and their names."""
+    """Return gradients (K, m, n), right-hand sides (K, m) and names of all conditions on velocities."""
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     rows, values, names = [found["d"], *statement_rows(model, q)], [-found["phi_t"]], list(model.equations)
     for statement in model.statements:
@@ -389,7 +388,7 @@ def _speed_equations(
 
 
 def _least_contradicting(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
-    """Scale gradients to length one; return them, right-hand sides, velocities of the least error, and that error."""
+    """Scale gradients to length one; return gradients, right-hand sides, least-error velocities, and the error."""
     a = np.ascontiguousarray(a)
     scale = np.linalg.norm(a, axis=2)
     scale = np.where(scale > 1e-12, scale, 1.0)
@@ -410,7 +409,7 @@ def _dead_centre(
     directions: Array,
     error: float,
 ) -> str:
-    """Return a message if realisation number k is in a dead centre, in which stated velocities are impossible."""
+    """Return a message if realisation k is in a dead centre in which the given velocities are impossible."""
     one = slice(k, k + 1)
 
     def contradiction(moved: Array) -> float:
@@ -424,9 +423,9 @@ def _dead_centre(
 
 
 def _moved_onto(a: Array, b: Array, v: Array) -> Array:
-    """Change velocities (K, n) as little as satisfies ``a v = b``: integrators begin on the constraints.
+    """Change velocities (K, n) by the least amount that satisfies ``a v = b``: integrators start on the constraints.
 
-    The second time what rounding left.
+    A second correction removes errors from rounding.
     """
     for _ in range(2):
         v = v + solve_least_norm(a, b - (a @ v[:, :, None])[:, :, 0], truncate=True)
@@ -434,7 +433,7 @@ def _moved_onto(a: Array, b: Array, v: Array) -> Array:
 
 
 def statement_rows(model: Model, q: Array) -> list[Array]:
-    """Gradients of the stated velocities of bodies by the velocities, (K, number, n) of each statement."""
+    """Return gradients of given velocities of bodies with respect to velocities, (K, number, n) per statement."""
     count, n = q.shape
     found = []
     for statement in model.statements:
@@ -450,13 +449,13 @@ def statement_rows(model: Model, q: Array) -> list[Array]:
 
 
 def _body_rate(e: Array) -> Array:
-    """Matrix from quaternion rates to the angular velocity in body axes, ``2 G(e)``."""
+    """Return the matrix from quaternion rates to the angular velocity in body axes, ``2 G(e)``."""
     lines = BODY_RATE[e.shape[1]]
     return 2 * np.stack([np.stack([sign * e[:, k] for k, sign in line], axis=1) for line in lines], axis=1)
 
 
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:
-    """Return consistent initial states of realisations (K, parameter), with a message for each without an assembly."""
+    """Return consistent initial states of realisations (K, parameter), with messages for failed assemblies."""
     bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
     safe = all_parameters
     if bad.any():

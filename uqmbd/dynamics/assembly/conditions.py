@@ -1,11 +1,11 @@
-"""Start conditions: assembled poses are moved until stated positions and angles are met.
+"""Motion of assembled poses until start conditions of positions and angles are satisfied.
 
-The way follows the constraints.  Each step is the smallest change that meets the conditions and the constraints to
-first order (Gauss-Newton); it is bounded, and the constraints are closed again before it counts.  So no joint jumps to
-a mirror image on the way, and angles can be followed over any number of turns.
+The search path follows the constraints.  Each step is the smallest change that satisfies the conditions and constraints
+to first order (Gauss-Newton). The step is bounded, and the constraints are closed before it is accepted.  Joints
+therefore do not jump to a mirror image, and angles can be tracked over any number of turns.
 
-Auxiliary states that count angles follow as well: their component states their value at a pose up to whole turns; the
-number of turns follows from the motion of the assembly.
+Auxiliary states that count angles also follow the path: the pose determines their value up to whole turns, and the
+motion of the assembly determines the number of turns.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ __all__ = ["met"]
 
 
 STEPS = 3000
-"""Steps at most: some 150 turns from the drawn pose."""
+"""Largest number of steps: about 150 turns from the drawn pose."""
 
 TURN = 0.2
-"""Largest change of a quaternion's entry in one step."""
+"""Largest change of an entry of a quaternion in one step."""
 
 CLOSED = 1e-12
-"""Constraints and conditions hold to this, m or rad, per size of the mechanism."""
+"""Tolerance of constraints and conditions, m or rad, relative to the size of the mechanism."""
 
 
 def met(
     model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, Array, list[str]]:
-    """Move assembled poses (K, coordinate) until the conditions of positions hold.
+    """Move assembled poses (K, coordinate) until the conditions of positions are satisfied.
 
-    Return poses, the auxiliary states there, and for each realisation the reason why a condition does not hold, or an
-    empty text.  The independent equations are `rows`; None: all.
+    Return poses, their auxiliary states, and for each realisation the reason for an unsatisfied condition, or an empty
+    text.  The independent equations are `rows`; None: all.
     """
     search = _ConditionSearch(model, q, s, time, parameters, rows)
     search.run()
@@ -53,9 +53,9 @@ def met(
 def _wound(
     model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index
 ) -> tuple[_ConditionSearch, Mask]:
-    """Search without drivers, then with them from the pose found: so whole turns behind a driver are made.
+    """Search without drivers, then with drivers from the resulting pose, so that turns behind a driver are included.
 
-    Told as well is where the constraints close.
+    Also return a mask of realisations with closed constraints.
     """
     driven = [k for k, owner in enumerate(model.owners) if owner in model.turned]
     loose = _ConditionSearch(model, q, s, time, parameters, np.setdiff1d(rows, driven))
@@ -69,7 +69,7 @@ def _wound(
 
 
 class _ConditionSearch:
-    """The iteration for K realisations."""
+    """Gauss-Newton iteration for K realisations."""
 
     def __init__(self, model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index | None) -> None:
         assert model.conditions is not None
@@ -86,7 +86,7 @@ class _ConditionSearch:
         self.follows = self._following()
 
     def run(self) -> None:
-        """Iterate until the conditions are met, or no step improves them."""
+        """Iterate until the conditions are satisfied, or no step improves them."""
         active = np.arange(len(self.q))
         for _ in range(STEPS):
             gap, slope, _ = self._gaps(active, self.q[active], self.s[active])
@@ -104,7 +104,7 @@ class _ConditionSearch:
             active = active[self._advance(active, move, np.linalg.norm(gap, axis=1))]
 
     def _advance(self, active: Index, move: Array, before: Array) -> Mask:
-        """Take steps, shortened if needed; return which steps improved."""
+        """Take steps, shortened if needed; return a mask of steps with an improvement."""
         moved: Mask = np.zeros(len(active), dtype=bool)
         pending = np.arange(len(active))
         for halving in range(16):
@@ -122,7 +122,7 @@ class _ConditionSearch:
         return moved
 
     def _gaps(self, members: Index, q: Array, s: Array) -> tuple[Array, Array, Array]:
-        """Residuals over the lengths of their gradients, these gradients, and the lengths."""
+        """Return residuals over the lengths of their gradients, the scaled gradients, and the lengths."""
         value, slope, _ = self.conditions(q, s, self.time, self.parameters[members])
         value, slope = value[:, self.which], slope[:, self.which]
         length = np.linalg.norm(slope[:, :, self.free], axis=2)
@@ -130,7 +130,7 @@ class _ConditionSearch:
         return value / length, slope / length[:, :, None], length
 
     def _constraints(self, members: Index, q: Array, s: Array) -> tuple[Array, Array]:
-        """Constraints (K, m) over the lengths of their gradients, and these gradients (K, m, n)."""
+        """Return constraints (K, m) over the lengths of their gradients, and the scaled gradients (K, m, n)."""
         arguments, parameters = state_arguments(self.time, q, s, np.zeros_like(q)), self.parameters[members]
         phi = self.model.evaluate("drift", arguments, parameters)["phi"]
         d = self.model.evaluate("velocity", arguments, parameters)["d"]
@@ -139,7 +139,7 @@ class _ConditionSearch:
         return phi / length, d / length[:, :, None]
 
     def _closed(self, members: Index, q: Array) -> tuple[Array, Array, Mask]:
-        """Close the constraints by the smallest change; the auxiliary states there, and where that worked."""
+        """Close the constraints by the smallest change; return poses, auxiliary states, and a mask of successes."""
         q, s = q.copy(), self._carried(members, q)
         for _ in range(10):
             phi, d = self._constraints(members, q, s)
@@ -158,12 +158,12 @@ class _ConditionSearch:
         return q, s, fine
 
     def _stated(self, members: Index, q: Array) -> Array:
-        """Auxiliary states as components state them at a pose."""
+        """Return initial values of auxiliary states at a pose."""
         arguments = state_arguments(self.time, q, np.zeros((len(q), self.model.layout.states)), np.zeros_like(q))
         return self.model.evaluate("initial", arguments, self.parameters[members])["s"]
 
     def _change(self, members: Index, q: Array, s: Array, move: Array) -> Array:
-        """Change of the auxiliary states along a small move, by their rates."""
+        """Return the change of auxiliary states along a small move, from their rates."""
         rates = []
         for v in (move, np.zeros_like(move)):
             values = self.model.evaluators["acceleration"](
@@ -173,7 +173,7 @@ class _ConditionSearch:
         return np.asarray(rates[0] - rates[1])
 
     def _carried(self, members: Index, q: Array) -> Array:
-        """Auxiliary states after a step."""
+        """Return auxiliary states after a step."""
         s = self._stated(members, q)
         if not self.follows.any():
             return s
@@ -183,14 +183,14 @@ class _ConditionSearch:
         return np.where(self.follows & np.isfinite(turns), s + turns, s)
 
     def _following(self) -> Mask:
-        """Return which auxiliary states change with the pose as their initial values do, up to whole turns."""
+        """Return a mask of auxiliary states with the same change as their initial values, up to whole turns."""
         follows: Mask = np.ones(self.s.shape[1], dtype=bool)
         if not len(follows) or not len(self.q):
             return follows
         some, random = np.arange(min(len(self.q), 1)), np.random.default_rng(0)
         q, s, h = self.q[some], self.s[some], 1e-5
         for _ in range(2):
-            # within the constraints: elsewhere angles mean nothing
+            # move within the constraints, because angles are undefined elsewhere
             d = self._constraints(some, q, s)[1][:, self.rows]
             direction = random.standard_normal(q.shape)
             direction -= solve_least_norm(d, (d @ direction[:, :, None])[:, :, 0], truncate=True)
@@ -201,7 +201,7 @@ class _ConditionSearch:
         return follows
 
     def messages(self) -> list[str]:
-        """Return, for each realisation, a message on conditions that are not met."""
+        """Return a message on unsatisfied conditions for each realisation."""
         every = np.arange(len(self.q))
         gap, _, length = self._gaps(every, self.q, self.s)
         found = []
@@ -215,12 +215,16 @@ class _ConditionSearch:
                 holding = self._drivers(k, worst)
                 by = f" (driver {', '.join(map(repr, holding))})" if holding else ""
                 why = (
-                    f"No motion that the joints and drivers allow changes it there: they hold it{by}, or it is at its "
-                    "largest or smallest, and more than one way leads on; then draw the bodies on the side meant."
+                    "No motion that the joints and drivers allow changes this quantity there. Either they hold it "
+                    f"constant{by}, or it has a maximum or minimum, from which two motions are possible. In the "
+                    "latter case, draw the bodies on the intended side."
                 )
             else:
                 other = f"Does the condition {' or '.join(others)} hold it elsewhere, or is it" if others else "Is it"
-                why = f"{other} out of reach? Draw the bodies closer to it; angles are followed over some 150 turns."
+                why = (
+                    f"{other} out of reach? Draw the bodies closer to it; the assembly follows angles "
+                    "over about 150 turns."
+                )
             found.append(
                 f"start condition {self.conditions.names[self.which[worst]]} is not met: left minus right is "
                 f"{row[worst] * scale[worst]:.3g} in the nearest pose that was found. {why}"
@@ -228,7 +232,7 @@ class _ConditionSearch:
         return found
 
     def _drivers(self, k: int, condition: int) -> list[str]:
-        """Name the drivers of a realisation without which a condition could be met."""
+        """Return the names of drivers that prevent a condition of a realisation."""
         one = np.array([k])
         d = self._constraints(one, self.q[one], self.s[one])[1][0][:, self.free]
         slope = self._gaps(one, self.q[one], self.s[one])[1][0, condition, self.free]
@@ -238,7 +242,7 @@ class _ConditionSearch:
         return [x for x in dict.fromkeys(owners) if x in known]
 
     def _still(self, k: int, condition: int) -> bool:
-        """Return whether no motion within the constraints changes a condition of a realisation."""
+        """Return whether the constraints prevent every change of a condition of a realisation."""
         one = np.array([k])
         q, s = self.q[one], self.s[one]
         d = self._constraints(one, q, s)[1][:, self.rows][:, :, self.free]

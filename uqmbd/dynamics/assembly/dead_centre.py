@@ -1,8 +1,8 @@
-"""Dead centres: poses in which constraints or stated velocities are dependent, but not in their neighbourhood.
+"""Dead centres: poses with dependent constraints or given velocities, which are independent in the neighbourhood.
 
-At such a pose a linear combination of the equations is in the left null space of the Jacobian: the left singular vector
-of a vanishing singular value. Equations that follow from others have such a combination, too, but in every pose. A dead
-centre is recognised by the curvature of the residual along the remaining motions, or by what can be realised near it.
+At a dead centre, a linear combination of equations is in the left null space of the Jacobian. It is the left singular
+vector of a vanishing singular value. Redundant equations have such a combination in every pose. A dead centre is
+recognised by the curvature of the residual along the remaining motions, or by possible velocities near it.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ __all__ = [
 
 
 UNFELT = 0.3
-"""Part of a residual that no coordinate feels where a pose is as near as it gets."""
+"""Part of the residual, independent of all coordinates to first order, that indicates the nearest pose."""
 
 VANISHING = 1e-3
-"""Singular value, over the largest, from which motions count as possible."""
+"""Singular value, relative to the largest, below which motions count as possible."""
 
 CURVED = 0.02
-"""Curvature of a residual, over the size of the mechanism, of a dead centre."""
+"""Curvature of the residual, relative to the size of the mechanism, that indicates a dead centre."""
 
 BENT = 4.0
-"""Least curvature, over the residual, with which a pose in the neighbourhood can close the constraints."""
+"""Least curvature, relative to the residual, for which a neighbouring pose can close the constraints."""
 
 ASIDE = 1e-2
-"""Distance to the poses with which a pose is compared."""
+"""Distance of the poses for comparison."""
 
 BETTER = 0.1
-"""Part of a contradiction that is left next to a dead centre."""
+"""Largest remaining part of a contradiction next to a dead centre."""
 
 NEWTON = 8
-"""Newton steps that project a pose onto the selected equations."""
+"""Number of Newton steps for the projection of a pose onto the selected equations."""
 
 DIRECTIONS = 12
-"""Motions along which is looked, at most."""
+"""Largest number of examined motions."""
 
 ROUNDED_LENGTH = 1e-3
-"""Part of the size of the mechanism that rounded numbers may leave open."""
+"""Largest gap from rounded numbers, relative to the size of the mechanism."""
 
 Close = Callable[[Array], tuple[Array, list[str]]]
 
@@ -80,8 +80,10 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
         rows: Array = combined @ _phi_q(model, moved, time, parameters)[:, free]
         return rows
 
+    # second derivatives by central differences of exact gradients: truncation is of the order 1e-8, rounding 1e-12
     bend = np.array([pull(1e-4 * x) - pull(-1e-4 * x) for x in motions.T]) / 2e-4 @ motions
     values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
+    # along a negative curvature the equations close at second order, so such a motion takes precedence
     way = int(np.argmin(values)) if values[0] < -0.1 * np.abs(values).max() else int(np.argmax(np.abs(values)))
     curvature, shift = float(values[way]), motions @ vectors[:, way]
     if abs(curvature) < max(CURVED * min(1.0, model.length), BENT * size):
@@ -95,7 +97,7 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
     )
     others = _driven_otherwise(model)
     if curvature < 0:
-        far = float(np.sqrt(2 * size / -curvature))
+        far = float(np.sqrt(2 * size / -curvature))  # size + curvature far^2 / 2 = 0
         return (
             f"{found}, and the mechanism may move to either side. Draw {bodies} out of it to the intended side, "
             f"by about {far:.1g} m or rad{others}."
@@ -103,19 +105,20 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
     gap = _missing(model, combined[:, None] * _phi_q(model, q, time, parameters), size)
     missing = f": about {gap:.2g} m are missing" if np.isfinite(gap) else ""
     if gap < ROUNDED_LENGTH * model.length:
-        missing += ", as numbers that were rounded may leave"
-    amount = " by a little more than that" if np.isfinite(gap) else ""
+        missing += ", which may be caused by rounded input values"
+    amount = " by slightly more than this gap" if np.isfinite(gap) else ""
     return (
-        f"{found}, and any motion opens them farther: lengths, or what a driver prescribes, are out of reach{missing}. "
+        f"{found}, and any motion increases their gap: lengths, or prescribed values of a driver, are out of "
+        f"reach{missing}. "
         f"Change one of them{amount}, and draw {bodies} out of this pose{others}."
     )
 
 
 def _missing(model: Model, pull: Array, size: float) -> float:
-    """Find how far apart the points of the most loaded joint must be moved to close all equations; infinite if none.
+    """Return the displacement of points of the most loaded joint that closes all equations, m; infinite if none.
 
-    `pull` are the gradients (equation, coordinate) times the null combination, of which `size` is left open: their sums
-    over the equations of a joint are forces on the bodies, whatever the form of the equations.
+    `pull` contains gradients (equation, coordinate) times the null combination with the remaining residual `size`. The
+    sums over the equations of a joint are forces on the bodies, independent of the form of the equations.
     """
     forces = pull.reshape(len(pull), len(model.bodies), -1)[:, :, : model.dimension]
     owners = np.unique(np.array(model.owners), return_inverse=True)[1]
@@ -130,8 +133,8 @@ def dead_centre_of_speeds(
 ) -> str:
     """Return a message if velocities cannot be realised because the assembled pose is a dead centre; else empty.
 
-    The gradients of the kept constraints are `directions` (equation, coordinate); `error` is by how much the statements
-    contradict the constraints, and `contradiction` evaluates it in another pose.  The callable `close` assembles drawn
+    `directions` (equation, coordinate) are the gradients of the kept constraints; `error` is the contradiction between
+    statements and constraints, and `contradiction` evaluates it in another pose.  The callable `close` assembles drawn
     poses (K, coordinate).
     """
     motions, *_ = _motions(directions)
@@ -144,8 +147,9 @@ def dead_centre_of_speeds(
         return ""
     bodies = _moved(model, np.sqrt(np.sum(np.square(better), axis=0)))
     return (
-        f"The pose is a dead centre: what is stated can be realised next to it, but in it only {bodies} can move. "
-        f"State velocities of {bodies} instead, or draw another pose, if only a little farther along the motion."
+        f"The pose is a dead centre: the stated velocities can be realised next to it, but in it only {bodies} can "
+        "move. "
+        f"State velocities of {bodies} instead, or draw another pose, slightly farther along the motion."
     )
 
 
@@ -153,13 +157,13 @@ _SIDES = (ASIDE, -ASIDE)
 
 
 def _can_be_met(drawn: Array, error: float, contradiction: Callable[[Array], float], close: Close) -> bool:
-    """Return whether what is stated can be realised in the pose that is nearest to a drawn one."""
+    """Return whether the start conditions can be satisfied in the pose nearest to a drawn pose."""
     q, messages = close(drawn[None])
     return not messages[0] and contradiction(q[0]) < BETTER * error
 
 
 def amplified(model: Model, v: Array, given: float) -> str:
-    """Return a message if a pose is so near a dead centre that stated speeds do not determine the motion."""
+    """Return a message if given speeds do not determine the motion near a dead centre."""
     bodies = _moved(model, v)
     return (
         f"the pose is next to a dead centre: the stated velocities (at most {given:.3g} m/s or rad/s) require speeds "
@@ -169,9 +173,9 @@ def amplified(model: Model, v: Array, given: float) -> str:
 
 
 def locally_dependent(model: Model, q: Array, time: float, parameters: Array) -> Index:
-    """Find the equations that were left out as redundant, and follow from the others in this pose only.
+    """Find the equations that were omitted as redundant but follow from the others only in this pose.
 
-    Along the motions that the others leave, equations that follow from them stay closed.
+    Redundant equations remain closed along the motions that the other equations allow.
     """
     none = np.zeros(0, dtype=np.int64)
     left = np.setdiff1d(np.arange(model.layout.constraints), np.union1d(model.layout.kept, model.layout.nonholonomic))
@@ -190,6 +194,7 @@ def locally_dependent(model: Model, q: Array, time: float, parameters: Array) ->
             moved, size = q + side * x, min(1.0, model.length)
             for _ in range(NEWTON):
                 phi = _closing(model, moved, time, parameters)["phi"][0] / lengths
+                # with kept equations closed to 1e-11, the other residuals are rounding, or far above 1e-7
                 if np.abs(phi[kept]).max(initial=0.0) < 1e-11 * size:
                     found |= set(left[np.abs(phi[left]) > 1e-7 * size].tolist())
                     break
@@ -210,13 +215,13 @@ def singular_pose(model: Model, q: Array, s: Array, time: float, parameters: Arr
     rows = model.layout.kept[_heavy(combinations[:, -1])]
     return (
         f"{what}a dead centre, in which the equations {named(model, rows)} depend on each other (smallest singular "
-        f"value {smallest:.1g}). Draw another pose, if only a little farther along the motion, or choose inputs that "
-        "do not lead there"
+        f"value {smallest:.1g}). Draw another pose, slightly farther along the motion, or choose inputs that do not "
+        "lead to this pose"
     )
 
 
 def _closing(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
-    """Evaluate the equations of positions of one realisation."""
+    """Evaluate the position equations of one realisation."""
     state = state_arguments(time, q[None], np.zeros((1, model.layout.states)), np.zeros_like(q)[None])
     return model.evaluate("position", state, parameters[None])
 
@@ -227,7 +232,7 @@ def _phi_q(model: Model, q: Array, time: float, parameters: Array) -> Array:
 
 
 def _scaled(model: Model, q: Array, time: float, parameters: Array) -> tuple[Array, Array]:
-    """Gradients of all equations of positions, of length one, and their lengths."""
+    """Return gradients of all position equations, scaled to length one, and their original lengths."""
     a = _phi_q(model, q, time, parameters)
     lengths = np.linalg.norm(a, axis=1)
     lengths = np.where(lengths > 1e-9, lengths, 1.0)
@@ -237,7 +242,7 @@ def _scaled(model: Model, q: Array, time: float, parameters: Array) -> tuple[Arr
 def _motions(a: Array) -> tuple[Array, Array, float]:
     """Return the approximate null spaces of a matrix, and its smallest singular value.
 
-    They are orthonormal motions (coordinate, motion), and combinations of equations (equation, combination).
+    The null spaces are orthonormal motions (coordinate, motion), and combinations of equations (equation, combination).
     """
     left, values, right = np.linalg.svd(a)
     largest = float(values.max(initial=0.0))
@@ -252,7 +257,7 @@ def _heavy(u: Array) -> Index:
 
 
 def _moved(model: Model, move: Array) -> str:
-    """Name the bodies that move most."""
+    """Return the names of the bodies with the largest motion."""
     each = np.linalg.norm(move.reshape(len(model.bodies), -1), axis=1)
     order = np.argsort(-each, kind="stable")
     names = [model.bodies[k] for k in order.tolist() if each[k] > 0.1 * each.max()]
@@ -264,7 +269,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _driven_otherwise(model: Model) -> str:
-    """Return a message on the drivers, and on others that could replace them."""
+    """Return a message on the drivers, and on possible replacements."""
     owners = dict.fromkeys(
         model.owners[target[1]] for target in model.evaluators["velocity"].targets if target[0] == "phi_t"
     )

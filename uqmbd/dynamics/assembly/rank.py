@@ -1,7 +1,7 @@
-"""The rank of the constraint equations along a motion: how near a singular pose is, and which equations are concerned.
+"""Rank of the constraint equations along a motion: time to a singular pose, and affected equations.
 
-A pose is singular where the equations of motion's constraints lose rank.  Near it the smallest singular values change
-linearly with time, unless the mechanism locks up: then they vanish like the square root of the time that is left.
+The constraints of the equations of motion lose rank in a singular pose.  Near this pose, the smallest singular values
+change linearly with time. If the mechanism locks up, they vanish like the square root of the remaining time instead.
 """
 
 from __future__ import annotations
@@ -26,42 +26,42 @@ __all__ = [
 
 
 WATCHED = 6
-"""Most singular values whose zeros are searched."""
+"""Largest number of singular values in the search for zeros."""
 
 SMALL = 0.3
-"""Relative size of a singular value below which its zero is looked for."""
+"""Relative size of a singular value below which the search includes its zero."""
 
 VIOLATION = 100.0
-"""Tolerances by which an equation that was left out as redundant may be off, over the size of the mechanism."""
+"""Allowed residual of an omitted redundant equation, in tolerances, relative to the size of the mechanism."""
 
 FINE, COARSE = 1e-6, 1e-2
-"""Least and greatest value of this limit."""
+"""Least and greatest value of the allowed residual."""
 
 BLOCK = 2048
-"""States whose residuals are evaluated at once."""
+"""Number of states in one evaluation of residuals."""
 
 
 @dataclass(frozen=True)
 class Rank:
-    """Measures of how well the constraint equations of one realisation determine its motion."""
+    """Measures of the rank of the constraint equations of one realisation."""
 
     # smallest relevant singular value of all equations, scaled to length one; relevant: the rank at a general pose
     every: float
     kept: float  # smallest singular value of the kept equations
     # time to the nearest singular pose of all equations, s, to first order; negative: past; infinite: none near
     ahead: float
-    kept_ahead: float  # the same for the kept equations
-    equations: Index  # those that become dependent, the most affected first
-    kept_equations: Index  # the same among the kept ones
+    kept_ahead: float  # time to the nearest singular pose of the kept equations, s
+    equations: Index  # equations that become dependent, the most affected first
+    kept_equations: Index  # kept equations that become dependent, the most affected first
 
 
 def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
-    """Constraint Jacobian of all equations (equation, coordinate), each scaled to length one, of one realisation."""
+    """Return the Jacobian of all constraints (equation, coordinate) of one realisation, with rows of length one."""
     return _scaled_gradient(model, q, s, time, parameters)[0]
 
 
 def _scaled_gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array]:
-    """Return the rows of `gradient`, and the lengths (equation, 1) that they were divided by; 1 where there is none."""
+    """Return the rows of `gradient`, and their original lengths (equation, 1); 1 without a gradient."""
     state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
     d = model.evaluate("velocity", state, parameters[None])["d"][0]
     norm = np.linalg.norm(d, axis=1)
@@ -70,9 +70,9 @@ def _scaled_gradient(model: Model, q: Array, s: Array, time: float, parameters: 
 
 
 def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Rank:
-    """Judge the rank at a state of one realisation, and where it is lost along the present velocity."""
+    """Determine the rank at a state of one realisation, and the loss of rank along the present velocity."""
     here = gradient(model, q, s, time, parameters)
-    # a short way along the motion: long enough to be seen, short enough to be straight
+    # a short displacement along the motion: large compared with rounding, small compared with curvature
     delta = 1e-5 / max(float(np.abs(v).max(initial=0.0)), 1e-3)
     slope = (gradient(model, q + delta * v, s, time + delta, parameters) - here) / delta
     kept = model.layout.kept
@@ -84,7 +84,7 @@ def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, paramete
 
 
 def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
-    """Smallest relevant singular value, time to its zero (or that of others that are small), and rows concerned."""
+    """Return the smallest relevant singular value, time to the nearest zero of small ones, and affected rows."""
     if not (rank and np.isfinite(a).all() and np.isfinite(slope).all()):
         return 1.0, np.inf, np.zeros(0, dtype=np.int64)  # values that are not finite are reported elsewhere
     left, values, right = np.linalg.svd(a)
@@ -97,7 +97,7 @@ def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
     rows = order[np.abs(weakest[order]) > 0.1 * np.abs(weakest).max()].astype(np.int64)
     ahead = np.inf
     if len(small):
-        # singular where sigma + t U^T D' W is: it changes linearly for small times
+        # singular if sigma + t U^T D' W is singular: linear change for small times
         change = left[:, small].T @ slope @ right[small].T
         inverse = np.linalg.eigvals(-change / values[small][:, None]) if values[small].all() else np.array([np.inf])
         real = np.where(np.abs(inverse.imag) <= 0.5 * np.abs(inverse.real), inverse.real, 0.0)
@@ -107,10 +107,10 @@ def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
 
 
 def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
-    """Find combinations of constraint equations that no coordinate feels: multipliers that may be added at will.
+    """Return combinations of constraint equations without an effect on coordinates: arbitrary extra multipliers.
 
-    Of one realisation, shape (equation, redundancy); orthonormal before each row is divided by the length of its
-    equation's gradient.
+    The result for one realisation has the shape (equation, redundancy). It is orthonormal before the division of each
+    row by the length of its equation's gradient.
     """
     scaled, lengths = _scaled_gradient(model, q, s, time, parameters)
     left = np.linalg.svd(scaled)[0]
@@ -121,10 +121,10 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
 def violated(
     model: Model, times: Array, states: Array, parameters: Array, lengths: Array, rtol: float
 ) -> dict[int, tuple[int, str]]:
-    """Find motions that violate equations dropped as redundant: they were independent, but singular at the start.
+    """Find motions that violate equations omitted as redundant, which were only dependent in a singular start pose.
 
-    States are (K, T, width), NaN where there are none; `lengths` (K, equation) are those of the gradients of the
-    equations.  Return for each realisation concerned the index of the first such time, and a message.
+    States are (K, T, width), NaN if missing; `lengths` (K, equation) are the lengths of the gradients of the equations.
+    Return the index of the first such time and a message for each affected realisation.
     """
     layout = model.layout
     if layout.rank == layout.constraints:
@@ -148,19 +148,19 @@ def violated(
         names = named(model, np.flatnonzero(off[k, first]))
         texts[k] = (
             first,
-            f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s: "
-            "other equations do not imply them. The constraints may contradict each other (as two drivers of one "
-            "motion, or lengths that do not fit). Or several motions are possible, since the drawn pose is singular: "
-            "draw the mechanism in another pose, if only a little farther along the motion",
+            f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s "
+            "on: other equations do not imply them. The constraints may contradict each other (as two drivers of one "
+            "motion, or lengths that do not fit). Or several motions are possible, because the drawn pose is "
+            "singular: draw the mechanism slightly farther along the motion",
         )
     return texts
 
 
 def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
-    """Return a message if a motion ends at dependent constraints; `sure`: passing over them was tried."""
+    """Return a message if a motion ends at dependent constraints; `sure`: whether a passage was attempted."""
     if min(rank.every, rank.kept) > 1e-3 and abs(rank.ahead) > 1e-6 * max(1.0, abs(time)):
         return ""
-    what, end = ("locks up", ", and no motion leads on") if sure else ("locks up, or is in a singular pose", "")
+    what, end = ("locks up", ", and no motion can continue") if sure else ("locks up, or is in a singular pose", "")
     return (
         f"the integration stopped at t = {time:.6g} s: the mechanism {what}; there the equations "
         f"{named(model, rank.equations)} become dependent{end}. "
@@ -170,12 +170,12 @@ def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str
 
 
 def named(model: Model, equations: Index, most: int = 4) -> str:
-    """List equations by joint and direction, unit quaternions left out."""
+    """Return a list of equations by joint and direction as text, without unit quaternions."""
     names = [repr(model.equations[k]) for k in model.of_components(equations)]
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def joints(model: Model, equations: Index) -> str:
-    """List the components that own equations."""
+    """Return a list of the components that own equations as text."""
     found = dict.fromkeys(model.owners[k] for k in model.of_components(equations))
     return ", ".join(map(repr, found))

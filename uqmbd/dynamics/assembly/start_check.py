@@ -1,4 +1,4 @@
-"""Check whether start conditions can be met, and report one that cannot."""
+"""Check whether start conditions can be satisfied, and report an impossible condition."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["require_conditions"]
 
 
 DEPENDENT = 1e-6
-"""Part of a condition's gradient that is left by the others, below which it depends on them."""
+"""Independent part of a condition's gradient below which the condition depends on the others."""
 
 
 def require_conditions(where: str, model: Model, time: float, parameters: Array) -> None:
-    """Raise where start conditions cannot be met at the means, or follow from the constraints and other conditions.
+    """Raise if start conditions are impossible at the means, or follow from constraints and other conditions.
 
-    The parameters (1, parameter) are those at the means.  Raises `uqmbd.AssemblyError` or `uqmbd.StudyError`.
+    The parameters (1, parameter) apply at the means.  Raises `uqmbd.AssemblyError` or `uqmbd.StudyError`.
     """
     conditions = model.conditions
     q, s, messages = placed(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
@@ -46,17 +46,17 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
             raise StudyError(
                 f"{where}: start condition {conditions.names[which[k]]} is redundant at the means of the inputs. It "
                 "follows from joints, drivers, stated velocities or the conditions before it, or its quantity cannot "
-                "change at the start. Leave it out, or give another quantity."
+                "change at the start. Leave this condition out, or give another quantity."
             )
 
 
 def _chosen(model: Model, time: float, parameters: Array) -> Index:
-    """Return which conditions of positions choose among poses; conditions that only count turns do not."""
+    """Return the conditions of positions that select a pose, without conditions that only count turns."""
     conditions = model.conditions
     which: Index = conditions.positions
     if not len(which) or not model.turned:
         return which
-    # as components state their angles where the drivers hold the bodies, without the conditions
+    # initial angles of components with bodies held by drivers, without the conditions
     q, s, _ = placed(
         replace(model, conditions=None),
         parameters[:, model.drawn],
@@ -67,7 +67,7 @@ def _chosen(model: Model, time: float, parameters: Array) -> Index:
     residual = conditions(q, s, time, parameters)[0][0, which]
     turns = residual / (2 * np.pi)
     whole = (np.abs(turns) > 0.5) & (np.abs(turns - np.round(turns)) < 1e-6)
-    # random ones may hide turns in some realisations only
+    # random conditions may contain turns in some realisations only
     return which[:0] if len(conditions.inputs) else which[~whole]
 
 

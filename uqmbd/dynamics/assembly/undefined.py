@@ -1,4 +1,4 @@
-"""Names of drivers, forces and lengths that are not finite in the equations of a realisation."""
+"""Messages on drivers, forces and lengths that are not finite in the equations of a realisation."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ __all__ = ["REMEDY", "ahead", "describe_undefined"]
 REMEDY = "Look for divisions by zero, and for roots, logarithms and powers outside of their range."
 
 AHEAD = (1e-9, 1e-6, 1e-4)
-"""Parts of the rest of the time in which an integration that stopped may have looked ahead."""
+"""Relative parts of the remaining time at which a stopped integration may have evaluated the equations."""
 
 
 def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
-    """Return a message on an equation or force of one realisation that is not finite in a state, or nothing."""
+    """Return a message on an equation or force of one realisation that is not finite in a state, or an empty text."""
     states, own = state_arguments(time, q[None], s[None], v[None]), parameters[None]
     at = f"at t = {time:.6g} s"
     with np.errstate(all="ignore"):
@@ -31,8 +31,8 @@ def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, 
         if (wrong := np.flatnonzero(~np.isfinite(values))).size:
             k = int(wrong[0])
             return (
-                f"{what} {model.equations[k]!r} is {values[k]:g} {at}: a number that {model.owners[k]!r} is given, "
-                f"as a driver's function of time, has no finite value there. {REMEDY}"
+                f"{what} {model.equations[k]!r} is {values[k]:g} {at}: an argument of {model.owners[k]!r}, such as a "
+                f"driver's function of time, has no finite value there. {REMEDY}"
             )
     for name, what in (("force", "the force on"), ("mass", "the mass or inertia of")):
         rows = found["acceleration"][name][0].reshape(model.layout.coordinates, -1)
@@ -46,7 +46,7 @@ def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, 
 
 
 def ahead(model: Model, states: tuple[Array, Array, Array], span: tuple[float, float], parameters: Array) -> str:
-    """Return a message on the term that becomes undefined after a stop; `span`: time of the stop and target, s."""
+    """Return a message on a term that is undefined right after a stop; `span`: times of stop and target, s."""
     now, end = span
     for part in AHEAD:
         if told := describe_undefined(model, *states, now + part * (end - now), parameters):

@@ -1,4 +1,4 @@
-"""Decisions for one realisation at an event: impacts of all kinds, and contacts that last, stick, slip or open."""
+"""Decisions for one realisation at an event: impacts, and contacts that persist, stick, slip or open."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ __all__ = ["Decisions"]
 
 
 AHEAD = 1e-7
-"""Time over which rates of forces are taken, over the duration of the motion."""
+"""Time difference for rates of forces, relative to the duration of the motion."""
 AT_ONCE = 1e-14
-"""Time between two events, over the time (s) or one, that is none."""
+"""Time between two events, relative to the larger of the time and 1 s, that counts as zero."""
 START = 10.0
-"""Speed (m/s) that is none where contacts begin to slip, over the tolerance (m): the interpolant is no better."""
+"""Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant."""
 HELD = 1e-6
-"""Gap, over the size of the mechanism, that a contact may have that has lasted so far."""
+"""Largest gap of a contact that has persisted so far, relative to the size of the mechanism."""
 
 
 class Decisions:
     """Handler of the events of M realisations, one realisation at a time.
 
-    The states of the contacts are in `encounters`; `duration` of the motion in s; absolute tolerances (M,), m.
+    `encounters` contains the states of the contacts; `duration` of the motion is in s; absolute tolerances (M,), m.
     """
 
     def __init__(
@@ -60,33 +60,33 @@ class Decisions:
         self.batch, self.model, self.evaluator = batch, batch.model, evaluator
         self.encounters, self.chatter, self.records = encounters, chatter, records
         self.n, self.velocities = self.model.layout.coordinates, self.model.layout.velocities
-        # events in which bodies meet
+        # events with contacts of bodies
         self.bodies = [k for k, (*_, directions) in enumerate(self.model.events) if directions]
-        # why a realisation cannot continue
+        # reason why a realisation cannot continue
         self.messages = [""] * len(batch)
         self.lasting: dict[int, ContactModes] = {}
         self.length = encounters.length
-        # starting (M,): sliding speed that counts as zero since contacts began to slip, if this was the last event, m/s
+        # starting (M,): sliding speed that counts as zero if the last event was the start of slip, m/s
         self.duration, self.coarse, self.starting = duration, START * tolerance, np.zeros(len(batch))
         # (M,): time until which prescribed functions are smooth, s
         self.until = np.full(len(batch), np.inf)
-        # the last decision of each realisation in which friction reached its limit
+        # last decision of each realisation on friction at its limit
         self.at_limit: dict[int, AtLimit] = {}
         self.turning: dict[int, float] = {}
 
     def slow(self, member: int) -> float:
-        """Speed that is none, m/s."""
+        """Return the speed that counts as zero, m/s."""
         return max(float(self.chatter.slow(np.array([member]))[0]), float(self.starting[member]))
 
     def contacts(self, member: int, time: float, z: Array) -> ContactQuantities:
-        """Contacts of one state."""
+        """Evaluate the contacts of one state."""
         return self.evaluator(np.array([time]), z[None], self.batch.block[member : member + 1])
 
     # -- events ------------------------------------------------------------------------------------------------------
     def after(self, member: int, guard: int, time: float, z: Array, contacts: ContactQuantities) -> Array:
         """Return the state after an event from the state (width,) right before it, at a time in s.
 
-        The contacts are those of that state; `guard` is the guard that has fallen, see `Encounters`.
+        The contacts belong to this state; `guard` is the guard with the zero crossing, see `Encounters`.
         """
         k, friction = divmod(guard, 2)
         before = self._modes(member)
@@ -103,7 +103,7 @@ class Decisions:
         elif mode == "slip":
             lasting, sliding = self.lasting[member], contacts.sliding(k)[0]
             fast = float(np.linalg.norm(sliding))
-            if fast > self.slow(member):  # it has only turned
+            if fast > self.slow(member):  # the sliding has only changed direction
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z
             settled = self.settle(member, time, z)
@@ -113,7 +113,7 @@ class Decisions:
             turns = self._modes(member) == before and fast > float(self.chatter.slow(np.array([member]))[0])
             if turns and not at_once:
                 self.turning[member] = time
-                # a slide that begins turns in space: it goes on, as to stop it each time would hold the bodies
+                # the direction of a starting slide may turn in space; repeated stops would hold the bodies
                 lasting = self.lasting[member]
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z
@@ -126,7 +126,7 @@ class Decisions:
     def _still_touching(
         self, member: int, time: float, z: Array, contacts: ContactQuantities
     ) -> tuple[Array, ContactQuantities]:
-        """Project a state onto the persistent contacts: the driver does so to first order only."""
+        """Project a state onto the persistent contacts, because the driver projects only to first order."""
         modes = self._modes(member)
         normals = [contacts.normal(k) for k in modes]
         for _ in range(3):
@@ -137,22 +137,22 @@ class Decisions:
         return z, contacts
 
     def _changed(self, member: int, time: float, before: Mapping[int, Mode], contacts: ContactQuantities) -> None:
-        """Note which of the contacts that last begin to stick or to slip; several may at once."""
+        """Record the persistent contacts that begin to stick or slip; several may change at once."""
         after = self._modes(member)
         for k, mode in before.items():
             if k in after and after[k] != mode and contacts.rubs(k):
                 self.records.add(member, time, k, after[k])
 
     def _slipping(self, member: int, time: float, z: Array, event: int, contacts: ContactQuantities) -> Array:
-        """State after friction has come to its limit in a contact that sticks.
+        """Return the state after friction has reached its limit in a sticking contact.
 
-        All contacts that are at their limit are decided together.  At one instant this ends: what follows the first
-        decision only lets more contacts slip.
+        All contacts at their limit are decided together.  The decisions at one instant terminate, because decisions
+        after the first only add slipping contacts.
         """
         before, again = self.lasting[member], self._again(member, time)
         forced = {*self.at_limit[member].forced, event} if again else set[int]()
         if len(before.modes) > 1 and not again:
-            # others may slip, too, or internal forces hold the bodies
+            # other contacts may also slip, or internal forces may hold the bodies
             z = self.settle(member, time, z)
             after = self.lasting.get(member, ContactModes({}, {}))
             if self.messages[member] or after.modes.get(event) != "stick":
@@ -184,7 +184,7 @@ class Decisions:
         return z
 
     def _unloaded(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> bool:
-        """Load redundant contacts in another way, where one is not pressed any more; whether that is possible."""
+        """Redistribute loads of redundant contacts if one is no longer pressed; return whether this is possible."""
         lasting = self.lasting[member]
         if len(lasting.modes) < 2 or self._again(member, time):
             return False
@@ -203,15 +203,15 @@ class Decisions:
         return earlier is not None and time - earlier.time <= AT_ONCE * max(1.0, abs(time))
 
     def _span(self, member: int, time: float) -> float:
-        """Time over which rates of forces are taken, s."""
+        """Return the time difference for rates of forces, s."""
         return max(0.0, min(AHEAD * self.duration, 0.5 * float(self.until[member] - time)))
 
     def sticking_at_limit(self, member: int, time: float) -> frozenset[int]:
-        """Contacts that stick without a reserve of friction, by a decision at this time."""
+        """Return the contacts that stick without a reserve of friction by a decision at this time."""
         return self.at_limit[member].held if self._again(member, time) else frozenset()
 
     def _ahead(self, member: int, time: float, z: Array, motion: ContactMotion, span: float) -> ContactQuantities:
-        """Contacts a short time later, with the present motion."""
+        """Evaluate the contacts a short time later, with the present motion."""
         layout = self.model.layout
         later, block = z + 0.0, self.batch.block[member : member + 1]
         q, s, v = layout.split(z[None])
@@ -223,7 +223,7 @@ class Decisions:
         return self.contacts(member, time + span, later)
 
     def _hit(self, member: int, time: float, z: Array, event: int, contacts: ContactQuantities) -> Array:
-        """Impact: new velocities, or a contact that lasts."""
+        """Return the state after an impact, with new velocities or a persistent contact."""
         gaps, lasting = contacts.guard[0], self._modes(member)
         closed = [k for k in self.bodies if k == event or k in lasting or gaps[k] <= CLOSED * self.length[member]]
         approach = max(0.0, -float(contacts.speed[0, contacts.normal(event)]))
@@ -241,11 +241,11 @@ class Decisions:
         return self.settle(member, time, z)
 
     def pushed(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> Array:
-        """State after a jump of velocities that speeds impose, which has led to `z`; contacts that are pressed hold."""
+        """Return the state after a jump of prescribed speeds has led to `z`; pressed contacts remain closed."""
         closed = [
             k for k in self.bodies if k in self._modes(member) or contacts.guard[0, k] <= CLOSED * self.length[member]
         ]
-        # what did not approach before does not rebound
+        # bodies that did not approach before do not rebound
         law = contacts.law.copy()
         law[..., 0] = 0.0
         if (jumped := self._impact(member, time, replace(contacts, law=law), closed)) is None:
@@ -259,19 +259,20 @@ class Decisions:
     def _impact(
         self, member: int, time: float, contacts: ContactQuantities, closed: list[int]
     ) -> tuple[Array, set[int]] | None:
-        """Return the jump of the velocities, and the hit contacts; None, with a message, if there are no impulses."""
+        """Return the jump of the velocities and the hit contacts; None, with a message, if no impulses exist."""
         found = impact(contacts, closed, 1e-3 * self.slow(member))
         if found is None:
             normals = [contacts.normal(k) for k in closed]
             name = self.model.events[closed[int(np.argmin(contacts.speed[0, normals]))]][0]
             self.messages[member] = (
-                f"{name!r}: no impulses satisfy the laws of impact at t = {time:.6g} s; is a body driven into another?"
+                f"{name!r}: no impulses satisfy the laws of impact at t = {time:.6g} s. Check whether a driver pushes "
+                "one body into another."
             )
         return found
 
     # -- contacts that last ------------------------------------------------------------------------------------------
     def settle(self, member: int, time: float, z: Array, leaving: int | None = None) -> Array:
-        """Make contacts persistent that are closed, pressed and do not open; the others are open."""
+        """Make closed and pressed contacts persistent if they do not open; treat other contacts as open."""
         contacts = self.contacts(member, time, z)
         slow, before = self.slow(member), dict(self._modes(member))
         gaps, length = contacts.guard[0], self.length[member]
@@ -283,14 +284,14 @@ class Decisions:
             and abs(contacts.speed[0, contacts.normal(k)]) <= slow
         ]
         if (found := persistent_contacts(contacts, near, slow)) is None:
-            # speeds across the surfaces that are none leave slidings that are not those of bodies which stay together
+            # normal speeds that count as zero disturb the sliding of bodies that stay together
             z = self._onto(member, time, z, dict.fromkeys(near, "slip"))
             contacts = self.contacts(member, time, z)
             found = persistent_contacts(contacts, near, slow)
         if found is None:
             names = ", ".join(repr(self.model.events[k][0]) for k in near)
             self.messages[member] = (
-                f"{names}: no forces satisfy the laws of contact and friction at t = {time:.6g} s; what slides is "
+                f"{names}: no forces satisfy the laws of contact and friction at t = {time:.6g} s. A sliding body is "
                 "wedged (Painleve's paradox). Lower the coefficient of friction, or use a compliant contact."
             )
             return z
@@ -302,7 +303,7 @@ class Decisions:
         for k in modes:
             if k not in before:
                 self.records.add(member, time, k, "rest")
-        # a sliding that is none is let go where the contact starts to slide the other way
+        # a sliding that counts as zero is removed if the contact starts to slide in the opposite direction
         held: dict[int, Mode] = {
             k: "stick" if k in headings and contacts.sliding(k)[0] @ headings[k] < 0 else mode
             for k, mode in modes.items()
@@ -331,7 +332,7 @@ class Decisions:
                 e.heading[member, contacts.tangents(k)] = lasting.headings[k]
 
     def turned(self, member: int) -> None:
-        """Read the directions of sliding that the driver has followed."""
+        """Read the directions of sliding from the driver."""
         headings = self.lasting[member].headings
         first = self.evaluator.first
         followed = {k: self.encounters.heading[member, first[k] + 1 : first[k + 1]].copy() for k in headings}

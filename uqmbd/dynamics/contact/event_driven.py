@@ -1,9 +1,8 @@
 """Event-driven integration: the driver integrates each realisation from one of its events to the next.
 
-The driver steps, and finds where in a step an event is; a realisation with an event waits there while the others go on.
-Those that wait are looked at together: after an impact the motion starts anew with the velocities that the laws of
-impact give.  Bounces that become ever smaller end in a contact that lasts, from which bodies may lift off, and which
-sticks or slips.
+The driver makes steps and locates events in a step. A realisation with an event waits at the event, while the others
+continue.  Waiting realisations are processed together: after an impact, the motion restarts with velocities from the
+impact laws.  Decreasing bounces end in a persistent contact, which sticks or slips, and from which bodies may lift off.
 """
 
 from __future__ import annotations
@@ -29,17 +28,17 @@ __all__ = ["EventDrivenMotion"]
 
 
 DEEP = 1e-6
-"""Penetration at the start, over the size of the mechanism, that is no mistake of the drawing."""
+"""Largest initial penetration, relative to the size of the mechanism, without an error."""
 MOST = 10_000
-"""Events of a realisation that are taken for a motion that does not end."""
+"""Number of events of a realisation that counts as an endless motion."""
 AT_ONCE = 100
-"""Events of a realisation without progress in time that are."""
+"""Number of events of a realisation without progress in time that counts as an endless motion."""
 STEPS = 50_000
-"""Most attempted steps of an interval."""
+"""Largest number of attempted steps in an interval."""
 LONGEST = 20
-"""Least number of steps."""
+"""Least number of steps over the output times."""
 FLIGHT = 2.05
-"""Step over the time that a flight lasts, as far as that is known."""
+"""First step after an impact, relative to the estimated flight time."""
 
 
 class EventDrivenMotion:
@@ -90,7 +89,7 @@ class EventDrivenMotion:
 
     # -- the whole motion --------------------------------------------------------------------------------------------
     def follow(self) -> None:
-        """Integrate all to the last output time, or to where they fail."""
+        """Integrate all members to the last output time, or until they fail."""
         every, begin = np.arange(len(self.batch)), float(self.times[0])
         self._begin(every)
         self._stop(self._active(every), begin)
@@ -106,7 +105,7 @@ class EventDrivenMotion:
             self.run.result[m, self.run.column[m] :] = np.nan
 
     def advance(self) -> bool:
-        """Integrate all members that can run, then decide on those that wait; return whether there were any."""
+        """Integrate all active members, then decide on waiting members; return whether members were waiting."""
         run = self.run
         run.advance(watch=self.pace.watch)
         self._note()
@@ -130,7 +129,7 @@ class EventDrivenMotion:
         elif not np.any(status == ExplicitStatus.RUNNING) and len(
             waiting := np.flatnonzero(status == ExplicitStatus.JUMP)
         ):
-            # controllers are called when all who have not failed are there
+            # controllers are called when all members without failure have reached the sample
             time = float(run.now[waiting].min())
             some = waiting[run.now[waiting] == time]
             self._stop(some, time)
@@ -139,7 +138,7 @@ class EventDrivenMotion:
         return bool(np.any((status == ExplicitStatus.RUNNING) | (status == ExplicitStatus.JUMP)))
 
     def _active(self, members: Index) -> Index:
-        """Return the members that have not failed."""
+        """Return the members without failure."""
         return members[[not self.messages[m] for m in members.tolist()]]
 
     def _failed(self) -> None:
@@ -148,7 +147,7 @@ class EventDrivenMotion:
                 self.run.status[m] = ExplicitStatus.DONE
 
     def _inside(self, members: Index) -> Array:
-        """Return the times of members at which prescribed quantities may jump, except at the ends of intervals."""
+        """Return the times of members at which prescribed quantities may jump, without the ends of intervals."""
         run = self.run
         begin, end = (
             run.begin[members],
@@ -163,10 +162,10 @@ class EventDrivenMotion:
 
     # -- the start ---------------------------------------------------------------------------------------------------
     def _begin(self, members: Index) -> None:
-        """Find contacts that are closed at the start."""
+        """Find the contacts that are closed at the start."""
         inside = self._inside(members)
         guards = self.evaluator.guards(inside, self.run.z[members], self.batch.block[members])
-        self.encounters.resting[:, ::2] = guards <= 0  # of marks: what is below has to rise before it can fall
+        self.encounters.resting[:, ::2] = guards <= 0  # marks: a guard below zero must rise before it can fall
         gaps = guards[:, self.bodies]
         near = np.any(gaps <= CLOSED * self.length[members, None], axis=1)
         for row in np.flatnonzero(near).tolist():
@@ -174,7 +173,7 @@ class EventDrivenMotion:
             if deep := self.bodies[gaps[row] < -DEEP * self.length[m]].tolist():
                 name, gap = self.model.events[deep[0]][0], gaps[row, self.bodies == deep[0]][0]
                 self.messages[m] = (
-                    f"{name!r}: the bodies overlap by {-gap:.3g} m at the start; draw them apart, or just touching"
+                    f"{name!r}: the bodies overlap by {-gap:.3g} m at the start; draw them apart or in touch"
                 )
                 self.run.result[m] = np.nan
                 continue
@@ -185,7 +184,7 @@ class EventDrivenMotion:
 
     # -- stops at given times ----------------------------------------------------------------------------------------
     def _stop(self, members: Index, time: float) -> None:
-        """Apply jumps of prescribed speeds, and sample controllers, at a time."""
+        """Apply jumps of prescribed speeds, and sample controllers, at a time, s."""
         if not len(members):
             return
         run = self.run
@@ -230,7 +229,7 @@ class EventDrivenMotion:
 
     # -- events ------------------------------------------------------------------------------------------------------
     def _note(self) -> None:
-        """Store the marks that the driver has noted."""
+        """Store the marks that the driver has recorded."""
         e = self.encounters
         rows = np.flatnonzero(e.noted)
         if not len(rows):
@@ -241,7 +240,7 @@ class EventDrivenMotion:
         e.noted[rows] = 0
 
     def _happened(self, members: Index) -> Index:
-        """Decide on members with an event; return those whose guards are unknown."""
+        """Decide on members with an event; return the members with unknown guards."""
         run, e = self.run, self.encounters
         now = run.now[members]
         self.chatter.happened(members, now)
@@ -268,7 +267,7 @@ class EventDrivenMotion:
             self.decisions.turned(member)
 
     def _bounced(self, members: Index, contacts: ContactQuantities) -> Mask:
-        """Return members that hit in flight, at one contact, and leave it fast; they bounce at once."""
+        """Return a mask of members with an impact in flight at one contact and a fast rebound; apply the rebound."""
         run, e, rows = self.run, self.encounters, np.arange(len(members))
         events, length = e.happened[members] // 2, self.length[members]
         normal = self.first[events]
@@ -296,7 +295,7 @@ class EventDrivenMotion:
         run.z[who, : self.n] += answer[np.arange(len(some)), :, normal] * back[:, None]
         run.z[who, self.velocities :] += np.sum(answer * impulse[:, None, :], axis=2)
         self.records.add_own(who, run.now[who], events)
-        # the gap rises from zero; that the acceleration is that of before the impact matters to the first step only
+        # the gap rises from zero; the acceleration before the impact only affects the first step
         rise, free = after[good], contacts.free[some, : self.n]
         rates = contacts.bias[some, normal] + np.sum(contacts.slope[some, normal] * free, axis=1)
         self._rest(who)
@@ -307,7 +306,7 @@ class EventDrivenMotion:
 
     # -- restarts ----------------------------------------------------------------------------------------------------
     def _restart(self, members: Index) -> None:
-        """Continue members whose guards are known."""
+        """Continue members with known guards."""
         if not len(members):
             return
         run = self.run
@@ -322,7 +321,7 @@ class EventDrivenMotion:
             self.restarted()
 
     def _guard(self, members: Index) -> None:
-        """Find which guards are zero, and rise from there, and how long flights last, about."""
+        """Find the guards that rise from zero, and estimate flight times."""
         run, e, bodies = self.run, self.encounters, self.bodies
         e.slow[members] = slow = np.maximum(self.chatter.slow(members), self.decisions.starting[members])
         self._rest(members)
@@ -335,7 +334,7 @@ class EventDrivenMotion:
         members, mode, free, slow = members[some], mode[some], free[some], slow[some]
         contacts, normals = self._contacts(members), self.first[bodies]
         closed = contacts.guard[:, bodies] <= CLOSED * self.length[members, None]
-        # below the speed that is none it does not rise: it has only been let go
+        # below the zero limit of speed the gap does not rise: the contact has only been released
         speed = contacts.speed[:, normals]
         rise = np.where(free & (speed > slow[:, None]), speed, 0.0)
         accelerations = contacts.free[:, None, : self.n]
@@ -353,13 +352,13 @@ class EventDrivenMotion:
                 e.resting[m, 2 * k + 1] = e.mode[m, k] == Touching.STICK
 
     def _rest(self, members: Index) -> None:
-        """Activate all guards of contacts; the driver handles those of marks."""
+        """Activate all guards of contacts; the driver handles guards of marks."""
         guards = np.concatenate([2 * self.bodies, 2 * self.bodies + 1])
         self.encounters.resting[np.ix_(members, guards)] = 0
         self.encounters.rise[members] = 0.0
 
     def _end_intervals(self, members: Index) -> None:
-        """Start the next interval of members that are at the end of one."""
+        """Start the next interval of members at the end of an interval."""
         run = self.run
         end = run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])]
         near = 1e-12 * np.maximum(1.0, np.maximum(np.abs(run.begin[members]), np.abs(end)))

@@ -1,6 +1,6 @@
 """Event-driven integration of an ensemble, and the times of its events.
 
-The motion of one realisation from event to event, each piece as a function of time.
+The module also returns the motion of one realisation from event to event, with each piece as a function of time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
 
 @dataclass(frozen=True)
 class _RestartState:
-    """Start of a motion between restarts: all data that its steps depend on."""
+    """Start of a motion between restarts, with all data that affect its steps."""
 
     begin: float
     interval_begin: float
@@ -40,15 +40,15 @@ class _RestartState:
 
 
 def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
-    """Follow the only realisation of a motion that has not begun."""
+    """Integrate the only realisation of a motion from its start, and return its segments."""
     pieces: list[_RestartState] = []
     ends: list[float] = []
 
     def begun() -> None:
         run, e = motion.run, motion.encounters
-        if run.status[0] == ExplicitStatus.DONE:  # an event at the last output time begins nothing
+        if run.status[0] == ExplicitStatus.DONE:  # an event at the last output time starts no segment
             return
-        # restarts without progress in time are one
+        # merge restarts without progress in time
         while pieces and pieces[-1].begin >= run.now[0]:
             pieces.pop()
         pieces.append(
@@ -75,7 +75,7 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
 
 
 def _states(motion: EventDrivenMotion, piece: _RestartState, times: Array) -> Array:
-    """States of a piece at times (T,), on the constraints: (T, width)."""
+    """Return states of a piece at times (T,), s, projected onto the constraints: (T, width)."""
     run, contacts = motion.run, motion.run.contacts
     assert contacts is not None
     order = np.argsort(times, kind="stable")
@@ -104,7 +104,7 @@ def _states(motion: EventDrivenMotion, piece: _RestartState, times: Array) -> Ar
 
 
 def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
-    """Integrate all realisations of a model with events by the explicit method; return steps, too, with `recording`."""
+    """Integrate all realisations of a model with events by the explicit method; with `recording`, return steps."""
     begin = clock.perf_counter()
     _require_compiled(ensemble)
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
@@ -138,7 +138,7 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recordi
 
 
 def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:
-    """Follow one realisation from event to event; see `SegmentedMotion`."""
+    """Integrate one realisation from event to event; see `SegmentedMotion`."""
     _require_compiled(ensemble)
     motion = EventDrivenMotion(ensemble, times, rtol, ContactEvaluator(ensemble.model))
     with np.errstate(all="ignore"):
@@ -163,6 +163,7 @@ def _require_compiled(ensemble: Batch) -> None:
     system = ensemble.model.system
     if system is None or system.programs is None:
         raise StudyError(
-            f"mechanism {ensemble.model.name!r} has events, and its accelerations cannot be compiled, without which "
-            "no integrator of uqmbd follows events: it is too large, or bodies without mass are free to move."
+            f"mechanism {ensemble.model.name!r} has events, which need compiled accelerations. These cannot be "
+            "compiled: the mechanism is too large, or bodies without mass are free to move. Simplify the mechanism, "
+            "or give these bodies mass."
         )

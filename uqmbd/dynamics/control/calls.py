@@ -1,4 +1,4 @@
-"""Calls of the functions of controllers, whose results are checked before use."""
+"""Calls of controller functions, and checks of their results."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["called", "failures", "require_same"]
 
 
 SAME = 1e-9
-"""Difference of results for a part of a group, over the largest value, that counts as rounding."""
+"""Difference of results for a part of a group, relative to the largest value, that counts as rounding."""
 
 
 def called(loop: ControlLoop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
     """Call the function of a controller at a time, s; return commands (M, command) and states (M, state).
 
     The arguments are measurements (M, measured) and states (M, state).  Raises `uqmbd.StudyError` if the function
-    raises, or its result has another shape; `about` is appended to the message.
+    raises, or its result has a wrong shape; `about` is appended to the message.
     """
     count, where = len(measured), f"Controller {loop.name!r}"
     given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())
@@ -33,8 +33,8 @@ def called(loop: ControlLoop, time: float, measured: Array, state: Array, about:
         shapes = f"measured of shape {measured.shape}" + (f" and state of shape {state.shape}" if loop.states else "")
         raise StudyError(
             f"{where}: its function raised {type(error).__name__}: {error}{_place(error)}, at t = {time:.6g} s with "
-            f"{shapes}{about}. It is called as function(time, measured{', state' * bool(loop.states)}), with a row for "
-            "each realisation of a group."
+            f"{shapes}{about}. uqmbd calls function(time, measured{', state' * bool(loop.states)}), with a row of the "
+            "arrays for each realisation of a group."
         ) from error
     if not loop.states:
         return _columns(where, "commands", found, loop.commands, count, time, about), np.zeros((count, 0))
@@ -72,7 +72,7 @@ def failures(
 
 
 def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: int) -> None:
-    """Raise unless a function returned the same for a part of a group as for the group."""
+    """Raise unless a function returned equal results for a part of a group and for the group."""
     for what, one, other in zip(("commands", "state"), whole, part, strict=True):
         scale = np.maximum(np.abs(one), np.abs(other)).max(initial=0.0)
         with np.errstate(invalid="ignore"):
@@ -81,14 +81,15 @@ def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: i
         if differs.any():
             row, k = np.argwhere(differs)[0]
             group = (
-                f"with the other {count - 1} realisations of its group, and {other[row, k]:.6g} with a part of them"
+                f"if it is called with the other {count - 1} realisations of its group, and {other[row, k]:.6g} with "
+                "a part of them"
                 if count > 1
                 else f"first, and {other[row, k]:.6g} when it is called again with the same arguments"
             )
             raise StudyError(
                 f"Controller {loop.name!r}: for the same realisation at t = {time:.6g} s its function returns the "
                 f"{what} {one[row, k]:.6g} {group}. Each row of the result may depend on that row of measured and "
-                "state alone: no means over realisations, no random numbers, and nothing remembered but the state."
+                "state alone: no means over realisations, no random numbers, and no memory except the state."
             )
 
 
@@ -139,6 +140,6 @@ def _shown(value: Any) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """Return file and line of an error, as a part of a sentence."""
+    """Return file and line of an error as part of a sentence."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""

@@ -1,6 +1,6 @@
-"""Controllers of a model: their numbers, measured quantities, and the places of their commands in the state.
+"""Controllers of a model: numbers, measured quantities, and indices of commands in the state.
 
-Functions of users on their way to worker processes.
+The module also transfers user functions to worker processes.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ OF_CLASSES = (
 def fingerprint(function: Callable[..., Any]) -> str:
     """Return a hash of the content of a callable.
 
-    That is its code with the constants, defaults and closures; the source of its module; what it names of its module
-    and of others, such as functions and numbers; the functions and arguments within a ``functools.partial``, and the
-    classes and attributes of objects.  Of libraries (the standard one, and what is installed beside it) the name
-    counts.  The hash of an object that cannot be copied is that of its text,
-    without its address, and of its attributes.
+    The hash includes the code with constants, defaults and closures, and the source of the module. It also includes
+    named objects of this and other modules, such as functions and numbers.  For a ``functools.partial`` it includes
+    functions and arguments; for objects, classes and attributes.  Libraries (standard library and installed packages)
+    are included by name.  For an object that cannot be copied, the hash includes its text without the address, and its
+    attributes.
     """
     return _Hashing().of(function).hex()
 
 
 def parts(function: Any) -> Iterator[Any]:
-    """Yield a callable and its parts: contents of partials and bound methods."""
+    """Yield a callable and its parts, such as contents of partials and bound methods."""
     yield function
     inner: list[Any] = []
     if isinstance(function, functools.partial):
@@ -71,7 +71,7 @@ def parts(function: Any) -> Iterator[Any]:
 
 
 class _Hashing:
-    """Hashes of values, each of which is computed once."""
+    """Hashes of values, each computed once."""
 
     def __init__(self) -> None:
         self.known: dict[int, tuple[Any, bytes]] = {}
@@ -123,7 +123,7 @@ class _Hashing:
             if name not in value.__globals__:
                 continue
             named = value.__globals__[name]
-            # how other objects are made the source says, where there is one
+            # the source, if available, determines other objects
             if source and not (isinstance(named, (*DATA, ModuleType)) or callable(named)):
                 continue
             found += [name.encode(), self.of(named)]
@@ -133,7 +133,7 @@ class _Hashing:
         return found
 
     def _object(self, value: Any) -> list[bytes]:
-        """Return the content that pickle needs to restore an object."""
+        """Return the data for pickle to restore an object."""
         found = [self.of(type(value))]
         if (wrapped := getattr(value, "__wrapped__", None)) is not None:
             found.append(self.of(wrapped))
@@ -157,22 +157,22 @@ def _joined(found: Iterable[bytes]) -> bytes:
 def _content(cell: Any) -> Any:
     try:
         return cell.cell_contents
-    except ValueError:  # not filled yet
+    except ValueError:  # the cell is still empty
         return None
 
 
 def _names(code: CodeType) -> set[str]:
-    """Names of a piece of code, and of those within it."""
+    """Return the names in a code object, including nested code objects."""
     return set(code.co_names).union(*(_names(x) for x in code.co_consts if isinstance(x, CodeType)))
 
 
 def _source(module: ModuleType | None) -> bytes:
-    """Source of a module of the user, or nothing."""
+    """Return the source of a user module, or empty bytes."""
     if module is None or _of_library(module):
         return b""
     try:
         return inspect.getsource(module).encode()
-    except (OSError, TypeError):  # a notebook, or compiled
+    except (OSError, TypeError):  # a notebook or a compiled module
         return b""
 
 
@@ -199,13 +199,13 @@ class Shipped:
     """Wrapper that makes any function picklable."""
 
     function: Callable[..., Any]
-    owner: str  # what the function belongs to, for messages
+    owner: str  # owner of the function, for messages
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpacked, (self._packed(), self.owner)
 
     def digest(self) -> str:
-        """Hash of the content of the function, the same in every process."""
+        """Hash of the content of the function, equal in all processes."""
         return fingerprint(self.function)
 
     def _packed(self) -> bytes:
@@ -225,7 +225,7 @@ class Shipped:
             raise
         except Exception as error:
             raise StudyError(
-                f"{self.owner}: its function cannot be sent to where it is computed ({type(error).__name__}: {error}). "
+                f"{self.owner}: its function cannot be sent to the worker processes ({type(error).__name__}: {error}). "
                 "Define it at the level of a module or a script, and let it use numbers and arrays only: no mechanism, "
                 "open file or lock."
             ) from error
@@ -243,7 +243,7 @@ def _unpacked(packed: bytes, owner: str) -> Shipped:
 
 
 def _importable(module: ModuleType) -> bool:
-    """Whether another process finds a module by its name (of the main script cloudpickle sends values anyway)."""
+    """Return whether another process finds a module by name (cloudpickle sends the main script by value)."""
     name = module.__name__
     if name == "__main__" or name in sys.builtin_module_names or "." in name:
         return True
@@ -254,29 +254,29 @@ def _importable(module: ModuleType) -> bool:
 
 
 LONGEST_NAME = 40
-"""Characters up to which a measured expression is its own name in messages."""
+"""Largest number of characters of a measured expression that messages use as its name."""
 UNLIMITED = 1e300
-"""Stands for no limit."""
+"""Value that represents no limit."""
 
 
 @dataclass(frozen=True)
 class ControlLoop:
-    """A controller of a model."""
+    """Controller of a model."""
 
     name: str
     rate: float  # samples per second, Hz
     delay: float  # time from a sample until its commands act, s
     measure: OutputMap  # measured quantities
-    commands: tuple[str, ...]  # names
-    states: tuple[str, ...]  # names
+    commands: tuple[str, ...]  # names of commands
+    states: tuple[str, ...]  # names of states
     held: Index  # indices of the commands, then of the states, among the auxiliary states of the model
     limits: ParameterMap  # from inputs to the smallest values of the commands, then the largest
     shipped: Shipped = field(repr=False)
     digest: str = field(default="", repr=False)
-    """Hash of all that it does."""
+    """Hash of all data that affect the controller."""
 
     def bounds(self, values: Array) -> tuple[Array, Array]:
-        """Smallest and largest commands at inputs (K, input), shape (K, command) each."""
+        """Return smallest and largest commands for inputs (K, input), shape (K, command) each."""
         found = self.limits(values)
         return found[:, : len(self.commands)], found[:, len(self.commands) :]
 
@@ -317,13 +317,13 @@ def loops_of(
 
 def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped) -> str:
     about = (controller.name, controller.rate, controller.delay, list(controller.commands), list(controller.states))
-    # the text that people read leaves out tables, and digits of numbers
+    # readable texts omit tables and digits of numbers
     said = sympy.srepr((controller.values, tuple(controller.limits.values()), tuple(x.expression for x in measured)))
     return hashlib.sha256(f"{about} {said} {shipped.digest()}".encode()).hexdigest()
 
 
 def require_controllers(mechanism: Mechanism) -> None:
-    """Raise if a command is used whose controller was not added, or a measured output is unknown."""
+    """Raise if the controller of a used command was not added, or a measured output is unknown."""
     places = [(f"{type(c).__name__} {c.name!r}", _entries(c.values.values())) for c in mechanism.all_components()]
     places += [(f"output {o.name!r}", [o.expression]) for o in mechanism.observed()]
     places += [(c.where, [x for x in c.measured if not isinstance(x, str)]) for c in mechanism.controllers.values()]
@@ -331,8 +331,8 @@ def require_controllers(mechanism: Mechanism) -> None:
         for symbol in _held(entries):
             if mechanism.controllers.get(symbol.owner.name) is not symbol.owner:
                 raise StudyError(
-                    f"{where}: it contains {symbol}, but the controller {symbol.owner.name!r} was not added to "
-                    f"mechanism {mechanism.name!r}; call mechanism.add(controller)."
+                    f"{where}: the expression contains {symbol}, but the controller {symbol.owner.name!r} was not "
+                    f"added to mechanism {mechanism.name!r}; call mechanism.add(controller)."
                 )
     for controller in mechanism.controllers.values():
         for k, entry in enumerate(controller.measured):
@@ -340,7 +340,7 @@ def require_controllers(mechanism: Mechanism) -> None:
 
 
 def unused_commands(mechanism: Mechanism) -> tuple[Finding, ...]:
-    """Find the commands that nothing uses, of each controller."""
+    """Return findings on unused commands of each controller."""
     used: set[Any] = set()
     for component in mechanism.all_components():
         used |= _held(_entries(component.values.values()))
@@ -352,8 +352,8 @@ def unused_commands(mechanism: Mechanism) -> tuple[Finding, ...]:
         if idle:
             listed = " and ".join(map(repr, idle))
             verb = "is" if len(idle) == 1 else "are"
-            message = f"{controller.where}: its command{'s' * (len(idle) > 1)} {listed} {verb} used nowhere"
-            remedy = f"Give controller.command({idle[0]!r}) to a component, such as the torque of a Torque"
+            message = f"{controller.where}: the command{'s' * (len(idle) > 1)} {listed} {verb} not used"
+            remedy = f"Pass controller.command({idle[0]!r}) to a component, e.g. as the torque of a Torque"
             found.append(Finding(Severity.WARNING, controller.where, message, remedy))
     return tuple(found)
 
@@ -364,21 +364,22 @@ def _output(mechanism: Mechanism, controller: Controller, k: int, entry: Any) ->
         return Output(text if len(text := str(entry)) <= LONGEST_NAME else f"measured[{k}]", entry, "")
     if entry in mechanism.outputs and mechanism.outputs[entry].turn:
         raise StudyError(
-            f"{controller.where}: measured[{k}] is the output {entry!r}, an angle that is known only up to whole turns "
-            "(angle=True); its turns are counted in results, and a controller would see it jump by a turn. Measure "
-            "joint.angle or body.angle, which count turns, or the expression of the output itself, which does not."
+            f"{controller.where}: measured[{k}] is the output {entry!r}, an angle that is known only up to whole "
+            "turns (angle=True). Results count its turns, but a controller would measure a jump by a turn. Measure "
+            "joint.angle or body.angle, which count turns. Or measure the expression of the output itself, which "
+            "jumps by turns."
         )
     if entry in mechanism.outputs:
         return Output(entry, mechanism.outputs[entry].expression, mechanism.outputs[entry].units)
     if entry in mechanism.scalars:
         raise StudyError(
-            f"{controller.where}: measured[{k}] is the output {entry!r}, which has one value without a time; a "
-            "controller measures what changes."
+            f"{controller.where}: measured[{k}] is the output {entry!r}, which is a scalar output; a controller can "
+            "measure only quantities that change over time."
         )
     listed = ", ".join(map(repr, mechanism.outputs)) or "none"
     near = did_you_mean(entry, list(mechanism.outputs)) or "."
     raise StudyError(
-        f"{controller.where}: measured[{k}] is {entry!r}, and mechanism {mechanism.name!r} has no such output{near} "
+        f"{controller.where}: measured[{k}] is {entry!r}, but mechanism {mechanism.name!r} has no such output{near} "
         f"Its outputs are: {listed}. An expression, such as body.position[0], can be measured as well."
     )
 

@@ -1,4 +1,4 @@
-"""The samples of one integration: their times, and the states right after them."""
+"""Samples of an integration: times, and states right after them."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ __all__ = ["Sampling"]
 
 
 MOST = 1_000_000
-"""Samples of an integration that are taken for a mistake of units."""
+"""Largest number of samples of an integration; more samples indicate wrong units."""
 NEAR = 1e-12
-"""Time, over the larger of 1 s and the time itself, within which two instants are one."""
+"""Time difference, relative to the larger of 1 s and the time, within which two instants are merged."""
 FELT = 1e-14
-"""Speed by which a constraint is left, in the units of its equation, that is rounding."""
+"""Rate of a constraint residual, in the units of its equation, that counts as rounding."""
 CONTRADICTION = 1e-6
-"""Speed, over that of the jump, that is left after an impulse where equations contradict each other."""
+"""Residual speed after an impulse, relative to the jump, that indicates contradictory equations."""
 ROUNDING = 1e-10
-"""Speed, over the largest, that is left after an impulse and is rounding."""
+"""Residual speed after an impulse, relative to the largest speed, that counts as rounding."""
 
 
 @dataclass
 class _SamplingInstant:
-    """Actions at one time: commands that take effect (loop, number of the sample), and loops that are sampled."""
+    """Actions at one time: commands to apply (loop, number of the sample), and loops to sample."""
 
     time: float
     acting: list[tuple[int, int]] = field(default_factory=list)
@@ -42,28 +42,28 @@ class _SamplingInstant:
 
 
 class Sampling:
-    """Samples of the controllers of a batch, from one time to another, both included.
+    """Samples of the controllers of a batch, from the first to the last output time, both included.
 
     Parameters
     ----------
     batch : Batch
-        K realisations, whose model has controllers.
+        K realisations of a model with controllers.
     times : array, shape (T,)
-        Output times, s; samples that differ from one by rounding are at it.
+        Output times, s; samples that differ from an output time only by rounding are moved to it.
 
     Attributes
     ----------
     times : array, shape (N,)
-        At which something is sampled, or commands begin to act, s; ascending.
+        Ascending times of samples and of the start of commands, s.
 
     Raises
     ------
     uqmbd.StudyError
-        If there are more samples than anybody can mean.
+        If the number of samples is unreasonably large.
 
     Examples
     --------
-    As an integrator asks for it, of a mechanism whose controller samples twice a second:
+    An integrator requests the samples of a mechanism with a controller that samples twice a second:
 
     >>> import numpy as np
     >>> import uqmbd
@@ -92,27 +92,27 @@ class Sampling:
         self.waiting: dict[tuple[int, int], tuple[Array, Index]] = {}
 
     def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
-        """States right after an instant; instants are to be passed in their order.
+        """Return states right after an instant; call the method in the order of the instants.
 
         Parameters
         ----------
         number : int
-            Of the instant, among `times`.
+            Index of the instant in `times`.
         states : array, shape (M, width)
-            Right before.
+            States right before the instant.
         members : array of int, shape (M,)
-            Which realisations of the batch these are.
+            Indices of these realisations in the batch.
 
         Returns
         -------
         states : array, shape (M, width)
         reasons : dict of int to str
-            By row: why a realisation cannot go on.
+            Reasons of realisations that cannot continue, by row.
 
         Raises
         ------
         uqmbd.StudyError
-            If a function raises, or returns what is of another shape, or depends on the group.
+            If a function raises, returns a wrong shape, or depends on other realisations of the group.
         """
         instant, held = self.instants[number], self.batch.model.layout.coordinates
         before, states, reasons = states, states.copy(), dict[int, str]()
@@ -132,21 +132,21 @@ class Sampling:
         return states, reasons
 
     def _act(self, acting: Sequence[tuple[int, int]], states: Array, members: Index) -> None:
-        """Apply commands whose delay has passed."""
+        """Apply commands after their delay."""
         for k, sample in acting:
             commands, owners = self.waiting.pop((k, sample))
             where = self.batch.model.layout.coordinates + self.loops[k].held[: len(self.loops[k].commands)]
-            # who has failed since does not come back
+            # realisations that have failed since then stay failed
             states[:, where] = commands[np.searchsorted(owners, members)]
 
     def _measured(self, loop: ControlLoop, time: float, states: Array, members: Index) -> Array:
-        """Measure, shape (M, measured)."""
+        """Return the measured quantities, shape (M, measured)."""
         return observe(self.batch, loop.measure, states, np.full(len(states), time), members)
 
     def _called(
         self, loop: ControlLoop, sample: int, time: float, measured: Array, state: Array
     ) -> tuple[Array, Array]:
-        """Call the function of a controller: commands (M, command) and new states (M, state)."""
+        """Call the function of a controller; return commands (M, command) and new states (M, state)."""
         found, count = called(loop, time, measured, state), len(measured)
         for part in _parts(sample, measured):
             again = called(loop, time, measured[part], state[part], f", called again for {len(part)} of {count}")
@@ -156,26 +156,26 @@ class Sampling:
     def jumps(
         self, time: float, states: Array, members: Index, before: Array | None = None
     ) -> tuple[Array, dict[int, str]]:
-        """Find how velocities jump where speeds are commanded: an impulse, by which they follow.
+        """Return the jumps of velocities due to impulses at changes of commanded speeds.
 
         Parameters
         ----------
         time : float
-            s.
+            Time of the change, s.
         states : array, shape (M, width)
-            Right after the commands have changed.
+            States right after the change of the commands.
         members : array of int, shape (M,)
-            Which realisations of the batch these are.
+            Indices of these realisations in the batch.
         before : array, shape (M, width), optional
-            Right before they have changed: by what speeds of a truncated expansion leave the constraints there, they
-            may after.
+            States right before the change. Constraint residuals of their speeds, from a truncated expansion, are also
+            allowed after the change.
 
         Returns
         -------
         change : array, shape (M, coordinate)
-            Of the velocities.
+            Change of the velocities.
         reasons : dict of int to str
-            By row: why a realisation cannot go on.
+            Reasons of realisations that cannot continue, by row.
         """
         model, block = self.batch.model, self.batch.block[members]
         change = np.zeros((len(states), model.layout.coordinates))
@@ -194,23 +194,24 @@ class Sampling:
         if before is not None:
             least = np.maximum(least, 10 * self._off(before[some], time, members[some]))
         reasons = {
-            int(some[k]): f"a commanded speed jumps at t = {time:.6g} s, and other constraints contradict it"
+            int(some[k]): f"a commanded speed jumps at t = {time:.6g} s, but other constraints contradict this jump"
             for k in np.flatnonzero(~(left <= least))
         }
         return change, reasons
 
     def _off(self, states: Array, time: float, members: Index) -> Array:
-        """Largest rate at which each state (M, width) leaves the constraints right after a time."""
+        """Return the largest rate of constraint residuals of each state (M, width) right after a time, s."""
         after = state_arguments(time + instant(time), states)
         found = self.batch.model.evaluate("drift", after, self.batch.block[members])["psi"]
         return np.asarray(np.abs(found).max(axis=1, initial=0.0))
 
 
 def _parts(sample: int, measured: Array) -> list[Index]:
-    """Return rows for a second call of a function: its result for them must not depend on the other rows.
+    """Return rows for a second call of a function, which test the independence of its results from other rows.
 
-    Every second row at the samples 0, 1, 2, 4, 8, ...; and each time the rows that measure least and most of
-    something, each alone: a condition that asks for any or all of a group decides otherwise for one of them.
+    The samples 0, 1, 2, 4, 8, ... use every second row. Every sample also uses, one by one, the rows with the least and
+    the greatest value of a measurement. A condition on any or all rows of a group has a different result for one of
+    them.
     """
     count = len(measured)
     parts = [np.arange(count)[:: -2 if count > 1 else 1]] if count and sample & (sample - 1) == 0 else []
@@ -221,15 +222,15 @@ def _parts(sample: int, measured: Array) -> list[Index]:
 
 
 def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> list[_SamplingInstant]:
-    """Lay out all that happens, in the order of time."""
+    """Return all instants of samples and commands, in the order of time."""
     begin, end = float(times[0]), float(times[-1])
     happening: list[tuple[float, bool, int, int]] = []
     for k, loop in enumerate(loops):
         count = (end - begin) * loop.rate
         if count > MOST:
             raise StudyError(
-                f"Controller {loop.name!r}: a rate of {loop.rate:g} Hz over {end - begin:g} s makes {count:.3g} "
-                f"samples; at most {MOST:g} are computed. The rate is in samples per second, and times are in s."
+                f"Controller {loop.name!r}: a rate of {loop.rate:g} Hz over {end - begin:g} s needs {count:.3g} "
+                f"samples; expected at most {MOST:g}. The units are samples per second for the rate, and s for times."
             )
         for sample in range(int(np.floor(count * (1 + NEAR) + NEAR)) + 1):
             at = begin + sample / loop.rate

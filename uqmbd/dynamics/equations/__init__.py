@@ -6,7 +6,7 @@ from uqmbd.dynamics.equations.attached import acting, links
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import BlockSymbols, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
-from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later
+from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later, excitations_of
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.layout import Layout, ParameterMap, state_arguments
 from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of, squares_of
@@ -40,6 +40,7 @@ __all__ = [
     "break_times",
     "compiled_conditions",
     "derive",
+    "excitations_of",
     "impossible",
     "inputs_of_conditions",
     "instances_of",

@@ -1,6 +1,6 @@
-"""Blocks: the terms of one component type in local symbols, shared by all its instances.
+"""Blocks: terms of a component type in local symbols, shared by all instances of the type.
 
-Local symbols are plain SymPy symbols with fixed names, so that two instances of one type give one text:
+Local symbols are plain SymPy symbols with fixed names, so that all instances of a type have the same text:
 ``_q`` coordinates, ``_v`` velocities, ``_s`` auxiliary states, ``_l``, ``_m`` multipliers, ``_p`` parameters, ``_t``.
 """
 
@@ -32,6 +32,7 @@ from uqmbd.mechanism import (
     Component,
     Constraint,
     Event,
+    ExcitationSymbol,
     Frame,
     HeldSymbol,
     Kinetic,
@@ -54,7 +55,7 @@ _INSTEAD = "Use it as a force, a torque, a stiffness, a damping or a potential, 
 
 @dataclass(frozen=True)
 class EventType:
-    """An event in local symbols; one that makes velocities jump has directions: the normal one first."""
+    """Event in local symbols; if velocities jump, it has directions, with the normal direction first."""
 
     label: str
     guard: sympy.Expr
@@ -64,25 +65,25 @@ class EventType:
 
     @property
     def expressions(self) -> tuple[sympy.Expr, ...]:
-        """All of them."""
+        """All expressions of the event."""
         return (self.guard, *self.directions, self.restitution, self.friction)
 
 
 @dataclass(frozen=True)
 class BlockType:
-    """Terms of a component type in local symbols."""
+    """Terms of a component type, in local symbols."""
 
     name: str
     space: Space
     bodies: int
-    owns: bool  # the block of a body states q' = v for its coordinates
+    owns: bool  # whether the block contains q' = v for its coordinates, as for a body
     parameters: int
     states: tuple[str, ...]
     kinetic: sympy.Expr
     potential: sympy.Expr
     work: tuple[tuple[sympy.Expr, sympy.Expr], ...]
     constraints: tuple[sympy.Expr, ...]
-    holonomic: tuple[bool, ...]  # of each constraint: whether it is one of positions, or else of velocities alone
+    holonomic: tuple[bool, ...]  # for each constraint: whether it constrains positions; else velocities only
     labels: tuple[str, ...]
     rates: tuple[sympy.Expr, ...]
     initial: tuple[sympy.Expr, ...]
@@ -91,12 +92,13 @@ class BlockType:
     reaction_point: tuple[sympy.Expr, ...]
     quantities: tuple[tuple[sympy.Symbol, str, sympy.Expr], ...]  # symbol, "value" or "rate", expression; in order
     events: tuple[EventType, ...]
-    gaps: tuple[tuple[sympy.Expr, sympy.Expr], ...]  # gap at the start, and the depth that is much
-    reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
+    gaps: tuple[tuple[sympy.Expr, sympy.Expr], ...]  # gap at the start, and depth of a large overlap
+    reaction_on: int  # local body on which the reaction acts; `reaction_sign` contains its sign
     reaction_sign: int
-    # commands and states of controllers that its parameters contain, then auxiliary states of other components, ``_h``
+    # number of ``_h``: controller commands and states in parameters, then auxiliary states of other components
     held: int = 0
-    coupled: int = 0  # how many of them, the last ones, are auxiliary states of other components
+    coupled: int = 0  # number of auxiliary states of other components, which are the last ``_h``
+    excited: tuple[int, ...] = ()  # numbers of parameters that are coefficients of excitations
 
     @property
     def coordinates(self) -> int:
@@ -105,7 +107,7 @@ class BlockType:
 
     @property
     def expressions(self) -> list[sympy.Expr]:
-        """Everything that the equations of motion are derived from."""
+        """All expressions for the derivation of the equations of motion."""
         work = [x for pair in self.work for x in pair]
         named = [e for _, _, e in self.quantities]
         return [self.kinetic, self.potential, *self.constraints, *self.rates, *work, *named]
@@ -130,7 +132,7 @@ class BlockType:
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that the derivation depends on."""
+        """Hash of all data that affect the derivation."""
         parts: tuple[Any, ...] = (
             self.space.name,
             self.bodies,
@@ -151,24 +153,28 @@ class BlockType:
             parts = (*parts, self.held)
         if self.coupled:
             parts = (*parts, "coupled", self.coupled)
+        if self.excited:
+            parts = (*parts, "excited", *self.excited)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
 class Instance:
-    """One component as an instance of its block type."""
+    """Component as an instance of its block type."""
 
     component: Component
     type: BlockType
     bodies: tuple[Body, ...]
     parameters: tuple[sympy.Expr, ...]
-    """Values of the local parameters, expressions in random variables."""
+    """Values of the local parameters, expressions in random variables; coefficients of excitations are zero."""
     held: tuple[HeldSymbol | AuxiliarySymbol, ...] = ()
-    """Commands and states of controllers that they contain, then auxiliary states of other components."""
+    """Commands and states of controllers in the parameters, then auxiliary states of other components."""
+    excitations: tuple[ExcitationSymbol, ...] = ()
+    """Coefficients of excitations, in the order of ``type.excited``."""
 
 
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
-    """Group components into block types; terms are evaluated once per type."""
+    """Group components into block types; evaluate terms once per type."""
     known: dict[Any, BlockType] = {}
     return [_instance(component, space, known) for component in logged("deriving components", components)]
 
@@ -179,11 +185,13 @@ def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -
     coupled = sum(isinstance(s, AuxiliarySymbol) for s in held)
     values, counted, parameters, pattern = localise(component, bodies, space, held)
     kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
-    key = (type(component), space.name, kinds, len(bodies), pattern, coupled)
+    excitations = {k: p for k, p in enumerate(parameters) if isinstance(p, ExcitationSymbol)}
+    key = (type(component), space.name, kinds, len(bodies), pattern, coupled, tuple(excitations))
     if key not in known:
-        sizes = len(parameters), len(held), coupled
+        sizes = len(parameters), len(held), coupled, tuple(excitations)
         known[key] = _build_block(component, space, bodies, kinds, values, counted, *sizes)
-    return Instance(component, known[key], tuple(bodies), tuple(parameters), held)
+    numbers = tuple(sympy.S.Zero if k in excitations else p for k, p in enumerate(parameters))
+    return Instance(component, known[key], tuple(bodies), numbers, held, tuple(excitations.values()))
 
 
 def _build_block(
@@ -196,6 +204,7 @@ def _build_block(
     parameters: int,
     held: int,
     coupled: int,
+    excited: tuple[int, ...],
 ) -> BlockType:
     n = space.size
     q, v = symbols_of("q", n * len(bodies)), symbols_of("v", n * len(bodies))
@@ -238,7 +247,7 @@ def _build_block(
         if e.free_symbols & foreign:
             foreign.add(symbol)
             if kind == "rate":
-                raise StudyError(f"{where}: it uses the rate of a quantity that contains {_FOREIGN}. {_INSTEAD}")
+                raise StudyError(f"{where}: terms() uses the rate of a quantity that contains {_FOREIGN}. {_INSTEAD}")
     kinetic: sympy.Expr = sympy.S.Zero
     potential: sympy.Expr = sympy.S.Zero
     work: list[tuple[sympy.Expr, sympy.Expr]] = []
@@ -259,15 +268,15 @@ def _build_block(
                 f, w = flatten(force), flatten(velocity)
                 if len(f) != len(w):
                     raise StudyError(
-                        f"{where}: VirtualWork has a force of {len(f)} components and "
-                        f"a velocity of {len(w)}; they must be alike."
+                        f"{where}: VirtualWork has a force of {len(f)} components and a velocity of {len(w)}; "
+                        "expected equal numbers."
                     )
                 pairs = [(settled(a), settled(b)) for a, b in zip(f, w, strict=True)]
                 for _, rate in pairs:
                     if rate.free_symbols and not rate.free_symbols & velocities:
                         raise StudyError(
-                            f"{where}: VirtualWork(force, velocity) is given a velocity that contains none; "
-                            "the work of a force on a point is VirtualWork(force, body.point_velocity(point))."
+                            f"{where}: the second argument of VirtualWork(force, velocity) contains no velocity; the "
+                            "work of a force on a point is VirtualWork(force, body.point_velocity(point))."
                         )
                 work += pairs
             case Constraint(equations, label) | VelocityConstraint(equations, label):
@@ -300,8 +309,8 @@ def _build_block(
             what = "a potential energy" if e is potential else f"the constraint {labels[constraints.index(e)]!r}"
             raise StudyError(
                 f"{where}: {what} contains a velocity; constraints are equations, and "
-                "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork; an "
-                "equation that binds velocities, and is linear in them, is a VelocityConstraint."
+                "potentials energies, of positions, states and time. Write a force that depends on velocities as a "
+                "VirtualWork. Write an equation that is linear in velocities as a VelocityConstraint."
             )
     guards = [event.guard for event in events]
     clash = [e for e in at_rest if not e.free_symbols & coordinates]
@@ -358,6 +367,7 @@ def _build_block(
         reaction_sign=sign,
         held=held,
         coupled=coupled,
+        excited=excited,
     )
     for e, label in ((e, label) for e, h, label in zip(constraints, holonomic, labels, strict=True) if not h):
         require_velocities(where, label, e, block.whole(e), set(v), accelerations)

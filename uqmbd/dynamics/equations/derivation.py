@@ -1,9 +1,9 @@
-"""Derivation: from the terms of a block to residuals, Jacobians and the rest, by SymEngine.
+"""Derivation of residuals, Jacobians and other equations from the terms of a block, by SymEngine.
 
-No derivative is written by hand.
+All derivatives are symbolic; none is coded by hand.
 
-Let ``psi = d Phi / dt`` be the constraints at velocity level, and ``D = d psi / d v``. ``D`` is ``Phi_q`` for geometric
-constraints, and stays right if a constraint or a potential contains an auxiliary state. The stabilised index-2 form
+Let ``psi = d Phi / dt`` be the constraints at velocity level, and ``D = d psi / d v``. ``D`` equals ``Phi_q`` for
+geometric constraints, and remains valid with auxiliary states in constraints or potentials. The stabilised index-2 form
 (Gear, Leimkuhler and Gupta, 1985) is::
 
     0 = q' - v + D^T mu
@@ -12,8 +12,8 @@ constraints, and stays right if a constraint or a potential contains an auxiliar
     0 = Phi
     0 = psi
 
-A constraint between velocities alone states ``psi`` itself.  It has no ``Phi``, and no part in ``D^T mu``: the row of
-its ``Phi`` is ``0 = mu``.
+A constraint between velocities only defines ``psi`` directly.  It has no ``Phi`` and does not contribute to ``D^T mu``;
+the row of its ``Phi`` is ``0 = mu``.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ __all__ = ["BlockSymbols", "DerivedEquations", "derive"]
 
 @dataclass(frozen=True)
 class DerivedEquations:
-    """SymEngine expressions of one kind, with a target for each."""
+    """SymEngine expressions of one kind, each with a target."""
 
     expressions: list[Any]
     # ("r", row) for a vector entry, ("J", row, column) for a matrix entry, etc., with local variables ("q", 3)
@@ -74,7 +74,7 @@ class BlockSymbols:
     def _converter(self) -> Callable[[Any], Any]:
         """Return the conversion from SymPy to SymEngine, with the definitions of named quantities.
 
-        It is inserted here, since SymEngine keeps one copy of a part that expressions share and treats it once.
+        The conversion inserts definitions, because SymEngine keeps one copy of shared parts and processes it once.
         """
         known: dict[Any, Any] = {}
 
@@ -93,7 +93,7 @@ class BlockSymbols:
         q, v, a, s, t = self.q, self.v, self.a, self.s, self.t
 
         def flow(e: Any, *, accelerate: bool) -> Any:
-            """Total time derivative of an expression in q, s, t (and v)."""
+            """Return the total time derivative of an expression in q, s, t (and v)."""
             total = _diff(e, t) + _sum(_diff(e, x) * dx for x, dx in zip(q, v, strict=True))
             total += _sum(_diff(e, x) * dx for x, dx in zip(s, self.g, strict=True))
             return total + _sum(_diff(e, x) * dx for x, dx in zip(v, a, strict=True)) if accelerate else total
@@ -114,11 +114,11 @@ class BlockSymbols:
         self.bias = [[flow(w, accelerate=False) for w in directions] for _, directions, *_ in self.events]
 
     def constraint_force(self, multipliers: list[Any], k: int) -> Any:
-        """``(D^T multipliers)_k``."""
+        """Return ``(D^T multipliers)_k``."""
         return _sum(self.d[i][k] * x for i, x in enumerate(multipliers))
 
     def residual(self) -> DerivedEquations:
-        """Rows of the stabilised index-2 form."""
+        """Return the rows of the stabilised index-2 form."""
         e: list[Any] = []
         targets: list[tuple[Any, ...]] = []
         stabilising = [x if h else se.Integer(0) for x, h in zip(self.m, self.holonomic, strict=True)]
@@ -153,7 +153,7 @@ class BlockSymbols:
         return [*found, *(("h", k, y, None) for k, y in enumerate(self.h) if k >= first)]
 
     def jacobian(self) -> DerivedEquations:
-        """Entries of ``d residual / d y + c d residual / d y'``."""
+        """Return the entries of ``d residual / d y + c d residual / d y'``."""
         rows = self.residual()
         e: list[Any] = []
         targets: list[tuple[Any, ...]] = []
@@ -169,7 +169,7 @@ class BlockSymbols:
         return DerivedEquations(e, targets)
 
     def position(self) -> DerivedEquations:
-        """``Phi`` and ``Phi_q`` with auxiliary states at their initial values, and the cosines of `Upright`."""
+        """Return ``Phi`` and ``Phi_q`` with auxiliary states at their initial values, and the cosines of `Upright`."""
         start = dict(zip(self.s, self.s0, strict=True))
         phi = [self.tables.substituted(x, start) for x in self.phi] if start else self.phi
         e = list(phi)
@@ -186,7 +186,7 @@ class BlockSymbols:
         return DerivedEquations(list(self.s0), [("s", k) for k in range(len(self.s0))])
 
     def velocity(self) -> DerivedEquations:
-        """``D`` and ``psi`` at rest, which is ``Phi_t``."""
+        """Return ``D``, and ``psi`` at rest, which equals ``Phi_t``."""
         rest = dict.fromkeys(self.v, se.Integer(0))
         e = [self.tables.substituted(x, rest) for x in self.psi]
         targets: list[tuple[Any, ...]] = [("phi_t", i) for i in range(len(e))]
@@ -196,12 +196,12 @@ class BlockSymbols:
         return _nonzero(e, targets)
 
     def drift(self) -> DerivedEquations:
-        """``Phi`` and ``dPhi/dt``."""
+        """Return ``Phi`` and ``dPhi/dt``."""
         targets: list[tuple[Any, ...]] = [(x, k) for x in ("phi", "psi") for k in range(len(self.phi))]
         return _nonzero([*self.phi, *self.psi], targets)
 
     def acceleration(self) -> DerivedEquations:
-        """Index-1 system: ``M``, ``Q - h``, ``D``, ``gamma``; and the rates of the auxiliary states."""
+        """Return the index-1 system ``M``, ``Q - h``, ``D``, ``gamma``, and the rates of the auxiliary states."""
         n = len(self.q)
         e: list[Any] = []
         targets: list[tuple[Any, ...]] = []
@@ -215,10 +215,32 @@ class BlockSymbols:
         targets += [("s", k) for k in range(len(self.g))]
         return _nonzero(e, targets)
 
-    def contact(self) -> DerivedEquations:
-        """Guards of events; of those with directions their speeds ``w``, ``dw/dv``, ``w'`` without accelerations, laws.
+    def linear(self) -> DerivedEquations:
+        """Return derivatives of the equations of motion, and those of the constraints by excitations and states.
 
-        Laws are the coefficients of restitution and of friction.
+        The rows are ``M a - Q + h + D^T lambda``, and the rates of the auxiliary states.
+        """
+        inertia = [_sum(self.mass[k][j] * x for j, x in enumerate(self.a)) for k in range(len(self.q))]
+        rows = [(("v", k), x - self.force[k] + self.constraint_force(self.l, k)) for k, x in enumerate(inertia)]
+        rows += [(("s", k), g) for k, g in enumerate(self.g)]
+        excited = [self.p[k] for k in self.block.excited]
+        groups = [("q", self.q), ("s", self.s), ("v", self.v), ("c", excited)]
+        e = [_diff(row, x) for _, row in rows for _, symbols in groups for x in symbols]
+        targets: list[tuple[Any, ...]] = [
+            (f"{letter}_{group}", k, j)
+            for (letter, k), _ in rows
+            for group, symbols in groups
+            for j in range(len(symbols))
+        ]
+        for letter, symbols in (("c", excited), ("s", self.s)):
+            e += [_diff(phi, x) for phi in self.stated for x in symbols]
+            targets += [(f"phi_{letter}", i, j) for i in range(len(self.stated)) for j in range(len(symbols))]
+        return _nonzero(e, targets)
+
+    def contact(self) -> DerivedEquations:
+        """Return guards of events; for contacts also speeds ``w``, ``dw/dv``, ``w'`` without accelerations, and laws.
+
+        Laws are the coefficients of restitution and friction.
         """
         e: list[Any] = []
         targets: list[tuple[Any, ...]] = []
@@ -234,13 +256,13 @@ class BlockSymbols:
         return _nonzero(e, targets)
 
     def energy(self) -> DerivedEquations:
-        """Kinetic and potential energy."""
+        """Return the kinetic and potential energy."""
         return _nonzero([self.kinetic, self.potential], [("energy", 0), ("energy", 1)])
 
     def generalised_force(self) -> list[Any]:
         """Return the generalised forces of the block: constraints, potentials, virtual work, persistent contacts.
 
-        With applications of tables, as those of `equations`.
+        The expressions contain applications of tables, as in `equations`.
         """
         directions = [w for _, along, *_ in self.events for w in along]
         forces = [
@@ -253,7 +275,7 @@ class BlockSymbols:
         return self.tables.applied(forces)
 
     def equations(self, kind: Kind) -> DerivedEquations:
-        """Return the expressions of one kind, with applications of tables in them."""
+        """Return the expressions of one kind, with applications of tables."""
         found: DerivedEquations = getattr(self, kind)()
         return DerivedEquations(self.tables.applied(found.expressions), found.targets)
 
@@ -262,7 +284,7 @@ class BlockSymbols:
         return compile_kernel(arguments, self.tables.applied(expressions), tables=self.tables.known)
 
     def arguments(self, kind: Kind) -> list[tuple[str, int, Any]]:
-        """State arguments of a kind, without parameters: (letter, index, symbol)."""
+        """Return the state arguments of a kind, without parameters: (letter, index, symbol)."""
         symbols = {
             "q": self.q, "s": self.s, "v": self.v, "l": self.l, "m": self.m, "dq": self.qd, "ds": self.sd, "dv": self.a,
             "t": [self.t], "c": [self.c],
@@ -273,7 +295,7 @@ class BlockSymbols:
 
 @lru_cache(maxsize=256)
 def derive(block: BlockType) -> BlockSymbols:
-    """Derive a block; remembered, for the same type recurs in every mechanism."""
+    """Derive a block; cache the result, because the same type recurs in every mechanism."""
     return BlockSymbols(block)
 
 

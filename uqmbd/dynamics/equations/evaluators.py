@@ -1,14 +1,14 @@
-"""The evaluators of a mechanism: its blocks, their places, and their kernels, compiled at once or on first use.
+"""Evaluators of a mechanism: blocks, placements, and kernels, which are compiled at once or on first use.
 
-Residual and Jacobian, which only some integrators take, and energies are made when somebody asks for them; from
-expressions that travelled as bytes, so that they are the same ones in the process that built the model and in others.
+Energies, residual and Jacobian, which only some integrators use, are compiled on first use.  Their expressions are
+transferred as bytes, so that they are identical in the process that built the model and in other processes.
 """
 
 from __future__ import annotations
 
 import pickle
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,17 +21,17 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, type
 from uqmbd.dynamics.equations.layout import Kind, Layout
 from uqmbd.errors import StudyError
 from uqmbd.logs import derivation
-from uqmbd.mechanism import AuxiliarySymbol, Controller, HeldStates, HeldSymbol
+from uqmbd.mechanism import AuxiliarySymbol, Controller, ExcitationSymbol, HeldStates, HeldSymbol
 
-__all__ = ["FUSED_LENGTH", "FUSED_LIMIT", "Blocks", "Evaluators", "Later", "place"]
+__all__ = ["FUSED_LENGTH", "FUSED_LIMIT", "Blocks", "Evaluators", "Later", "excitations_of", "place"]
 
 FUSED_LIMIT = 130
-"""Unknowns up to which residual and Jacobian are one kernel: beyond, compilation costs more than it saves."""
+"""Largest number of unknowns for one kernel of residual or Jacobian; above it, compilation costs more than it saves."""
 
 FUSED_LENGTH = 6000
-"""Operations of named quantities in a Jacobian up to which it is one kernel: beyond, compilation takes seconds."""
+"""Largest number of operations with named quantities for one Jacobian kernel; above it, compilation takes seconds."""
 
-LATER = ("residual", "jacobian", "energy")
+LATER = ("residual", "jacobian", "energy", "linear")
 """Kinds that are compiled on first use."""
 
 _LOCK = threading.RLock()
@@ -39,28 +39,28 @@ _LOCK = threading.RLock()
 
 @dataclass(frozen=True)
 class Blocks:
-    """The blocks of a mechanism, one for each instance, and their placements."""
+    """Blocks of a mechanism, one for each instance, and their placements."""
 
     types: tuple[BlockType, ...]
-    places: tuple[Placement, ...]  # with the numbers of all constraint equations
+    places: tuple[Placement, ...]  # with the indices of all constraint equations
 
     @classmethod
     def of(cls, instances: list[Instance], order: dict[str, int]) -> Blocks:
-        """Place instances; `order` has the index of each body by name."""
+        """Place instances; `order` contains the index of each body by name."""
         return cls(tuple(i.type for i in instances), tuple(place(instances, order)))
 
     def evaluator(self, kind: Kind, layout: Layout, parameters: int, *, fuse: bool) -> Evaluator:
-        """Compile one kind of equations of blocks with `parameters` parameters.
+        """Compile one kind of equations for blocks with `parameters` parameters.
 
-        With `fuse` they are one kernel, except for a Jacobian that is too long.
+        With `fuse`, the equations are one kernel, except for a too long Jacobian.
         """
         derivation.debug("compiling equations (%s)", kind)
         places, columns = self.places, layout.columns(kind)
         if kind in ("residual", "jacobian"):
             places = _in_unknowns(places, layout)
-            # in y the columns of q, s, v, l, m are their own indices
+            # in y, the columns of q, s, v, l, m equal their indices
             columns = {(x, i + (layout.slices[x].start if x in "qsvlm" else 0)): c for (x, i), c in columns.items()}
-            # behind the zero column stand the values of the frozen coordinates
+            # values of the frozen coordinates follow the zero column
             first = len(columns) + 1
             columns |= {("q", layout.unknowns + i): first + i for i in range(len(layout.frozen))}
         if fuse and (kind != "jacobian" or self._length <= FUSED_LENGTH):
@@ -69,7 +69,7 @@ class Blocks:
 
     @cached_property
     def _length(self) -> int:
-        """Operations in the Jacobians of blocks with named quantities; others are short enough."""
+        """Number of operations in Jacobians of blocks with named quantities; other Jacobians are short enough."""
         seen: dict[str, int] = {}
         for block in {b.digest: b for b in self.types if b.quantities}.values():
             known: set[Any] = set()
@@ -87,14 +87,14 @@ class Blocks:
 class Later:
     """Sources of evaluators that are compiled on first use; the other fields are arguments of `Blocks.evaluator`."""
 
-    blocks: bytes  # `Blocks`, pickled: numerical work seldom needs symbols, which are slow to load
+    blocks: bytes  # pickled `Blocks`: numerical code seldom needs symbols, which are slow to load
     layout: Layout
     parameters: int
     fuse: bool
 
     @classmethod
     def of(cls, blocks: Blocks, layout: Layout, parameters: int, *, fuse: bool) -> Later:
-        """Store blocks; their parameters contain the gravity of the space, which may be random and large."""
+        """Store blocks; their parameters include the gravity of the space, which may be random and large."""
         bare = {id(b): replace(b, space=replace(b.space, gravity=None)) for b in blocks.types}
         kept = Blocks(tuple(bare[id(b)] for b in blocks.types), blocks.places)
         return cls(pickle.dumps(kept), layout, parameters, fuse)
@@ -112,7 +112,7 @@ class Evaluators(Mapping[Kind, Evaluator]):
         self.made, self.later = dict(made), later
 
     def __getitem__(self, kind: Kind) -> Evaluator:
-        """Return an evaluator; one that is compiled now stays."""
+        """Return an evaluator; compile and store it if necessary."""
         if kind not in self.made:
             if self.later is None or kind not in LATER:
                 raise KeyError(kind)
@@ -126,18 +126,19 @@ class Evaluators(Mapping[Kind, Evaluator]):
         return kind in self.made or (self.later is not None and kind in LATER)
 
     def __iter__(self) -> Iterator[Kind]:
-        """Yield the kinds that there are."""
+        """Yield the available kinds."""
         return iter(dict.fromkeys([*self.made, *(LATER if self.later is not None else ())]))
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of available kinds."""
         return len(list(iter(self)))
 
 
 def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
-    """Return the global index of every local variable of all blocks; `order` holds the index of each body by name."""
+    """Return the global indices of all local variables of blocks; `order` contains the index of each body by name."""
     rows = states = cosines = parameters = events = directions = 0
     holders, owners = _holders(instances), _owners(instances)
+    excitations = excitations_of(instances)
     placements = []
     for instance in instances:
         block = instance.type
@@ -166,6 +167,7 @@ def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
                     "cos": np.arange(cosines, cosines + len(block.cosines)),
                     "event": np.arange(events, events + len(block.events)),
                     "direction": np.arange(directions, directions + along),
+                    "excitation": np.array([excitations.index(c) for c in instance.excitations], dtype=np.int64),
                     **held,
                 },  # fmt: skip
                 np.arange(parameters, parameters + block.parameters),
@@ -177,8 +179,14 @@ def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
     return placements
 
 
+def excitations_of(instances: Sequence[Instance]) -> list[ExcitationSymbol]:
+    """Return the coefficients of all excitations, each once, by their names and orders."""
+    found = {c for instance in instances for c in instance.excitations}
+    return sorted(found, key=lambda c: (c.source.source.name, str(c.argument), c.order))
+
+
 def _holders(instances: list[Instance]) -> dict[Controller, int]:
-    """First auxiliary state of each controller."""
+    """Return the index of the first auxiliary state of each controller."""
     found: dict[Controller, int] = {}
     states = 0
     for instance in instances:
@@ -197,19 +205,19 @@ def _owners(instances: list[Instance]) -> dict[tuple[int, str], int]:
 def _number(
     symbol: HeldSymbol | AuxiliarySymbol, holders: dict[Controller, int], owners: dict[tuple[int, str], int]
 ) -> int:
-    """Return the number among the auxiliary states of what a controller holds, or of a component's state."""
+    """Return the index, among the auxiliary states, of a controller value or of a component's state."""
     if isinstance(symbol, HeldSymbol):
         return holders[symbol.owner] + symbol.index
     found = owners.get((id(symbol.component), symbol.state))
     if found is None:
-        raise StudyError(f"{symbol}: {symbol.component!r} has no state {symbol.state!r} any more.")
+        raise StudyError(f"{symbol}: {symbol.component!r} no longer has a state {symbol.state!r}.")
     return found
 
 
 def _in_unknowns(places: tuple[Placement, ...], layout: Layout) -> tuple[Placement, ...]:
-    """Return placements whose letters are rows of ``y``, as residual and Jacobian targets need them.
+    """Return placements with letters as rows of ``y``, for residual and Jacobian targets.
 
-    Only multipliers of active equations are in it.  Frozen coordinates come after all unknowns; their velocities are
+    ``y`` contains only multipliers of active equations.  Frozen coordinates follow all unknowns; their velocities are
     dropped.
     """
     slices, n = layout.slices, layout.coordinates

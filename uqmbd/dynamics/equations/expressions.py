@@ -1,7 +1,8 @@
-"""Expressions before the derivation: functions are written out, and meaningless symbols are refused."""
+"""Preparation of expressions for the derivation: rewrite functions, and raise for unknown symbols."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     WITHOUT_DERIVATIVE,
     Component,
+    Excitation,
     StateSymbol,
     as_symbolic,
     describe_foreign_part,
@@ -30,18 +32,20 @@ TIME = sympy.Symbol("_t", real=True)
 
 
 SMALLEST = 1e-290
-"""Size of the numbers that keep all their digits, and of their inverses."""
+"""Smallest size of numbers with full precision; the inverse is the largest size."""
 
 
 def plain(expression: Any) -> sympy.Expr:
-    """Write functions that have no derivative everywhere as piecewise expressions, which have."""
+    """Rewrite functions without a derivative everywhere as piecewise expressions with derivatives."""
     value = as_symbolic(expression)
+    if value.has(Excitation):
+        value = value.replace(lambda e: isinstance(e, Excitation), lambda e: e.doit())
     if value.has(step):
         value = value.replace(lambda e: isinstance(e, step), lambda e: e.doit())
     if value.has(sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside):
         kinds = (sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside)
         value = value.replace(lambda e: isinstance(e, kinds), _piecewise)
-    if value.has(sympy.ITE):  # SymPy's way to compare a piecewise expression
+    if value.has(sympy.ITE):  # SymPy uses ITE to compare a piecewise expression
         value = value.replace(sympy.ITE, lambda a, b, c: sympy.Or(sympy.And(a, b), sympy.And(sympy.Not(a), c)))
     if value.has(sympy.exp) and any(_extreme(x) for x in value.atoms(sympy.Float)):
         value = value.replace(lambda e: isinstance(e, sympy.Mul) and _extreme(e.args[0]), _with_exponent)
@@ -50,18 +54,18 @@ def plain(expression: Any) -> sympy.Expr:
 
 
 def _extreme(value: sympy.Basic) -> bool:
-    """Return whether a number is not finite in double precision, or nearly so."""
+    """Return whether a number is not finite, or almost not finite, in double precision."""
     return isinstance(value, sympy.Float) and value != 0 and not SMALLEST < abs(value) < 1 / SMALLEST
 
 
 def _with_exponent(e: sympy.Mul) -> sympy.Expr:
-    """Write ``c exp(x)`` as ``exp(log(c) + x)``: SymPy takes numbers out of exponents, where they leave the range."""
+    """Write ``c exp(x)`` as ``exp(log(c) + x)``, because numbers extracted from exponents by SymPy may overflow."""
     factor, *others = e.args
     grows = next((x for x in others if isinstance(x, sympy.exp)), None)
     if grows is None:
         return e
     others.remove(grows)
-    # a float would be taken out again
+    # SymPy would extract a float again
     exponent = grows.args[0] + sympy.Rational(float(sympy.log(abs(factor))))
     return sympy.Mul(sympy.sign(factor), *others, sympy.exp(exponent))
 
@@ -90,8 +94,8 @@ def settled_expression(
 ) -> sympy.Expr:
     """Return an expression of `Component.terms` in local symbols.
 
-    Named quantities are replaced by their local symbols `named`; all local symbols are `known`.  Raises
-    `uqmbd.StudyError`, with advice, if the expression contains anything else.
+    Named quantities are replaced by their local symbols `named`; `known` contains all local symbols.  Raises
+    `uqmbd.StudyError`, with advice, if the expression contains other symbols.
     """
     try:
         value = as_symbolic(expression)
@@ -99,15 +103,16 @@ def settled_expression(
         value = None
     if not isinstance(value, sympy.Expr):
         raise StudyError(
-            f"{where}: terms() holds {shown(expression)}, which is no expression; expected one in what p offers."
+            f"{where}: terms() contains {shown(expression)}, which is not an expression; expected an expression in "
+            "quantities of p."
         )
     if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
-        raise StudyError(f"{where}: terms() holds {shown(value)}, which is not a finite real number.")
+        raise StudyError(f"{where}: terms() contains {shown(value)}, which is not a finite real number.")
     if (large := too_large(value)) is not None:
-        raise StudyError(f"{where}: terms() holds {shown(large)}, which a number of 64 bits cannot hold.")
+        raise StudyError(f"{where}: terms() contains {shown(large)}, which exceeds the range of 64-bit numbers.")
     value = plain(value).xreplace(named) if named else plain(value)
     if (foreign := foreign_part(value)) is not None:
-        raise StudyError(f"{where}: in an expression of its terms {describe_foreign_part(foreign)}")
+        raise StudyError(f"{where}: terms() is invalid: {describe_foreign_part(foreign)}")
     strangers = sorted(value.free_symbols - known, key=str)
     if strangers:
         raise StudyError(f"{where}: {_stranger(component, strangers[0])}")
@@ -115,9 +120,9 @@ def settled_expression(
 
 
 def _stranger(component: Component, symbol: sympy.Symbol) -> str:
-    """Return a message on what to write in terms instead of a symbol without meaning there."""
+    """Return a message with the replacement for a symbol that is invalid in terms."""
     if symbol == t:
-        return "terms() uses uqmbd.t; there the time is p.time."
+        return "terms() uses uqmbd.t; use p.time instead."
     if isinstance(symbol, StateSymbol):
         roles = [role for role, body in component.attached.items() if body is symbol.owner]
         write = f"p.{roles[0]}" if roles else "an argument of the component, named in `bodies`, as p.body"
@@ -134,13 +139,13 @@ def _stranger(component: Component, symbol: sympy.Symbol) -> str:
             "give the random variable where the component is made."
         )
     return (
-        f"terms() uses the symbol {symbol}, which means nothing there; expected what p offers: bodies, parameters, "
-        "states and time."
+        f"terms() uses the symbol {symbol}, which is unknown; expected quantities of p: bodies, "
+        "parameters, states and time."
     )
 
 
 def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set[sympy.Symbol]) -> None:
-    """Raise where a function without a derivative contains a symbol by which expressions are differentiated.
+    """Raise if a function without a derivative contains a symbol of differentiation.
 
     The expressions are in local symbols; `changing` are the symbols of the derivatives.
     """
@@ -149,7 +154,7 @@ def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set
             if part.free_symbols & changing:
                 kind = type(part).__name__
                 raise StudyError(
-                    f"{where}: a force, an energy or a constraint contains {kind}(...) of what moves, and {kind} has "
+                    f"{where}: a force, an energy or a constraint contains {kind}(...) of a motion, and {kind} has "
                     "no derivative that can be computed; write it piecewise, or smooth it."
                 )
 
@@ -162,10 +167,10 @@ def require_velocities(
     velocities: set[sympy.Symbol],
     accelerations: set[sympy.Basic],
 ) -> None:
-    """Raise where an equation between velocities contains none, is not linear in them, or contains accelerations.
+    """Raise if an equation between velocities has no velocity, is nonlinear in velocities, or contains accelerations.
 
-    The equation is given as stated and, as `whole`, with its named quantities replaced; `velocities` are those of the
-    bodies, `accelerations` the named quantities that are rates of velocities.
+    `stated` is the equation as given, and `whole` is the equation with replaced named quantities; `velocities` belong
+    to the bodies, and `accelerations` are named quantities that are rates of velocities.
     """
     if not whole.free_symbols & velocities:
         raise StudyError(
@@ -177,10 +182,30 @@ def require_velocities(
             f"{where}: the velocity constraint {label!r} contains the rate of a velocity; expected an equation "
             "between velocities."
         )
-    for velocity in sorted(whole.free_symbols & velocities, key=str):
+    if _degree(whole, velocities, {}) <= 1:
+        return
+    for velocity in sorted(whole.free_symbols & velocities, key=str):  # terms of higher degree may cancel
         slope = whole.diff(velocity)
         if slope.free_symbols & velocities and sympy.expand(slope).free_symbols & velocities:
             raise StudyError(
                 f"{where}: the velocity constraint {label!r} is not linear in the velocities; expected "
-                "a(q, t) . v + b(q, t) = 0. What depends on velocities in another way is a VirtualWork."
+                "a(q, t) . v + b(q, t) = 0. Write other terms that depend on velocities as a VirtualWork."
             )
+
+
+def _degree(e: sympy.Basic, symbols: set[sympy.Symbol], known: dict[sympy.Basic, float]) -> float:
+    """Return the degree of an unexpanded expression in some symbols; inf: it may not be a polynomial.
+
+    Derivatives of constraints contain the same parts hundreds of times: `known` stores the degree of each part.
+    """
+    if e not in known:
+        degrees = [_degree(part, symbols, known) for part in e.args]
+        if e in symbols:
+            known[e] = 1
+        elif isinstance(e, sympy.Mul):
+            known[e] = sum(degrees)
+        elif isinstance(e, sympy.Add) or not any(degrees):
+            known[e] = max(degrees, default=0)
+        else:
+            known[e] = math.inf
+    return known[e]

@@ -1,4 +1,4 @@
-"""Layout of arguments, results, states and unknowns, and parameters evaluated for each realisation."""
+"""Layout of arguments, results, states and unknowns, and evaluation of parameters for each realisation."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ RATES = ("dq", "ds", "dv")
 ARGUMENTS: Mapping[Kind, tuple[str, ...]] = {
     "residual": (*UNKNOWNS, *RATES, "t"),
     "jacobian": (*UNKNOWNS, *RATES, "t", "c"),
+    "linear": (*STATE, "l", "dv", "t"),
 }
-"""Arguments in order, by letter; of all other kinds a state and the time."""
+"""Arguments in order, by letter; all other kinds have a state and the time."""
 
 RESULTS: Mapping[Kind, Mapping[str, tuple[str, ...]]] = {
     "position": {"phi": ("row",), "phi_q": ("row", "q"), "cos": ("cos",)},
@@ -42,19 +43,24 @@ RESULTS: Mapping[Kind, Mapping[str, tuple[str, ...]]] = {
         "guard": ("event",), "law": ("event", "pair"), "speed": ("direction",), "bias": ("direction",),
         "slope": ("direction", "q"),
     },
+    "linear": {
+        "v_q": ("q", "q"), "v_s": ("q", "state"), "v_v": ("q", "q"), "v_c": ("q", "excitation"),
+        "s_q": ("state", "q"), "s_s": ("state", "state"), "s_v": ("state", "q"), "s_c": ("state", "excitation"),
+        "phi_c": ("row", "excitation"), "phi_s": ("row", "state"),
+    },
 }  # fmt: skip
-"""Results of the equations of a state: vectors and matrices by name, and the meaning of their indices."""
+"""Results of kinds with a state as argument: vectors and matrices by name, and the meaning of their indices."""
 
 
 def argument_names(kind: Kind, coordinates: int, states: int, constraints: int) -> list[tuple[str, int]]:
-    """Arguments of a kind, without parameters: letters and numbers."""
+    """Return the arguments of a kind, without parameters, as letters and indices."""
     counts = dict.fromkeys(("q", "v", "dq", "dv"), coordinates) | dict.fromkeys(("s", "ds"), states)
     counts |= {"l": constraints, "m": constraints, "t": 1, "c": 1}
     return [(letter, k) for letter in ARGUMENTS.get(kind, (*STATE, "t")) for k in range(counts[letter])]
 
 
 def state_arguments(time: Array | float, *parts: Array) -> Array:
-    """Arguments ``(q, s, v, t, 0)`` of the kinds that a state determines, of states (K, width) or of their parts."""
+    """Return arguments ``(q, s, v, t, 0)`` of kinds with a state, from states (K, width) or their parts."""
     ends = [0, *accumulate(x.shape[1] for x in parts)]
     found = np.zeros((len(parts[0]), ends[-1] + 2))
     for x, first, end in zip(parts, ends[:-1], ends[1:], strict=True):
@@ -71,12 +77,12 @@ class Layout:
     states: int
     constraints: int
     kept: Index  # independent constraint equations
-    # coordinates that a constraint fixes (as of a slider that cannot turn): no unknowns of the integration
+    # coordinates fixed by a constraint, e.g. of a slider that cannot rotate: not unknowns of the integration
     frozen: Index
-    active: Index  # kept equations that freeze no coordinate: the ones with multipliers in y
-    nonholonomic: Index  # equations between velocities that have no counterpart between positions
+    active: Index  # kept equations that freeze no coordinate; their multipliers are in y
+    nonholonomic: Index  # equations between velocities without a position equation
     held: int = 0
-    """Number of auxiliary states that controllers hold constant between samples."""
+    """Number of auxiliary states for controller values, constant between samples."""
 
     @property
     def width(self) -> int:
@@ -85,12 +91,12 @@ class Layout:
 
     @property
     def velocities(self) -> int:
-        """First velocity of a state."""
+        """Index of the first velocity in a state."""
         return self.coordinates + self.states
 
     @cached_property
     def number(self) -> Index:
-        """Number of each constraint equation among the independent ones; -1: dependent."""
+        """Index of each constraint equation among the independent ones; -1: dependent."""
         found = np.full(self.constraints, -1, dtype=np.int64)
         found[self.kept] = np.arange(len(self.kept))
         return found
@@ -102,7 +108,7 @@ class Layout:
 
     @cached_property
     def independent_holonomic(self) -> Index:
-        """Independent equations of positions."""
+        """Independent position equations."""
         return np.setdiff1d(self.kept, self.nonholonomic)
 
     @cached_property
@@ -117,7 +123,7 @@ class Layout:
 
     @cached_property
     def differential(self) -> int:
-        """Number of unknowns whose derivatives occur: the first ones of ``y``."""
+        """Number of unknowns with derivatives in the equations: the first ones of ``y``."""
         return 2 * (self.coordinates - len(self.frozen)) + self.states
 
     @cached_property
@@ -133,18 +139,19 @@ class Layout:
         return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
 
     def split(self, states: Array) -> tuple[Array, Array, Array]:
-        """Coordinates, auxiliary states and velocities of states (..., width)."""
+        """Return coordinates, auxiliary states and velocities of states (..., width)."""
         n, velocities = self.coordinates, self.velocities
         return states[..., :n], states[..., n:velocities], states[..., velocities:]
 
     def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
-        """Column of each variable among the arguments of a kind."""
-        coordinates = len(self.free) if kind in ARGUMENTS else self.coordinates
-        names = argument_names(kind, coordinates, self.states, self.multipliers)
+        """Return the column of each variable among the arguments of a kind."""
+        whole = kind not in ("residual", "jacobian")
+        sizes = (self.coordinates, self.constraints) if whole else (len(self.free), self.multipliers)
+        names = argument_names(kind, sizes[0], self.states, sizes[1])
         return {name: column for column, name in enumerate(names)}
 
     def index2_arguments(self, time: float, y: Array, yp: Array, frozen: Array, *more: float) -> Array:
-        """Arguments of residual and Jacobian: ``y``, the rates that occur, time, c if given, zero, frozen values."""
+        """Return arguments of residual and Jacobian: ``y``, its rates, time, c if given, zero, frozen values."""
         tail = np.broadcast_to(np.array([time, *more, 0.0]), (len(y), 2 + len(more)))
         return np.concatenate([y, yp[:, : self.differential], tail, frozen], axis=1)
 
@@ -154,12 +161,12 @@ class ParameterMap:
     """Map from inputs (K, input) to parameters (K, parameter)."""
 
     constants: Array  # (parameter,): values of the parameters that are plain numbers
-    random: NDArray[np.int64]  # indices of the parameters that depend on inputs
-    kernel: Kernel  # computes the latter
+    random: NDArray[np.int64]  # indices of parameters that depend on inputs
+    kernel: Kernel  # computes the random parameters
 
     @classmethod
     def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> ParameterMap:
-        """Compile expressions in random variables, or in other symbols that are given as inputs."""
+        """Compile expressions in random variables or other input symbols."""
         constants = np.zeros(len(expressions))
         random = []
         for k, e in enumerate(expressions):

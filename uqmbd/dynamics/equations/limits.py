@@ -1,4 +1,4 @@
-"""Impossible values, for each realisation: numbers outside of their range, and inertia that no body has."""
+"""Check for impossible values in each realisation: numbers outside their range, and unphysical inertia."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ NO_LESS: Ends = (0.0, math.inf, False)
 """Range of masses and moments of inertia."""
 
 NAMED = 6
-"""Inputs that a message names."""
+"""Largest number of inputs in a message."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A parameter with a range."""
+    """Parameter with a range."""
 
-    name: str  # quantity and owner, as "mass of body 'rod'"
-    index: int  # among the parameters of the model
+    name: str  # quantity and owner, such as "mass of body 'rod'"
+    index: int  # index among the parameters of the model
     units: str = ""
     minimum: float = 0.0  # in these units
     maximum: float = math.inf  # in these units
     exclusive: bool = False  # whether the ends are excluded
-    inputs: Inputs = ()  # name of each random variable it depends on, and index among the parameters of the model
+    inputs: Inputs = ()  # for each random variable in it: name, and index among the model parameters
 
     @property
     def expected(self) -> str:
-        """The range in words."""
+        """Range in words."""
         return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
 
     def outside(self, values: Array) -> NDArray[np.bool_]:
@@ -52,38 +52,39 @@ class Limit:
         return (values < self.minimum) | (values > self.maximum)
 
     def message(self, parameters: Array) -> str:
-        """Return a message that the value is outside, for parameters (P,)."""
+        """Return a message on the value outside the range, for parameters (P,)."""
         value = format_quantity(float(parameters[self.index]), self.units)
         return f"the {self.name} is {value}: expected {self.expected}{_at(self.inputs, parameters)}"
 
 
 @dataclass(frozen=True)
 class Tensor:
-    """The inertia tensor of a body in space."""
+    """Inertia tensor of a body in space."""
 
     body: str
     index: Index  # (6,): of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model
     inputs: Inputs = ()  # as for `Limit`
 
     def moments(self, parameters: Array) -> Array:
-        """Principal moments of inertia, ascending, kg m^2, shape (K, 3)."""
+        """Return ascending principal moments of inertia, kg m^2, shape (K, 3)."""
         entries = parameters[:, self.index[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]]
         return np.asarray(np.linalg.eigvalsh(entries), dtype=np.float64)
 
     def message(self, moments: Array, parameters: Array) -> str:
-        """Return a message that no body has these principal moments, for parameters (P,)."""
+        """Return a message on impossible principal moments, for parameters (P,)."""
         listed = ", ".join(f"{x:.4g}" for x in moments)
         why = "none may be negative" if moments[0] < 0 else "the largest may not be more than the sum of the others"
         return (
-            f"the inertia of body {self.body!r} is that of no body: its principal moments are {listed} kg m^2; "
+            f"the inertia of body {self.body!r} is not possible for any body: its principal moments are {listed} kg "
+            "m^2; "
             f"{why}{_at(self.inputs, parameters)}"
         )
 
 
 def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tuple[Limit, ...], tuple[Tensor, ...]]:
-    """Collect the random numbers of a mechanism that have a range, and its random inertia tensors.
+    """Collect the random numbers with a range, and the random inertia tensors, of a mechanism.
 
-    Constants, and values at the means, were checked when they were given; numbers that depend on time or motion are not
+    `Mechanism` has already checked constants and values at the means; numbers that depend on time or motion are not
     checked.  Missing expressions are appended to `expressions`, the parameters of the model.
     """
     limits: list[Limit] = []
@@ -118,9 +119,9 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
 
 
 def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
-    """Collect the random numbers that are expected to keep their sign at the means (`Parameter.one_sign`).
+    """Collect the random numbers that should keep their sign at the means (`Parameter.one_sign`).
 
-    Missing expressions are appended to `expressions`, as by `limits_of`.
+    Missing expressions are appended to `expressions`, as in `limits_of`.
     """
     found: list[Limit] = []
     places: dict[sympy.Expr, int] = {}
@@ -136,11 +137,11 @@ def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit
 
 
 def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
-    """Return the factors of masses, inertias and ranged numbers whose even power hides a change of sign.
+    """Return factors of masses, inertias and ranged numbers with even powers, which hide a change of sign.
 
-    A moment of inertia ``m length**2 / 12`` is positive for negative lengths, too.  A sum, as that with a distance of
-    axes, does not vanish with its square: there an offset may have either sign.  Missing expressions are appended to
-    `expressions`, as by `limits_of`.
+    A moment of inertia ``m length**2 / 12`` is also positive for negative lengths.  A sum, for example with an offset
+    between axes, does not vanish with its square: such an offset may have either sign.  Missing expressions are
+    appended to `expressions`, as in `limits_of`.
     """
     entries: list[tuple[str, sympy.Expr]] = []
     for body in mechanism.bodies.values():
@@ -163,7 +164,7 @@ def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Lim
 
 
 def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: Array) -> list[str]:
-    """Return for each realisation a message, empty if its finite parameters (K, parameter) are possible."""
+    """Return a message for each realisation, empty if its finite parameters (K, parameter) are possible."""
     messages = [""] * len(parameters)
     for limit in limits:
         values = parameters[:, limit.index]
@@ -177,7 +178,7 @@ def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: A
 
 
 def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]]:
-    """Yield random numbers of components that have a range or a sign, with their names."""
+    """Yield random numbers of components with a range or a sign, and their names."""
     for component in mechanism.components.values():
         for key, parameter in component.parameters().items():
             if not (parameter.ranged or parameter.one_sign):
@@ -190,7 +191,7 @@ def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]
 
 
 def _placed(value: sympy.Expr, expressions: list[sympy.Expr], places: dict[sympy.Expr, int]) -> int:
-    """Return the place of an expression in a list, to which it is appended if it is missing."""
+    """Return the index of an expression in a list; append the expression if it is missing."""
     if value not in places:
         places[value] = len(expressions)
         expressions.append(value)
@@ -198,11 +199,11 @@ def _placed(value: sympy.Expr, expressions: list[sympy.Expr], places: dict[sympy
 
 
 def _at(inputs: Inputs, parameters: Array) -> str:
-    """List the inputs of a realisation, for parameters (P,)."""
+    """Return a list of the inputs of a realisation as text, for parameters (P,)."""
     listed = ", ".join(f"{name} = {format_number(float(parameters[k]))}" for name, k in inputs[:NAMED])
     return f"; {listed}{', ...' if len(inputs) > NAMED else ''}"
 
 
 def _random(value: sympy.Expr) -> bool:
-    """Return whether a number differs between realisations, and from nothing else."""
+    """Return whether a number depends on random variables only."""
     return bool(value.free_symbols) and all(isinstance(s, RandomVariable) for s in value.free_symbols)

@@ -15,6 +15,7 @@ from uqmbd.mechanism import (
     AuxiliarySymbol,
     Body,
     Component,
+    ExcitationSymbol,
     HeldSymbol,
     Space,
     StateSymbol,
@@ -34,7 +35,7 @@ def symbols_of(letter: str, count: int) -> list[sympy.Symbol]:
 
 
 def bodies_of(component: Component) -> list[Body]:
-    """Return the bodies that a component is attached to, then those whose motion its parameters contain."""
+    """Return the attached bodies of a component, then bodies with motion quantities in its parameters."""
     bodies: list[Body] = []
     for body in component.attached.values():
         if isinstance(body, Body) and body not in bodies:
@@ -50,7 +51,7 @@ def bodies_of(component: Component) -> list[Body]:
 
 
 def foreign_states(component: Component) -> tuple[HeldSymbol | AuxiliarySymbol, ...]:
-    """Return states of others that parameters contain, each once: what controllers hold, then auxiliary states."""
+    """Return foreign states in parameters, each once: controller values, then auxiliary states."""
     found: dict[HeldSymbol | AuxiliarySymbol, None] = {}
     for value in component.values.values():
         for part in flatten(value):
@@ -62,7 +63,10 @@ def foreign_states(component: Component) -> tuple[HeldSymbol | AuxiliarySymbol, 
 def localise(
     component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol | AuxiliarySymbol, ...]
 ) -> tuple[dict[str, Any], list[CountedAngle], list[sympy.Expr], tuple[Any, ...]]:
-    """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state."""
+    """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state.
+
+    Coefficients of excitations are parameters, too.
+    """
     parameters: list[sympy.Expr] = []
     angles = angles_in(component.values.values())
     local: dict[sympy.Basic, sympy.Expr] = {t: TIME, **dict(zip(held, symbols_of("h", len(held)), strict=True))}
@@ -86,7 +90,7 @@ def localise(
             return symbol_for(entry)
         mapping = dict(local)
         for symbol in sorted(entry.free_symbols, key=str):
-            if isinstance(symbol, RandomVariable):
+            if isinstance(symbol, (RandomVariable, ExcitationSymbol)):
                 mapping[symbol] = symbol_for(symbol)
             elif isinstance(symbol, StateSymbol) and symbol not in mapping:
                 if symbol.quantity != "angular_velocity":
@@ -121,9 +125,9 @@ def localise(
 
 
 def _identity(option: Any) -> Any:
-    """Return the identity of an option: equal options share the terms of a component, unequal ones never do.
+    """Return the identity of an option: only equal options share the terms of a component.
 
-    Objects may look alike, and equal ones may differ (as 1 and True do): what is not plain data is itself alone.
+    Objects other than plain data compare by identity, because their texts may agree, and 1 equals True.
     """
     if isinstance(option, (list, tuple)):
         return type(option), *map(_identity, option)

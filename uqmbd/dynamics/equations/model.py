@@ -1,4 +1,4 @@
-"""The model: index maps and compiled equations of a mechanism; numbers only, so that it travels to worker processes."""
+"""Numerical model of a mechanism: index maps and compiled equations, without symbols, for worker processes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["Model", "Statement"]
 
 @dataclass(frozen=True)
 class Statement:
-    """A stated initial velocity or angular velocity of a body, or its held pose."""
+    """Given initial velocity or angular velocity of a body, or its held pose."""
 
     body: str
     quantity: str
@@ -32,9 +32,9 @@ class Statement:
 
 
 class _Places(NamedTuple):
-    """Results of a kind: how many entries its vectors and matrices have, which results are some, and which ones.
+    """Places of the results of a kind: number of entries of vectors and matrices, columns of results, their entries.
 
-    Then by name: the shape, the part of all entries, the results that are some of its own, and which ones.
+    By name: shape, range among all entries, columns of the results in it, and their entries.
     """
 
     size: int
@@ -50,15 +50,15 @@ class Model:
     name: str
     time: float  # initial time, s
     layout: Layout  # sizes, kept rows and frozen coordinates
-    bodies: tuple[str, ...]  # names, in the order of their coordinates
-    size: int  # coordinates of a body
-    dimension: int  # of its position
+    bodies: tuple[str, ...]  # names of bodies, in the order of their coordinates
+    size: int  # number of coordinates of a body
+    dimension: int  # dimension of the position of a body
     equations: tuple[str, ...]  # name of every constraint equation ("A: point x")
     owners: tuple[str, ...]  # component of every constraint equation
-    norms: Index  # equations that give the quaternion of a body unit length, which every mechanism has
+    norms: Index  # equations for the unit norm of quaternions, present in every mechanism
     cosines: tuple[str, ...]
     inputs: tuple[str, ...]
-    # of all instances; then drawn pose, statements, break times, inputs of start conditions, ranged numbers
+    # parameters of all instances, then drawn pose, statements, break times, inputs of start conditions, ranged numbers
     parameters: ParameterMap
     drawn: Index
     statements: tuple[Statement, ...]
@@ -68,45 +68,47 @@ class Model:
     tensors: tuple[Tensor, ...]
     evaluators: Evaluators = field(repr=False)
     events: tuple[tuple[str, str, int], ...] = ()
-    """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""
+    """Component, label and number of jump directions of each event, the normal first; 0: velocities do not jump."""
     rough: bool = False
-    """Whether a force has corners in the state (contact, stops, friction) that long steps could miss."""
+    """Whether a force has corners in the state (contact, stops, friction), which long steps could miss."""
     findings: tuple[Finding, ...] = ()
     """Probable mistakes of the mechanism."""
     digest: str = ""
     """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)
     scalars: Any = field(default=None, repr=False)
-    """Compiled outputs without a time, or None."""
+    """Compiled scalar outputs, or None."""
     margins: Any = field(default=None, repr=False)
     """Compiled margins of requirements, `uqmbd.dynamics.margins.MarginMap`, or None."""
     system: Any = field(default=None, repr=False)
     prescribed: Any = field(default=None, repr=False)
-    """Functions of time that components with constraints are given, a `Prescribed`."""
+    """Functions of time in parameters of components with constraints, a `Prescribed`."""
     timed: Any = field(default=None, repr=False)
-    """Functions of time that may be stepped over, `uqmbd.dynamics.integration.functions_of_time.Timed`."""
+    """Functions of time that a step may miss, `uqmbd.dynamics.integration.functions_of_time.Timed`."""
     tables: Any = field(default=None, repr=False)
-    """Tables over time, a `uqmbd.dynamics.integration.knots.TimedTables`; None: it has none."""
+    """Tables over time, a `uqmbd.dynamics.integration.knots.TimedTables`; None: no tables."""
     length: float = 1.0
-    """Largest extent of the mechanism as drawn, m, at the means; 1 where none is known."""
+    """Largest extent of the drawn mechanism, m, at the means; 1 if unknown."""
     max_step: float = np.inf
     """Longest step of any integrator, s."""
     added_breaks: tuple[float, ...] = ()
     """Further times at which integrations restart, s."""
     conditions: Any = field(default=None, repr=False)
-    """Conditions that apply at the start only, `uqmbd.dynamics.equations.start_conditions.Conditions`, or None."""
+    """Start conditions, `uqmbd.dynamics.equations.start_conditions.Conditions`, or None."""
     controls: tuple[Any, ...] = ()
     """Controllers, each a `uqmbd.dynamics.control.Loop`."""
     speeds_commanded: bool = False
-    """Whether a command is a speed that a constraint prescribes."""
+    """Whether a command is a prescribed speed of a constraint."""
     links: tuple[tuple[int, int], ...] = ()
-    """Pairs of bodies that components connect, by number; -1, the first of a pair: the ground."""
+    """Pairs of bodies that components connect, by number; -1, as the first of a pair, is the ground."""
     acting: tuple[tuple[str, ...], ...] = ()
-    """Components that exert forces on each body, by name, those of constraints apart."""
+    """Names of components that exert forces, other than constraint forces, on each body."""
     turned: tuple[str, ...] = ()
-    """Components that prescribe an angle, by name (`Component.prescribed_angle`)."""
+    """Names of components that prescribe an angle (`Component.prescribed_angle`)."""
+    excitations: int = 0
+    """Number of coefficients of excitations."""
     start_at: str = "drawn"
-    """Start of realisations: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
+    """Start of realisations: ``drawn`` (assembled from the drawn pose) or ``equilibrium``."""
 
     @property
     def needs_dense_output(self) -> bool:
@@ -116,7 +118,7 @@ class Model:
     def between_samples(self, time: float) -> Model:
         """Return the model with another initial time, s, and constant commands instead of controllers.
 
-        What has been looked up stays known.
+        Results of the search are cached.
         """
         other = replace(self, time=time, controls=())
         for name in ("_places", "block_parameters", "counts", "pattern", "rheonomic"):
@@ -136,7 +138,7 @@ class Model:
 
     @cached_property
     def pattern(self) -> tuple[Index, Index]:
-        """Row indices and column pointers of the Jacobian, compressed by columns: its targets are sorted like that."""
+        """Row indices and column pointers of the Jacobian, compressed by columns, in the order of its targets."""
         targets = self.evaluators["jacobian"].targets
         columns, rows = (np.array([x[k] for x in targets], dtype=np.int64) for k in (1, 2))
         return rows, np.searchsorted(columns, np.arange(self.layout.unknowns + 1)).astype(np.int64)
@@ -147,18 +149,18 @@ class Model:
         return {
             "q": self.layout.coordinates, "state": self.layout.states, "row": self.layout.constraints,
             "cos": len(self.cosines), "event": len(self.events), "direction": sum(n for *_, n in self.events),
-            "pair": 2,
+            "pair": 2, "excitation": self.excitations,
         }  # fmt: skip
 
     def result(self, kind: Kind, name: str, values: Array) -> Array:
-        """Vector or matrix of a name among the results of an evaluator (K, result), shape (K, ...)."""
+        """Return the vector or matrix with a name from results of an evaluator (K, result), shape (K, ...)."""
         shape, part, columns, entries = self._places_of(kind).named[name]
         found = np.zeros((len(values), part.stop - part.start))
         found[:, entries] = values[:, columns]
         return found.reshape(len(values), *shape)
 
     def evaluate(self, kind: Kind, arguments: Array, parameters: Array) -> dict[str, Array]:
-        """Evaluate all vectors and matrices of a kind, by name."""
+        """Evaluate all vectors and matrices of a kind; return them by name."""
         places = self._places_of(kind)
         found = np.zeros((len(arguments), places.size))
         found[:, places.entries] = self.evaluators[kind](arguments, parameters)[:, places.columns]
@@ -166,7 +168,7 @@ class Model:
 
     @cached_property
     def _places(self) -> dict[Kind, _Places]:
-        """Places found so far."""
+        """Cached places of results."""
         return {}
 
     def _places_of(self, kind: Kind) -> _Places:
@@ -200,7 +202,7 @@ def break_times(
 ) -> list[sympy.Expr]:
     """Find the times at which expressions may change branch: roots of conditions that are linear in time.
 
-    Those at which a spline ends are such.  `whole` inserts what named quantities in a condition stand for.
+    The ends of splines are included.  `whole` inserts the definitions of named quantities into a condition.
     """
     found: list[sympy.Expr] = []
     for e in expressions:

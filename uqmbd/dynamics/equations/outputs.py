@@ -1,10 +1,10 @@
-"""Outputs: the user's expressions, compiled for states, accelerations and multipliers."""
+"""Outputs: compilation of the user's expressions for states, accelerations and multipliers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import sympy
@@ -14,6 +14,7 @@ from uqmbd.compiled import Kernel, cached, compile_kernel
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.evaluator import Placement
+from uqmbd.dynamics.equations.evaluators import excitations_of
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.errors import StudyError
@@ -24,6 +25,7 @@ from uqmbd.mechanism import (
     AuxiliarySymbol,
     Body,
     Component,
+    ExcitationSymbol,
     HeldStates,
     HeldSymbol,
     JointAngle,
@@ -44,9 +46,9 @@ __all__ = ["AngleCounter", "OutputMap", "angle_counters", "output_map"]
 
 
 class AngleCounter(Component):
-    """Counts the turns of an angle that is an output: a state that integrates its rate.
+    """Counter of the turns of an angle in an output: a state that integrates the rate of the angle.
 
-    Its value only picks the branch of the angle; the angle itself comes from the coordinates.
+    The state only selects the branch of the angle; the coordinates determine the angle.
     """
 
     bodies = ("body",)
@@ -60,13 +62,13 @@ class AngleCounter(Component):
     signed = Parameter("", "whether their sign means something", kind="option")
 
     def terms(self, p: Local) -> list[Auxiliary]:
-        """Start at the angle of the assembled pose that is nearest to the drawn one."""
+        """Return the state; its initial value is the angle of the assembled pose nearest to the drawn angle."""
         angle = JointAngle(p.cosine, p.sine, half=p.half, signed=p.signed)
         return [Auxiliary(p.state("angle"), p.rate, angle.nearest(p.near, p.cosine, p.sine))]
 
 
 def angle_counters(mechanism: Mechanism) -> list[Component]:
-    """Return a counter for every angle in outputs, start conditions and measured quantities: bodies, then joints."""
+    """Return counters for all angles in outputs, start conditions and measured quantities: bodies, then joints."""
     expressions = [output.expression for output in mechanism.observed()]
     expressions += [condition.residual for condition in mechanism.conditions.values()]
     expressions += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
@@ -88,23 +90,23 @@ def angle_counters(mechanism: Mechanism) -> list[Component]:
 class OutputMap:
     """Compiled outputs."""
 
-    names: tuple[str, ...]  # as the user wrote them
-    units: tuple[str, ...]  # as the user wrote them
+    names: tuple[str, ...]  # in the user's spelling
+    units: tuple[str, ...]  # in the user's spelling
     accelerates: bool  # whether accelerations or multipliers are needed
     kernel: Kernel  # of (q, s, v, a, lambda, t, inputs, parameters[needed]); lambda of all constraint equations
     needed: Index
-    turns: Array  # (output,): length of a turn of the outputs that are angles, else 0
+    turns: Array  # (output,): length of a turn for angles, else 0
     counted: NDArray[np.bool_]  # (output,): whether the integration already makes the angle continuous
-    reference: Array  # (output,): angles near which realisations start; see `uqmbd.dynamics.ensemble.referenced`
-    # names of the outputs that redundant constraints leave undetermined (some reactions)
+    reference: Array  # (output,): angles near the initial angles; see `uqmbd.dynamics.ensemble.referenced`
+    # names of outputs that are undetermined because of redundant constraints (some reactions)
     not_unique: tuple[str, ...] = ()
-    # directions of contacts whose forces are the last arguments
+    # directions of contacts; their forces are the last arguments
     directions: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __call__(self, state: Array, inputs: Array, parameters: Array, forces: Array | None = None) -> Array:
         """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape.
 
-        `forces` are those of contacts that last, in all directions; None: there are none.
+        `forces` are the forces of persistent contacts in all directions; None: no contacts.
         """
         pushes = np.zeros((*state.shape[:-1], len(self.directions)))
         if forces is not None:
@@ -113,12 +115,12 @@ class OutputMap:
         return self.kernel(np.ascontiguousarray(arguments))
 
     def unwrap(self, response: Array) -> Array:
-        """Return outputs (..., output, T) with whole turns added to angles: continuous in time from near the reference.
+        """Add whole turns to angles in outputs (..., output, T): make them continuous in time from near the reference.
 
-        Other outputs do not change, and one realisation does not depend on the others.  Each time may come on a branch
-        of its own: outputs that were observed in pieces are joined first.  The output times begin at the initial one
-        and are dense: no angle moves by half a turn from one to the next.  Values that are not finite remain so and
-        count no turns.
+        Other outputs do not change, and realisations are independent of each other.  Each time may be on a different
+        branch; outputs observed in pieces must be joined first.  The output times begin at the initial time and are
+        dense: no angle moves by half a turn between them.  Values that are not finite remain unchanged and count no
+        turns.
         """
         which = np.flatnonzero(self.turns)
         if not len(which):
@@ -142,13 +144,14 @@ def output_map(
     inputs: Sequence[RandomVariable],
     sizes: tuple[int, int, int],
     *,
-    gradients: bool = False,
+    gradients: Literal["", "motion", "all"] = "",
 ) -> OutputMap:
-    """Compile outputs of all blocks and their placements, with all equations retained.
+    """Compile outputs for all blocks and placements, including all constraint equations.
 
-    The index of each body by name is in `order`; `inputs` are the columns of the inputs; `sizes` are the numbers of
-    coordinates, auxiliary states and constraint equations.  With `gradients` the kernel appends the derivatives of each
-    output by coordinates, then by velocities.
+    `order` contains the index of each body by name; `inputs` are the columns of the inputs; `sizes` are the numbers of
+    coordinates, auxiliary states and constraint equations.  With `gradients`, the kernel appends the derivatives of
+    each output with respect to coordinates, then velocities. ``all``: with respect to all states, accelerations and
+    multipliers, then coefficients of excitations.
     """
     n, k, m = sizes
     start = {"q": 0, "s": n, "v": n + k, "a": 2 * n + k, "l": 3 * n + k, "t": 3 * n + k + m}
@@ -158,6 +161,7 @@ def output_map(
 
     symbols: dict[Any, sympy.Expr] = {t: sympy.Symbol(column("t", 0), real=True)}
     symbols |= {v: sympy.Symbol(f"_x{i}", real=True) for i, v in enumerate(inputs)}
+    coefficients = _coefficients(instances, places)
     holders: dict[str, tuple[str, Any]] = {}
     pending = [plain(o.expression) for o in outputs]
     free = sorted({s for e in pending for s in e.free_symbols}, key=str)
@@ -166,6 +170,8 @@ def output_map(
             holder = f"_R{len(holders)}"
             holders[holder] = ("reaction", symbol)
             symbols[symbol] = sympy.Symbol(holder, real=True)
+        elif isinstance(symbol, ExcitationSymbol):
+            symbols[symbol] = sympy.Symbol(f"_g{_excited(symbol, coefficients)}", real=True)
         elif isinstance(symbol, HeldSymbol):
             symbols[symbol] = sympy.Symbol(column("s", _held(symbol, instances, places)), real=True)
         elif isinstance(symbol, AuxiliarySymbol):
@@ -208,9 +214,12 @@ def output_map(
         tables = Tables()
         expressions = [tables.converted(e).xreplace(swap) for e in local]
         if gradients:
-            places = [se.Symbol(column(letter, i)) for letter in "qv" for i in range(n)]
+            sizes = {"q": n, "v": n} if gradients == "motion" else {"q": n, "s": k, "v": n, "a": n, "l": m}
+            places = [[se.Symbol(column(letter, i))] for letter, size in sizes.items() for i in range(size)]
+            if gradients == "all":
+                places += [[se.Symbol(f"_g{i}") for i in same] for same in coefficients.values()]
             expressions += [derivative for e in expressions for derivative in _gradient(e, places)]
-        # arguments of tables hold no inserted symbol yet
+        # arguments of tables contain no inserted symbol yet
         expressions = [e.xreplace(swap) for e in tables.applied(expressions)]
         known = dict(tables.known)
         for instance, _ in used:
@@ -224,8 +233,9 @@ def output_map(
         kernel = compile_kernel(arguments, expressions, tables=known)
         return kernel, np.array(needed, dtype=np.int64), late or bool(pushes), np.array(pushes, dtype=np.int64)
 
-    kind = "outputs with gradients" if gradients else "outputs with contacts"
-    key = (kind, width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
+    kind = f"outputs with gradients {gradients}" if gradients else "outputs with contacts"
+    excited = list(coefficients.values()) if gradients == "all" else []
+    key = (kind, width, len(inputs), layout, wanted, excited, sympy.srepr(sympy.Tuple(*local)))
     kernel, needed, late, pushes = cached(key, make)
     turns = np.array([o.turn for o in outputs], dtype=float)
     counted = np.array([_counted(o.expression) for o in outputs], dtype=bool)
@@ -233,18 +243,37 @@ def output_map(
     return OutputMap(names, units, late, kernel, needed, turns, counted, np.zeros(len(outputs)), directions=pushes)
 
 
-def _gradient(expression: Any, symbols: list[Any]) -> list[Any]:
-    """Differentiate an expression; numbers of turns (`floor`) are constant."""
+def _coefficients(instances: list[Instance], places: list[Placement]) -> dict[ExcitationSymbol, list[int]]:
+    """Return the parameters of the model that are each coefficient of an excitation."""
+    found: dict[ExcitationSymbol, list[int]] = {symbol: [] for symbol in excitations_of(instances)}
+    for instance, place in zip(instances, places, strict=True):
+        for symbol, k in zip(instance.excitations, instance.type.excited, strict=True):
+            found[symbol].append(int(place.parameters[k]))
+    return found
+
+
+def _excited(symbol: ExcitationSymbol, coefficients: dict[ExcitationSymbol, list[int]]) -> int:
+    """Return a parameter that is a coefficient of an excitation."""
+    if symbol not in coefficients:
+        raise StudyError(
+            f"an output contains {symbol.source.source.name}({symbol.argument}), which acts on no component; use it in "
+            "a force, a driver or a road, with the same argument."
+        )
+    return coefficients[symbol][0]
+
+
+def _gradient(expression: Any, groups: list[list[Any]]) -> list[Any]:
+    """Differentiate an expression by groups of equal symbols, with constant numbers of turns (`floor`)."""
     import symengine as se
 
     held = {e: se.Symbol(f"_turns{k}") for k, e in enumerate(se.sympify(expression).atoms(se.floor))}
     back = {symbol: e for e, symbol in held.items()}
     still = expression.xreplace(held)
-    return [still.diff(x).xreplace(back) for x in symbols]
+    return [se.Add(*(still.diff(x) for x in group)).xreplace(back) for group in groups]
 
 
 def _counted(expression: sympy.Expr) -> bool:
-    """Return whether an angle is a polynomial of counted angles, so that it cannot jump."""
+    """Return whether an angle is a polynomial of counted angles, which cannot jump."""
     free = expression.free_symbols
     angles = any(isinstance(s, AngleSymbol) for s in free)
     return angles and bool(expression.is_polynomial(*free))
@@ -269,7 +298,7 @@ def _angle(
 
 
 def _held(symbol: HeldSymbol, instances: list[Instance], places: list[Placement]) -> int:
-    """Return the number of a controller's value among the auxiliary states."""
+    """Return the index of a controller value among the auxiliary states."""
     for instance, place in zip(instances, places, strict=True):
         if isinstance(instance.component, HeldStates) and instance.component.controller is symbol.owner:
             return int(place.letters["s"][symbol.index])
@@ -277,11 +306,11 @@ def _held(symbol: HeldSymbol, instances: list[Instance], places: list[Placement]
 
 
 def _auxiliary(symbol: AuxiliarySymbol, instances: list[Instance], places: list[Placement]) -> int:
-    """Return the number of an auxiliary state of a component among all."""
+    """Return the index of a component's auxiliary state among all auxiliary states."""
     for instance, place in zip(instances, places, strict=True):
         if instance.component is symbol.component and symbol.state in instance.type.states:
             return int(place.letters["s"][instance.type.states.index(symbol.state)])
-    raise StudyError(f"{symbol}: {symbol.component!r} has no state {symbol.state!r} any more.")
+    raise StudyError(f"{symbol}: {symbol.component!r} no longer has a state {symbol.state!r}.")
 
 
 def _uses(instance: Instance, holders: dict[str, tuple[str, Any]]) -> bool:
@@ -303,7 +332,7 @@ def _global(instance: Instance, place: Placement, column: Any) -> dict[Any, Any]
 
 
 def _reaction(used: list[tuple[Instance, Placement]], symbol: Any, column: Any) -> Any:
-    """One component of the force or moment on body j (``E Q / 2`` moved from body origin to the component's point)."""
+    """Return a component of the force or moment on body j (``E Q / 2``, moved to the component's point)."""
     import symengine as se
 
     instance, place = next((i, p) for i, p in used if i.component is symbol.component)

@@ -1,4 +1,4 @@
-"""Start conditions, compiled: residuals and their derivatives with respect to coordinates and velocities."""
+"""Compiled start conditions: residuals and their derivatives with respect to coordinates and velocities."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ class Conditions:
     """Compiled start conditions."""
 
     names: tuple[str, ...]
-    of_velocities: Index  # (condition,): whether it is one of velocities
+    of_velocities: Index  # (condition,): whether it is a condition of velocities
     residuals: OutputMap  # with gradients
-    inputs: Index  # indices of the random variables that occur among the parameters of the model
+    inputs: Index  # indices of random variables of conditions among the parameters of the model
     size: tuple[int, int]  # numbers of coordinates and of constraint equations
 
     @property
     def positions(self) -> Index:
-        """Numbers of the conditions of positions."""
+        """Indices of the conditions of positions."""
         return np.flatnonzero(~self.of_velocities)
 
     @property
     def velocities(self) -> Index:
-        """Numbers of the conditions of velocities."""
+        """Indices of the conditions of velocities."""
         return np.flatnonzero(self.of_velocities)
 
     def __call__(self, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array, Array]:
-        """Evaluate at states (K, ...) at rest: residuals (K, c), their derivatives by q and by v, (K, c, n)."""
+        """Evaluate at states (K, ...) at rest: residuals (K, c), and derivatives by q and by v, (K, c, n) each."""
         n, m = self.size
         count, number = len(q), len(self.names)
         rest = [np.zeros((count, 2 * n + m)), np.full((count, 1), time)]
@@ -49,7 +49,7 @@ class Conditions:
 
 
 def inputs_of_conditions(mechanism: Mechanism) -> list[RandomVariable]:
-    """Return the random variables that occur in start conditions."""
+    """Return the random variables in start conditions."""
     found: set[sympy.Basic] = set()
     for condition in mechanism.conditions.values():
         found |= condition.residual.free_symbols
@@ -66,7 +66,7 @@ def compiled_conditions(
 ) -> Conditions | None:
     """Compile the start conditions of a mechanism; None if there are none.
 
-    The arguments are those of `output_map`, but for `inputs`: the indices of `inputs_of_conditions` among the
+    The arguments are those of `output_map`, except for `inputs`: the indices of `inputs_of_conditions` among the
     parameters.
     """
     stated = mechanism.conditions
@@ -74,6 +74,6 @@ def compiled_conditions(
         return None
     residuals: Sequence[Output] = [Output(name, c.residual, "") for name, c in stated.items()]
     used = inputs_of_conditions(mechanism)
-    compiled = output_map(residuals, instances, places, order, used, sizes, gradients=True)
+    compiled = output_map(residuals, instances, places, order, used, sizes, gradients="motion")
     kinds = np.array([c.of_velocities for c in stated.values()], dtype=bool)
     return Conditions(tuple(stated), kinds, compiled, inputs, (sizes[0], sizes[2]))

@@ -17,21 +17,21 @@ __all__ = ["BLOCK", "allowed_residual", "described", "off_constraints", "off_sta
 
 
 OFF = 100.0
-"""Tolerances by which a result may be off the constraints: coordinates over the size of the mechanism, velocities over
-the largest one."""
+"""Allowed residual of the constraints in multiples of the tolerance: positions relative to the size of the mechanism,
+velocities relative to the largest one."""
 LEAST, MOST = 1e-6, 1e-2
-"""Least and greatest value of this limit."""
+"""Least and greatest value of the allowed residual."""
 BLOCK = 2048
-"""States whose residuals are evaluated at once."""
+"""Number of states in one evaluation of residuals."""
 
 
 def off_constraints(
     ensemble: Batch, times: Array, states: Array, rtol: float, known: Array | None = None
 ) -> dict[int, tuple[int, str]]:
-    """Find results that are off the constraints, in position or in velocity, by more than the tolerance.
+    """Find results that violate the constraints, in position or in velocity, by more than the allowed residual.
 
-    States are (K, T, width), NaN where there are none; `known` is `Trajectories.off`.  At a break time the constraints
-    of either side count.  Return for each realisation concerned the index of the first such time, and a message.
+    States are (K, T, width), NaN if missing; `known` is `Trajectories.off`.  At a break time, a state may satisfy the
+    constraints of either side.  Return the index of the first such time and a message for each affected realisation.
     """
     layout = ensemble.model.layout
     good = np.flatnonzero(np.isfinite(states[:, 0]).all(axis=1))
@@ -95,9 +95,9 @@ def allowed_residual(rtol: float) -> float:
 
 
 def described(model: Model, ratios: Array, time: float, allowed: float, rtol: float) -> str:
-    """Return a message on a state off the constraints, from its ratios (equation,) to the allowed residual."""
+    """Return a message on a state that violates constraints, from its ratios (equation,) to the allowed residual."""
     return (
-        f"the state at t = {time:.6g} s is off the constraints {named(model, np.flatnonzero(ratios > 1.0))}, by "
+        f"the state at t = {time:.6g} s violates the constraints {named(model, np.flatnonzero(ratios > 1.0))}, by "
         f"{allowed * float(ratios.max()):.2g} of the size or the speed of the mechanism (allowed: {allowed:.2g}). "
         f"Try another integrator, or a smaller rtol (now {rtol:g})"
     )
@@ -106,7 +106,7 @@ def described(model: Model, ratios: Array, time: float, allowed: float, rtol: fl
 def off_states(
     ratios: Callable[[Array, Index | slice], Array], times: Array, breaks: Array
 ) -> Iterator[tuple[int, int, Array]]:
-    """Yield row, time and ratios (equation,) of states that are off the constraints of either side of a break time."""
+    """Yield row, time index, ratios (equation,) of states off the constraints; at breaks, off those of both sides."""
     found = ratios(times, slice(None))
     for row, k in np.argwhere((found > 1.0).any(axis=2)).tolist():
         delta = instant(float(times[k]))
@@ -118,7 +118,7 @@ def off_states(
 
 
 def residuals(ensemble: Batch, members: Index, times: Array, states: Array) -> tuple[Array, Array]:
-    """Residuals in position and velocity of states (M, T, width), each of shape (M, T, equation)."""
+    """Return residuals in position and velocity of states (M, T, width), each of shape (M, T, equation)."""
     (count, number, width), drift = states.shape, ensemble.model.evaluators["drift"]
     block, zero = Columns(ensemble.block[members], number), Columns(np.zeros((1, 1)))
     values = drift.program(width + 2, block.data.shape[1])(states.reshape(-1, width), Columns(times), zero, block)
@@ -132,7 +132,7 @@ def residuals(ensemble: Batch, members: Index, times: Array, states: Array) -> t
 
 
 def over_allowed(model: Model, phi: Array, psi: Array, scale: Array, size: Array, speed: Array) -> Array:
-    """Return residuals over the allowed ones, shape (M, T, equation); zero for omitted equations and unknown states."""
+    """Return residuals over allowed residuals, (M, T, equation); zero for omitted equations and unknown states."""
     ratios = np.maximum(np.abs(phi) / size[:, None, None], np.abs(psi) / speed[:, None, None]) / scale[:, None]
     kept = np.zeros(ratios.shape[2], dtype=bool)
     kept[model.layout.kept] = True

@@ -1,7 +1,7 @@
-"""Explicit integration of realisations: the method of order 8 on the index-1 form, with projection after each step.
+"""Explicit integration of realisations: method of order 8 on the index-1 form, with projection after each step.
 
-The driver steps; what it cannot decide is decided here: where prescribed speeds jump, near singular poses, and for what
-another method should do.
+The driver makes the steps; this module makes decisions: at jumps of prescribed speeds, near singular poses, and about
+realisations for another method.
 
 References
 ----------
@@ -33,27 +33,27 @@ __all__ = ["explicit_method", "integrate_by_dop853", "stopped"]
 
 
 STIFF = 6.1
-"""Step size times the size of the Jacobian from which the method's stability, not its accuracy, limits the step."""
+"""Step size times the size of the Jacobian above which stability instead of accuracy limits the step."""
 PATIENCE = 15
-"""Steps in a row that must look stiff."""
+"""Number of consecutive steps that must indicate stiffness."""
 STEPS = 20_000
-"""Most attempted steps of an interval."""
+"""Largest number of attempted steps in an interval."""
 MOST = 200_000
-"""Most steps if costs are compared, and no other method is known to need less."""
+"""Largest number of steps if costs are compared and no other method is known to cost less."""
 REFUSALS = 3
-"""Refused steps in a row, and ..."""
+"""Number of consecutive rejected steps before the rank is checked."""
 SURPLUS = 4.0
-"""... by how many tolerances a step may leave the constraints, before the rank is looked at."""
+"""Residual of the constraints after a step, in tolerances, above which the rank is checked."""
 BETWEEN = 3.0
-"""Error of an interpolant from which its step is rejected, over the largest of a smooth oscillation."""
+"""Interpolation error that rejects a step, relative to the largest error for a smooth oscillation."""
 SETTLED = 3
-"""Projections that put a state on the constraints to rounding."""
+"""Number of projections that satisfy the constraints to rounding."""
 FAR = 1000.0
-"""Tolerances by which an interpolated state may be off the constraints: beyond, it is integrated to."""
+"""Residual of an interpolated state, in tolerances, above which the state is computed by integration."""
 FARTHEST = 3e-3
-"""Absolute limit of it, for loose tolerances."""
+"""Absolute limit of the residual of an interpolated state, for loose tolerances."""
 POOR = 50
-"""Most states that are integrated to, of one realisation."""
+"""Largest number of states of a realisation that are computed by integration instead of interpolation."""
 
 
 def integrate_by_dop853(
@@ -66,11 +66,11 @@ def integrate_by_dop853(
     patient: bool = False,
     recording: bool = False,
 ) -> Solved:
-    """Integrate the assembled realisations `members` (M,) of a batch, whose index-1 system is compiled.
+    """Integrate the assembled realisations `members` (M,) of a batch with a compiled index-1 system.
 
-    Each that this method cannot integrate has a message; with `comparing` those, too, that IDA integrates alone for
-    less than this method costs in a group of eight, by counts.  With `patient` many steps are taken, stiff or not; with
-    `recording` they are returned, too.
+    Realisations that this method cannot integrate have a message. With `comparing`, so do realisations that IDA alone
+    integrates at lower cost than this method in a group of eight, by counts.  With `patient`, many steps are allowed,
+    also for stiff realisations.  With `recording`, the steps are also returned.
     """
     begin = clock.perf_counter()
     about = {"comparing": comparing, "patient": patient, "recording": recording}
@@ -81,7 +81,7 @@ def integrate_by_dop853(
 
 
 def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) -> ExplicitOptions:
-    """Describe the method."""
+    """Return the options of the explicit method for the driver."""
     return ExplicitOptions(
         rtol=rtol,
         far=min(FAR * rtol, FARTHEST),
@@ -91,13 +91,13 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
         refusals=REFUSALS,
         attempts=STEPS if attempts is None else attempts,
         guarded=guarded,
-        # the estimate is of order 7, and steps are chosen for an error of order 8
+        # the error estimate has order 7, and the step size control assumes order 8
         between=BETWEEN * rtol ** (-1 / ORDER),
     )
 
 
 def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
-    """Return why an integration stopped: too many steps, or too small ones."""
+    """Return why an integration stopped: too many or too small steps."""
     if many:
         return f"the integration stopped at t = {now:.6g} s: more than {most} steps"
     return (
@@ -107,10 +107,10 @@ def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
 
 
 class Integration:
-    """One integration of M realisations at output times (T,), s.
+    """Integration of M realisations at output times (T,), s.
 
-    Costs are compared with those of IDA if `comparing`; many steps are allowed, even if stiff, if `patient`; steps are
-    recorded if `recording`.
+    `comparing` compares costs with IDA; `patient` allows many steps, even for stiff realisations; `recording` records
+    the steps.
     """
 
     def __init__(
@@ -144,23 +144,29 @@ class Integration:
         self.retired: list[IntegrationState] = []
         self.watchers: dict[int, SingularPoseWatcher] = {}
         self.messages, self.final, self.stiff = [""] * len(batch), [False] * len(batch), 0
-        self.comparing = comparing and self.sampling is None  # from sample to sample somebody else compares
+        self.comparing = comparing and self.sampling is None  # with controllers, the caller compares costs
         self.comparison: Comparison | None = None
         self.explicit_cost = [0.0] * len(batch)
         self.changed: set[int] = set()
 
     # -- the whole integration ---------------------------------------------------------------------------------------
     def run(self) -> None:
-        """Integrate all members to the end, or to where they fail."""
+        """Integrate all members to the end, or until they fail."""
         every, begin, end = np.arange(len(self.batch)), float(self.times[0]), float(self.times[-1])
         self._stop(every, begin)
         while True:
-            members, status, now = self._advanced()
+            self.main.advance(watch=self.pace.watch)
+            status, now = self.main.status.copy(), self.main.now.copy()
+            for member, other in self.others.items():
+                other.advance(watch=self.pace.watch)
+                status[member], now[member] = other.status[0], other.now[0]
+            members = np.flatnonzero(status != ExplicitStatus.DONE)  # members that wait for a decision
             if not len(members):
                 break
+            status, now = status[members], now[members]
             jump = status == ExplicitStatus.JUMP
             stops = np.unique(now[jump]).tolist()
-            # controllers are called when all who have not failed are there
+            # controllers are called when all members without failure have reached the sample
             there = bool(jump.all()) and self.sampled.keys() >= set(stops)
             for time in stops[:1] if there else [time for time in stops if time not in self.sampled]:
                 self._stop(members[jump & (now == time)], time)
@@ -172,23 +178,13 @@ class Integration:
             pool.project()
         self.mend()
 
-    def _advanced(self) -> tuple[Index, Index, Array]:
-        """Run all members, and return those that wait for a decision, with their status and state."""
-        self.main.advance(watch=self.pace.watch)
-        status, now = self.main.status.copy(), self.main.now.copy()
-        for member, other in self.others.items():
-            other.advance(watch=self.pace.watch)
-            status[member], now[member] = other.status[0], other.now[0]
-        waiting = np.flatnonzero(status != ExplicitStatus.DONE)
-        return waiting, status[waiting], now[waiting]
-
     def solved(self) -> Solved:
         """Return the integrated realisations."""
         notes: list[str] = []
         for watcher in self.watchers.values():
             notes += [note for note in watcher.notes if note not in notes]
         off = self.main.off.copy() if self.model.layout.rank else None
-        if off is not None:  # other equations led some of them, and states were changed
+        if off is not None:  # some members used other equations, and states were changed
             off[[*self.others, *self.changed]] = np.nan
         messages, final, explicit_cost = tuple(self.messages), tuple(self.final), tuple(self.explicit_cost)
         path = self.main.recorder.found
@@ -210,16 +206,16 @@ class Integration:
 
     @property
     def _pools(self) -> list[IntegrationState]:
-        """All states of integrations."""
+        """Return all integration states."""
         return [self.main, *self.others.values(), *self.retired]
 
     def _place(self, member: int) -> tuple[IntegrationState, int]:
-        """Return the integration state of a member, and its row there."""
+        """Return the integration state of a member, and the row of the member in it."""
         other = self.others.get(member)
         return (self.main, member) if other is None else (other, 0)
 
     def _parted(self, members: Index) -> Iterator[tuple[IntegrationState, Index, Index]]:
-        """Yield the integration states of members, their rows there, and which of `members` these are."""
+        """Yield the integration states of members, their rows in it, and their indices in `members`."""
         apart = [row for row, m in enumerate(members.tolist()) if m in self.others] if self.others else []
         rest = np.arange(len(members))
         rest = np.delete(rest, apart) if apart else rest
@@ -234,7 +230,7 @@ class Integration:
 
     # -- stops at given times ----------------------------------------------------------------------------------------
     def _stop(self, members: Index, time: float) -> None:
-        """Apply jumps of prescribed speeds, then sample controllers; results at this time are those after it."""
+        """Apply jumps of prescribed speeds, then sample controllers; store the results after the jumps and samples."""
         if not len(members) or not (self.jumping or self.sampled):
             return
         before = np.empty((len(members), self.model.layout.width))
@@ -262,13 +258,13 @@ class Integration:
             pool.result[np.ix_(k, at)] = after[rows, None]
 
     def _record_reasons(self, members: Index, reasons: dict[int, str]) -> None:
-        """Mark rows of members as failed, for reasons that apply to any method."""
+        """Mark members as failed, for reasons that apply to every method."""
         for row, reason in reasons.items():
             self._fail(int(members[row]), reason, final=True)
 
     # -- difficulties ------------------------------------------------------------------------------------------------
     def _decide(self, member: int, status: int) -> None:
-        """Decide on a waiting member."""
+        """Decide how to continue a waiting member."""
         pool, k = self._place(member)
         now, size = float(pool.now[k]), float(pool.tried[k])
         if self.comparing:
@@ -295,7 +291,7 @@ class Integration:
                     pool.wanted[k], pool.refused[k] = size, 0
 
     def _compared(self, comparison: Comparison, member: int, status: int) -> bool:
-        """Compare costs with those of IDA if it is time to; whether that was a decision."""
+        """Compare costs with IDA if a comparison is due; return whether it decided on the member."""
         pool, k = self._place(member)
         now, steps = float(pool.now[k]), int(pool.steps[k])
         more: int | None = 0
@@ -324,7 +320,7 @@ class Integration:
         return member in self.watchers and self.watchers[member].final
 
     def _check_rank(self, member: int, size: float) -> bool:
-        """Ask the watcher of the rank about a member in difficulties: whether the last step is void."""
+        """Check the rank for a member in difficulties; return whether the last step is void."""
         pool, k = self._place(member)
         watcher, calm = self._watcher(member), not pool.told[k]
         end, back = float(pool.interval_ends[pool.interval[k]]), False
@@ -362,7 +358,7 @@ class Integration:
             return True
 
     def _settle(self, member: int) -> None:
-        """Project the state onto the constraints to rounding: next to a singular pose any residual is magnified."""
+        """Project the state onto the constraints to rounding, because singular poses magnify every residual."""
         pool, k = self._place(member)
         model = self._watcher(member).model
         layout, state = model.layout, pool.z[k : k + 1].copy()
@@ -381,7 +377,7 @@ class Integration:
 
     # -- poor interpolation ------------------------------------------------------------------------------------------
     def mend(self) -> None:
-        """Integrate again to states that are far off the constraints, for example next to a singular pose."""
+        """Recompute interpolated states far off the constraints by integration, for example near a singular pose."""
         result = self.main.result
         for member in np.flatnonzero(self.main.poor.any(axis=1)).tolist():
             for at in np.flatnonzero(self.main.poor[member])[:POOR].tolist():
@@ -390,7 +386,7 @@ class Integration:
                     continue
                 grid, one = self.times[at - 1 : at + 1], slice(member, member + 1)
                 if any(grid[0] < time <= grid[1] for time in self.sampled):
-                    continue  # what is commanded after a sample is not known any more; at one the state is a node
+                    continue  # commands after a sample are no longer known; at a sample the state is a node
                 model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
                 intervals, floor = [self._intervals_between(member, *grid.tolist())], self.main.floor[one]
@@ -407,7 +403,7 @@ class Integration:
                     self.changed.add(member)
 
     def _intervals_between(self, member: int, begin: float, end: float) -> list[Interval]:
-        """Intervals of a member from one time to another."""
+        """Return the intervals of a member from one time to another, s."""
         intervals = self.layouts[member if len(self.layouts) > 1 else 0]
         last = next(interval for interval in intervals if interval.end >= end)
         return [

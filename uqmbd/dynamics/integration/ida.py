@@ -1,13 +1,13 @@
 """Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
 
-Realisations of a stack share the steps. The error norm of IDA averages over them. So a realisation that is much harder
-than the others gets less accuracy than alone, at most by its roughness over the mean roughness. Where that is too much
-it is taken out and integrated alone.
+Realisations of a stack share the steps, and the error norm of IDA averages over them. A realisation that is much
+rougher than the others is therefore less accurate than alone, at most by its roughness over the mean roughness. If this
+loss is too large, the realisation is removed and integrated alone.
 
-IDA holds the tolerance in each step, and in the mean over all unknowns.  A motion without damping forgets none of the
-errors of its steps: those of the velocities add up, over a hundred steps for each turn of a body, and their sum shifts
-its phase ever faster.  And where one body of many turns, its errors are hidden by what rests, and by the multipliers,
-which have none.  Therefore a step is given a small part of the tolerance only (`step_tolerance`).
+IDA satisfies the tolerance in each step, averaged over all unknowns.  Without damping, velocity errors accumulate over
+a hundred steps per turn of a body.  Their sum shifts the phase at a growing rate.  If only one of
+many bodies rotates, the average over resting bodies and multipliers, which have no errors, hides its errors.  A step
+therefore uses only a small part of the tolerance (`step_tolerance`).
 """
 
 from __future__ import annotations
@@ -39,28 +39,28 @@ __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "can_finish_with
 Callbacks = tuple[Callable[..., None], Callable[..., None]]
 
 RELAXED = 1e8
-"""Absolute tolerance of multipliers: the error test must not see them, the Newton iteration hardly."""
+"""Absolute tolerance of multipliers: the error test must ignore them, and the Newton iteration almost so."""
 
 STEP_SHARE = 0.02
-"""Part of the tolerance that a step may take up in one unknown.  Measured on rotors, pendulums, a governor and a
-slider-crank: ten turns are wrong by some ten to a hundred tolerances then, and take twice as many steps as without."""
+"""Part of the tolerance for one unknown in a step.  In tests with rotors, pendulums, a governor and a slider-crank, the
+errors of ten turns are then ten to a hundred tolerances.  The number of steps is twice that without this factor."""
 
 LEAST_TOLERANCE = 1e-13
-"""Tightest tolerance of a step: beyond, its errors are those of rounding."""
+"""Smallest tolerance of a step; below it, rounding dominates the errors."""
 
 SPARSE_FROM = 150
-"""Unknowns from which a sparse factorisation wins."""
+"""Least number of unknowns for a sparse factorisation."""
 
 OUTLIER = 2.5
-"""A realisation whose roughness exceeds the root mean square of its stack by this factor is integrated alone."""
+"""Roughness relative to the root mean square of the stack above which a realisation is integrated alone."""
 
 STEPS = 200_000
-"""Most steps between two output times."""
+"""Largest number of steps between two output times."""
 
 
 @dataclass(frozen=True)
 class _StackIntegration:
-    """One integration of a stack: states, and the reason if it stopped early."""
+    """Integration of a stack: states, and the reason of an early stop."""
 
     states: Array
     message: str
@@ -80,8 +80,8 @@ def integrate_by_ida(
 ) -> Solved:
     """Integrate the assembled realisations `members` (M,) of a batch by IDA.
 
-    Where that would cost more than `most`, by counts, those that are left have a message.  With `recording` the motion
-    between the output times is returned, too.
+    If the cost exceeds `most`, by counts, the remaining realisations have a message.  With `recording`, the motion
+    between the output times is also returned.
     """
     purse = None if most is None else _Purse(most)
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
@@ -99,12 +99,12 @@ def integrate_by_ida(
             break
         counters = counters + run.counters
         if run.message and len(part) > 1:
-            # which one failed is not known: halve until it is alone
+            # the failed realisation is unknown: halve the stack until it is alone
             half = len(part) // 2
             todo = [part[:half], part[half:], *todo]
             continue
         states[part] = run.states
-        if run.path is not None:  # what is integrated alone afterwards, is integrated again
+        if run.path is not None:  # realisations integrated alone later start again
             paths |= {int(k): run.path.placed(np.where(part == k, k, -1)) for k in part}
         if run.message:
             messages[part[0]], final[part[0]] = run.message, run.singular
@@ -119,7 +119,7 @@ def integrate_by_ida(
 
 
 def can_finish_with_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
-    """Return whether IDA integrates the only realisation of a batch to the last time within a cost."""
+    """Return whether IDA integrates the only realisation of a batch to the last time within a given cost."""
     purse = _Purse(most)
     try:
         reached = not _integrate_stack(ensemble, times, rtol, purse).message
@@ -129,7 +129,7 @@ def can_finish_with_ida(ensemble: Batch, times: Array, rtol: float, most: float)
 
 
 class _TooExpensiveError(Exception):
-    """An integration has cost more than it may."""
+    """The cost of an integration exceeds its limit."""
 
 
 class _Purse:
@@ -172,7 +172,7 @@ def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
         if pace.due and np.isfinite(y).all():
             states = np.concatenate(ensemble.expand(np.reshape(y, (len(ensemble), -1))), axis=1)
             member = int(np.argmax(np.abs(states[:, ensemble.model.layout.velocities :]).max(axis=1, initial=0.0)))
-            # a step takes two residuals or so
+            # a step needs about two residuals
             pace.look(t, states[member], calls // 2)
         residual(t, y, yp, res)
 
@@ -180,10 +180,10 @@ def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
 
 
 def step_tolerance(rtol: float, unknowns: int) -> float:
-    """Return the relative tolerance of a step that gives a motion the accuracy `rtol`, approximately.
+    """Return the relative tolerance of a step for a motion with an accuracy of about `rtol`.
 
-    The norm of the errors is an average over `unknowns`: those of one realisation, or of all that are coupled.  The
-    error of a single unknown may exceed the norm by the square root of their number.
+    The norm of the errors is an average over `unknowns`: the number for one realisation, or for all coupled ones.  The
+    error of a single unknown may exceed the norm by the square root of this number.
 
     >>> step_tolerance(1e-6, 16), step_tolerance(1e-13, 16)
     (5e-09, 1e-13)
@@ -199,7 +199,7 @@ def _integrate_stack(
     width = ensemble.model.layout.width
     result = np.full((len(ensemble), len(times), width), np.nan)
     result[:, 0] = start.state
-    if not ensemble.model.layout.unknowns:  # nothing can move
+    if not ensemble.model.layout.unknowns:  # no body can move
         result[:] = result[:, :1]
         still = (
             interpolate_steps(times[[0, -1]], result[:, [0, -1]], None, np.arange(len(ensemble))) if recording else None
@@ -242,8 +242,8 @@ def _integrate_stack(
 def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedSteps:
     """Return the motion of a stack through the steps of an integration.
 
-    Rates are those of the method: of stiff equations they are as smooth as the states, which those of the equations at
-    the states are not.
+    Rates are from the method: for stiff equations these rates are as smooth as the states, in contrast to rates from
+    the equations.
     """
     shape = (len(times), len(ensemble), -1)
     states, rates = (np.concatenate(ensemble.expand(x.reshape(shape).transpose(1, 0, 2)), axis=2) for x in (y, yp))
@@ -254,7 +254,7 @@ def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedSteps:
 
 
 def _dead_end(ensemble: Batch, found: Array, time: float) -> str:
-    """Name the equations that become dependent where one realisation stopped, if there are any."""
+    """Return a message on equations that become dependent where one realisation stopped; empty if there are none."""
     if len(ensemble) > 1 or not len(found):
         return ""
     (q, s, v), model = ensemble.expand(found[-1]), ensemble.model
@@ -264,7 +264,7 @@ def _dead_end(ensemble: Batch, found: Array, time: float) -> str:
 
 
 def _no_number(ensemble: Batch, found: Array, time: float, stop: float) -> str:
-    """Return the name of the term that becomes undefined where one realisation stopped."""
+    """Return the name of the term that becomes undefined at the stop of one realisation."""
     if len(ensemble) > 1 or not len(found) or not np.isfinite(found[-1]).all():
         return ""
     q, s, v = ensemble.expand(found[-1])
@@ -272,7 +272,7 @@ def _no_number(ensemble: Batch, found: Array, time: float, stop: float) -> str:
 
 
 def _consistent(ensemble: Batch, time: float, y: Array, rtol: float) -> tuple[Array, Array, dict[int, str]]:
-    """Unknowns and rates at the start of a segment: those an instant later, as forces and speeds may jump there."""
+    """Return consistent unknowns and rates an instant after the start of a segment, where forces may jump."""
     q, s, v = ensemble.expand(y)
     change, refused = speed_jumps(ensemble.model, np.concatenate([q, s, v], axis=1), time, ensemble.block, rtol)
     v = v + change
@@ -282,10 +282,10 @@ def _consistent(ensemble: Batch, time: float, y: Array, rtol: float) -> tuple[Ar
 
 
 def _roughness(ensemble: Batch, states: Array) -> Array:
-    """Relative size of the local errors of the realisations of a stack.
+    """Return the relative size of the local errors of the realisations of a stack.
 
-    They share steps and order, so that their local errors are as their high derivatives: fourth differences of the
-    coordinates between output times.
+    The realisations share steps and order, so their local errors are proportional to high derivatives: fourth
+    differences of the coordinates between output times.
     """
     n = ensemble.model.layout.coordinates
     differences = np.diff(states[:, :, :n], n=min(4, states.shape[1] - 1), axis=1)
@@ -304,7 +304,7 @@ def _solved(
     *,
     recording: bool,
 ) -> SundialsSolution:
-    """Integrate a stack from one time to the last without a break."""
+    """Integrate a stack over times without a break."""
     model = ensemble.model
     residual, jacobian = callbacks
     length = max(1e-3, float(np.abs(y[:, model.layout.slices["q"]]).max(initial=0.0)))
@@ -319,17 +319,17 @@ def _solved(
 
 
 def step_limits(times: Array, longest: float) -> dict[str, Any]:
-    """Return IDA's limits of steps; a short longest step raises their number between two output times."""
+    """Return IDA's step limits; a short longest step raises the allowed number of steps between output times."""
     if not np.isfinite(longest):
         return {"max_num_steps": STEPS}
     return {"max_num_steps": STEPS + int(float(np.diff(times).max()) / longest), "max_step": longest}
 
 
 def stack_callbacks(ensemble: Batch) -> Callbacks:
-    """Return residual and Jacobian in the form that IDA needs.
+    """Return residual and Jacobian in the form for IDA.
 
-    scikit-sundae 1.1 calls Python functions only, not those of C, and always with the same arrays: the compiled
-    programs read and write these in their places.
+    scikit-sundae 1.1 calls only Python functions, not C functions, and always with the same arrays. The compiled
+    programs read and write these arrays in place.
     """
     size = len(ensemble) * ensemble.model.layout.unknowns
     residual, derivatives = _Evaluation(ensemble, "residual", 1), _Evaluation(ensemble, "jacobian", 2)
@@ -358,14 +358,14 @@ def stack_callbacks(ensemble: Batch) -> Callbacks:
 class _Evaluation:
     """Evaluator of the residual or Jacobian of all realisations of a stack.
 
-    After unknowns and rates there are `numbers` further arguments: the time, and the factor of the derivatives by
-    rates.
+    After unknowns and rates there are `numbers` further arguments: the time, and the factor of the derivatives with
+    respect to rates.
     """
 
     def __init__(self, ensemble: Batch, kind: Literal["residual", "jacobian"], numbers: int) -> None:
         layout = ensemble.model.layout
         self.shape, self.rates = (len(ensemble), layout.unknowns), layout.differential
-        self.tail = np.zeros((1, numbers + 1))  # the last stays zero
+        self.tail = np.zeros((1, numbers + 1))  # the last entry stays zero
         self.others = (self.tail, ensemble.frozen, ensemble.block)
         width = layout.unknowns + layout.differential + numbers + 1 + ensemble.frozen.shape[1]
         self.program = ensemble.model.evaluators[kind].program(width, ensemble.block.shape[1])
@@ -385,7 +385,7 @@ class _Evaluation:
 
 
 def _sparsity(model: Model, copies: int) -> Any:
-    """Structural pattern of `copies` realisations side by side, compressed by columns."""
+    """Return the sparsity pattern of `copies` independent realisations, compressed by columns."""
     from scipy import sparse
 
     rows, pointers = model.pattern
@@ -394,7 +394,7 @@ def _sparsity(model: Model, copies: int) -> Any:
 
 
 def diagnosis(solution: SundialsSolution, time: float, rtol: float) -> str:
-    """Return a message on why IDA stopped, and what to try."""
+    """Return the reason why IDA stopped, and a remedy."""
     if solution.too_much_work:
         cause = "too many steps: the motion is very stiff or very fast for the output times"
     else:
@@ -402,5 +402,5 @@ def diagnosis(solution: SundialsSolution, time: float, rtol: float) -> str:
         cause += "jumps or grows without bound"
     return (
         f"the integration stopped at t = {time:.6g} s ({solution.message}); probably {cause}. "
-        f"Try another rtol (now {rtol:g}), or look at the motion up to that time."
+        f"Try another rtol (now {rtol:g}), or inspect the motion up to that time."
     )

@@ -1,4 +1,4 @@
-"""Prescribed functions of time: their jumps, and the sizes of these."""
+"""Jumps of prescribed functions of time."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ __all__ = ["Prescribed", "instant", "jumped", "position_jumps", "prescribed_by"]
 
 
 INSTANT = 1e-12
-"""Offset of the instants right before and right after a time, over the larger of 1 s and the time itself."""
+"""Offset of the instants right before and right after a time, relative to the larger of 1 s and the time."""
 NEXT = 1e3
-"""Number of these times next to a jump at which an equation is a number, on both sides."""
+"""Distance from a jump, in these offsets, at which an equation must be finite on both sides."""
 POSES = 3
-"""Poses at which an equation is evaluated before and after: at a single one it may agree by chance."""
+"""Number of poses at which an equation is evaluated before and after; at a single pose, values may agree by chance."""
 LEAST = 1e-9
-"""Jump, over the size of the mechanism, that counts as rounding for any tolerance."""
+"""Jump, relative to the size of the mechanism, that counts as rounding for every tolerance."""
 ROUNDING = 1e-14
-"""Jump, over the largest coordinate, that is rounding in any mechanism."""
+"""Jump, relative to the largest coordinate, that counts as rounding in every mechanism."""
 
 
 @dataclass(frozen=True)
 class Prescribed:
     """Parameters of constraining components that are functions of time."""
 
-    owners: tuple[str, ...]  # component of each
-    names: tuple[str, ...]  # parameter of each
-    units: tuple[str, ...]  # of each
+    owners: tuple[str, ...]  # component of each parameter
+    names: tuple[str, ...]  # name of each parameter
+    units: tuple[str, ...]  # units of each parameter
     functions: ParameterMap  # from inputs and time to their values
 
     def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
-        """Return a message on parameters of a component that jump between two times, at inputs (input,)."""
+        """Return a message on parameters of a component that jump between two times, s, for inputs (input,)."""
         moments = np.array([[*values, before], [*values, after]])
         change = np.diff(self.functions(moments), axis=0)[0]
         found = [
@@ -55,7 +55,7 @@ class Prescribed:
 
 
 def prescribed_by(components: Sequence[Component], inputs: Sequence[RandomVariable]) -> Prescribed:
-    """Find the parameters of components that are functions of time and of random variables alone."""
+    """Find the parameters of components that depend only on time and random variables."""
     known = {t, *inputs}
     about: list[tuple[str, str, str]] = []
     expressions: list[sympy.Expr] = []
@@ -78,10 +78,10 @@ def instant(time: float) -> float:
 
 
 def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
-    """Return jumps of the values of equations: right before and after, and twice as far from the moment.
+    """Return jumps of equations from values right before and after a time, and at twice this distance.
 
-    What moves fast, and does not jump, moves twice as far in twice the time.  An equation that has only changed its
-    sign says the same.
+    A fast quantity without a jump moves twice as far in twice the time.  An equation with only a change of sign has no
+    jump.
     """
     return np.asarray(
         np.minimum(np.abs(2 * (after - before) - (later - sooner)), np.abs(2 * (after + before) - (later + sooner)))
@@ -91,13 +91,13 @@ def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
 def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]:
     """Find realisations in which a constraint, and so a position, jumps within the output times.
 
-    Return for each a message: when, which component, and by how much.  An equation jumps where it differs right after a
-    break time from right before; one that only changes its sign does not.  The constraints of the model depend on time.
-    The tolerance is relative to the size of the mechanism.
+    Return a message with time, component and size of the jump for each of these realisations.  An equation jumps if its
+    values right before and right after a break time differ by more than the sign.  The constraints of the model depend
+    on time.  The tolerance is relative to the size of the mechanism.
     """
     model = ensemble.model
     breaks = ensemble.breaks
-    if model.timed is not None:  # jumps at times that are known from looking only
+    if model.timed is not None:  # jumps at times known only from sampling
         seen = look(model.timed, ensemble.values, breaks, times, rtol).jumps
         breaks = np.concatenate([breaks, np.tile(seen, (len(ensemble), 1))], axis=1)
     if not breaks.size:
@@ -109,13 +109,13 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
         some = np.flatnonzero(ok & (column >= begin) & (column <= end))
         some = some[[int(k) not in found for k in some]] if len(some) else some
         if len(some):
-            # outside of the output times nothing happens
+            # ignore jumps outside the output times
             delta = INSTANT * np.maximum(1.0, np.abs(column[some]))
             sides, about = (
                 np.clip(column[some] + far * np.array([[-2], [-1], [1], [2]]) * delta, begin, end)
                 for far in (1.0, NEXT)
             )
-            # next to a pole all is steep: the integrator reports values that are not finite there
+            # next to a pole every function is steep: the integrator reports its values that are not finite
             steep = ~np.isfinite(_equation_jumps(ensemble, some, about))
             jumps = np.where(steep, 0.0, _equation_jumps(ensemble, some, sides)) / gradients[some]
             noise = ROUNDING * np.maximum(1.0, np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0))
@@ -127,7 +127,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
 
 
 def _equation_jumps(ensemble: Batch, members: NDArray[np.int64], sides: Array) -> Array:
-    """Return jumps of equations between times, `sides` (4, K): two before and two after; shape (K, equation)."""
+    """Return jumps of equations, (K, equation), from two times before and two after: `sides` (4, K), s."""
     model, start = ensemble.model, ensemble.start
     found = np.zeros((len(members), model.layout.constraints))
     states = np.concatenate([start.q, start.s, np.zeros_like(start.v)], axis=1)[members]
@@ -151,6 +151,7 @@ def _jump(ensemble: Batch, member: int, sides: Array, time: float, equations: ND
         parts.append(f"{owner!r} ({by})" if by else repr(owner))
     return (
         f"at t = {time:.6g} s a prescribed position jumps: that of {', '.join(parts)}, so that the equations "
-        f"{named(model, equations)} want bodies to be in two places. Expected a continuous function of time, such as "
+        f"{named(model, equations)} require bodies to be in two places at once. Expected a continuous function of "
+        "time, such as "
         "uqmbd.step between two positions, or a prescribed speed"
     )

@@ -1,15 +1,15 @@
-"""Passing over singular poses, and exchange of equations that become dependent.
+"""Passage over singular poses, and exchange of equations that become dependent.
 
-In a singular pose branches of motions meet, and the equations of motion do not say which one is taken: the motion that
-comes is continued smoothly, as momentum has it. So a polynomial that has the rates of the last states before the pose
-as well continues them [1]_. It reaches as far behind the pose as these states are before it, and is projected onto the
-constraints there. That is done from so near that polynomials of degree 9 and 7 (or 7 and 5) agree within the tolerance;
-a motion that ends in the pose (a mechanism that locks up) has no such polynomial. Next to the pose rounding is
-magnified by the inverse square of the distance: where it hides the tolerance, the continuation with the least
-difference is taken, if that is small enough.
+Branches of motion meet in a singular pose, and the equations of motion do not determine the branch. Momentum selects
+the smooth continuation of the motion. A polynomial through the last states and rates before the pose therefore
+extrapolates the motion [1]_. It extends as far beyond the pose as these states are before it; its end is projected onto
+the constraints. The extrapolation starts so close to the pose that polynomials of degree 9 and 7 (or 7 and 5) agree
+within the tolerance. A motion that ends in the pose (a mechanism that locks up) has no such polynomial. Near the pose,
+rounding grows with the inverse square of the distance. If rounding exceeds the tolerance, the continuation with the
+least difference is used, provided that this difference is small enough.
 
-The fixed order of elimination can fail in a pose that is regular: a pivot passes through zero there.  Steps that are
-refused next to it lead to the order being chosen anew, at that pose.
+The fixed order of elimination can fail in a regular pose, at which a pivot passes through zero.  Rejected steps near
+such a pose trigger a new choice of the order at the pose.
 
 References
 ----------
@@ -34,46 +34,46 @@ __all__ = ["SingularPoseWatcher", "repivoted"]
 
 
 REACH = 4.0
-"""A singular pose is near if it is not farther than this many steps of the size that was tried."""
+"""Largest distance of a near singular pose, in steps of the attempted size."""
 FOOTING = 0.1
-"""A step that ends nearer to a singular pose than this part of itself is taken back."""
+"""Least distance of the end of a step from a singular pose, relative to the step; closer steps are undone."""
 APPROACH = 0.4
-"""Part of the time to a singular pose that a step may use."""
+"""Longest step relative to the time to a singular pose."""
 FEWEST = 4
-"""States from which a motion is continued; one fewer give the estimate of the error."""
+"""Number of states for a continuation; one state fewer yields the error estimate."""
 PAST = 0.2
-"""Part of the distance of the best continuation so far at which that one is taken: rounding has won."""
+"""Distance relative to the best continuation so far at which the best is used, because rounding dominates."""
 ROUNDING = 1e-7
-"""Largest relative error of a continuation whose tolerance cannot be reached because of rounding."""
+"""Largest relative error of a continuation if rounding prevents the tolerance."""
 LOOKS = 60
-"""Checks of the same pose after which the attempt ends."""
+"""Number of checks of the same pose after which the attempt ends."""
 END = 1e-10
-"""Part of the time that has passed below which the time to a singular pose is nothing."""
+"""Time to a singular pose, relative to the elapsed time, that counts as zero."""
 DEPENDENT = 0.2
-"""Kept equations are nearly dependent if their smallest singular value is below this part of that of all."""
+"""Smallest singular value of kept equations, over that of all equations, below which they are nearly dependent."""
 STRAY = 0.05
-"""Share of the distance over a pose by which the constraints may correct a continuation: branches are farther apart."""
+"""Largest correction of a continuation by constraints, relative to its distance; branches are farther apart."""
 POOR = 0.1
-"""Relative residual of the index-1 system, over the tolerance, above which its pivots are poor."""
+"""Relative residual of the index-1 system, in tolerances, above which its pivots are poor."""
 BETTER = 0.1
-"""Part of the residual to which another order of elimination must reduce it."""
+"""Largest ratio of new to old residual for the acceptance of another order of elimination."""
 TRIALS = 3
-"""Orders that were no better, after which no other is tried."""
+"""Number of orders without improvement after which the search ends."""
 PLACES = np.array([0.0, 0.1, 0.3, 1.0])
-"""Parts of a refused step at which the residual is evaluated."""
+"""Relative positions in a rejected step at which the residual is evaluated."""
 SYSTEMS = 8
-"""Systems of other equations or orders of elimination that are remembered."""
+"""Largest number of stored systems with other equations or orders of elimination."""
 
 
 @dataclass(frozen=True)
 class Continuation:
     """Continuation of a realisation near a singular pose."""
 
-    reason: str = ""  # why it cannot continue; empty if it can
-    back: bool = False  # from the previous node
-    others: bool = False  # with other equations: those of the watcher's model
+    reason: str = ""  # reason why it cannot continue; empty if it can
+    back: bool = False  # whether to continue from the previous node
+    others: bool = False  # whether to use other equations, from the watcher's model
     time: float = 0.0
-    state: Array | None = None  # (width,): from this state at `time`, with the motion until then ``curve(time)``
+    state: Array | None = None  # (width,): continue from this state at `time`; until then the motion is ``curve(time)``
     curve: Callable[[Any], Array] | None = None
 
 
@@ -82,9 +82,9 @@ _LOCK = threading.Lock()
 
 
 def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Model:
-    """Choose the independent equations anew at a pose of one realisation.
+    """Choose new independent equations at a pose of one realisation.
 
-    The model that is returned is for the index-1 form only: residual and Jacobian are those of the old choice.
+    The returned model is only for the index-1 form: its residual and Jacobian belong to the old choice.
     """
     layout = model.layout
     freezing = np.setdiff1d(layout.kept, layout.active)
@@ -96,13 +96,13 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
     key = (model.digest, kept.tobytes())
     with _LOCK:
         system = _systems.get(key)
-    return replace(new, system=system) if system else _eliminated_anew(new, q, s, time, parameters, key)
+    return replace(new, system=system) if system else eliminated_anew(new, q, s, time, parameters, key)
 
 
-def _eliminated_anew(
+def eliminated_anew(
     model: Model, q: Array, s: Array, time: float, parameters: Array, key: tuple[str, bytes] | None = None
 ) -> Model:
-    """Choose the order of elimination anew, at a pose of one realisation; remember it if there is a `key`."""
+    """Choose a new order of elimination at a pose of one realisation; store it under `key`, if given."""
     shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
     near = state_arguments(time, np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]))
     typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
@@ -119,19 +119,19 @@ def _eliminated_anew(
 class SingularPoseWatcher:
     """Monitor of the rank in an explicit integration of one realisation."""
 
-    model: Model  # with the equations that are kept at present
+    model: Model  # with the currently kept equations
     parameters: Array  # (parameter,)
-    tolerance: float  # relative; the absolute one, of coordinates of size one, is the same
+    tolerance: float  # relative, and equally absolute for coordinates of size one
     limit: float = np.inf  # longest step, s
     passed: int = 0  # number of singular poses passed
 
     def __post_init__(self) -> None:
         # changes of the kept equations, in words
         self.notes: list[str] = []
-        self.reordered, self.no_better = 0, 0  # orders of elimination that were taken, and that were not
-        # choices of equations, with the time from which they hold
+        self.reordered, self.no_better = 0, 0  # numbers of accepted and rejected orders of elimination
+        # choices of equations, with the time from which they apply
         self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
-        # final: whether the failure is one of the mechanism: no other method could continue either
+        # final: whether the mechanism itself fails, so that no other method could continue
         self.looks, self.final = 0, False
         self.best: Continuation | None = None
         self.least, self.distance = np.inf, np.inf
@@ -142,14 +142,14 @@ class SingularPoseWatcher:
         return self.looks > 0
 
     def model_at(self, time: float) -> Model:
-        """Return the choice of equations that holds at a time."""
+        """Return the model with the choice of equations for a time, s."""
         return [model for begin, model in self.models if begin < time or begin == -np.inf][-1]
 
     def look(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
-        """Return how to continue from the last node at time `now`, s; None: as before.
+        """Return the continuation from the last node at time `now`, s; None: continue as before.
 
-        The arguments are the last times (N,), s, states (N, width), the length of the difficult step, s, and the time
-        of the next jump.
+        `known` contains the last times (N,), s, and states (N, width). `size` is the length of the difficult step, s,
+        and `end` is the time of the next jump, s.
         """
         times, states = known
         z = states[-1]
@@ -160,7 +160,7 @@ class SingularPoseWatcher:
             return self._others(now, z, rank)
         if not self.alert:
             if abs(rank.ahead) > REACH * max(size, step):
-                return Continuation(others=True) if self._reorder(now, z, size) else None
+                return Continuation(others=True) if self.reorder(now, z, size) else None
             if abs(rank.ahead) < FOOTING * step and len(times) > 1:
                 return Continuation(back=True)
         if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
@@ -168,13 +168,13 @@ class SingularPoseWatcher:
         self.looks += 1
         self.limit = APPROACH * rank.ahead
         if rank.ahead < END * max(1.0, abs(now)) or self.looks > LOOKS:
-            # with many looks it may be rounding that forbids to pass: another method may be lucky
+            # after many checks, rounding may prevent the passage: another method may succeed
             self.final = sure = self.looks <= LOOKS
             return Continuation(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
         return self._over(now, times, states, rank, end) or Continuation()
 
     def reason(self, now: float, z: Array) -> str:
-        """Return why the steps became too small, if the rank is the reason; else an empty text."""
+        """Return the reason for too small steps if it is the rank; else an empty text."""
         text = dead_end(self.model, now, self._rank(now, z))
         self.final = self.final or bool(text)
         return text
@@ -192,21 +192,24 @@ class SingularPoseWatcher:
         self.best, self.least, self.distance = None, np.inf, np.inf
         return Continuation() if before else None
 
-    def _reorder(self, now: float, z: Array, size: float) -> bool:
-        """Choose the order of elimination anew if its pivots are poor within a step of this size; whether one was."""
+    def reorder(self, now: float, z: Array, size: float) -> bool:
+        """Choose a new order of elimination if pivots are poor within a step of size, s; return whether it changed."""
         layout = self.model.layout
         ahead = np.repeat(z[None], len(PLACES), axis=0)
         n = layout.coordinates
         ahead[:, :n] += size * PLACES[:, None] * z[None, layout.velocities :]
         times = now + size * PLACES
         with np.errstate(all="ignore"):
-            before = residuals(self.model, ahead, times, self.parameters)
-            worst = int(np.argmax(np.nan_to_num(before, nan=np.inf)))
+            before = np.nan_to_num(residuals(self.model, ahead, times, self.parameters), nan=np.inf)
+            worst = int(np.argmax(before))
             if before[worst] <= POOR * self.tolerance or self.no_better >= TRIALS:
                 return False
             q, s, _ = layout.split(ahead[worst])
-            model = _eliminated_anew(self.model, q, s, times[worst], self.parameters)
-            better = residuals(model, ahead, times, self.parameters).max() <= BETTER * before[worst]
+            model = eliminated_anew(self.model, q, s, times[worst], self.parameters)
+            better = model.system.programs is not None
+            if better:  # otherwise LAPACK solves the system
+                after = residuals(model, ahead, times, self.parameters)
+                better = bool(np.isfinite(after).all() and after.max() <= BETTER * before[worst])
         if not better:
             self.no_better += 1
             return False
@@ -221,7 +224,7 @@ class SingularPoseWatcher:
         n, k = self.model.layout.coordinates, self.model.layout.states
         model = repivoted(self.model, z[:n], z[n : n + k], now, self.parameters)
         new = np.setdiff1d(model.layout.kept, self.model.layout.kept)
-        if not len(new):
+        if not len(new) or model.system.programs is None:
             return self._calm()
         old = np.setdiff1d(self.model.layout.kept, model.layout.kept)
         self.notes.append(
@@ -234,7 +237,7 @@ class SingularPoseWatcher:
         return Continuation(others=True)
 
     def _over(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> Continuation | None:
-        """Pass over a singular pose, if the motion can be continued well enough."""
+        """Pass over a singular pose if the continuation is accurate enough."""
         if len(times) >= FEWEST:
             self._continue(now, times, states, rank, end)
         allowed = self.tolerance if rank.ahead > PAST * self.distance else max(self.tolerance, ROUNDING)
@@ -246,7 +249,7 @@ class SingularPoseWatcher:
         return course
 
     def _continue(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> None:
-        """Continue the motion behind a singular pose; remember it if that is better than from farther away."""
+        """Continue the motion beyond a singular pose; store the continuation if it is better than earlier ones."""
         block = np.repeat(self.parameters[None], len(states), axis=0)
         q, s, v = self.model.layout.split(states)
         a, _, changes = accelerations(self.model, q, s, v, times, block)

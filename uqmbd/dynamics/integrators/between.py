@@ -1,10 +1,9 @@
-"""The motion between output times by integrators that do not return their steps: through states at more times.
+"""Motion between output times, from states at more times, for integrators that do not return their steps.
 
-A realisation is integrated at even times of stretches, first those between its breaks.  A stretch is resolved where
-polynomials of degree 7 through every second of its states agree with the others. If states jump between two times, as
-velocities do in an impact, the stretch is divided on both sides of the jump. The part between is divided again until it
-is short: there the motion is a straight line from before the jump to after it. Any other stretch that is not resolved
-has twice as many times.
+A realisation is integrated at evenly spaced times in time spans, initially the spans between its breaks.  A span is
+resolved if polynomials of degree 7 through every second state agree with the other states. If states jump between two
+times, such as velocities at an impact, the span is divided on both sides of the jump. The part with the jump is divided
+until it is short, and its motion is then a straight line. The number of times in other unresolved spans is doubled.
 """
 
 from __future__ import annotations
@@ -26,29 +25,29 @@ __all__ = ["with_motion_between"]
 Method = Callable[[Ensemble, Array, float], Trajectories]
 
 FIRST, MOST = 256, 1 << 14
-"""Intervals of time that are tried first, and at most."""
+"""Initial and largest number of time intervals."""
 
 LEAST = 16
-"""Intervals of a stretch, at least."""
+"""Least number of intervals of a span."""
 
 ROUNDS = 64
-"""Integrations of a realisation, at most."""
+"""Largest number of integrations of a realisation."""
 
 SHORT, SHORTEST = 0.1, 1e-9
-"""Interval, over the whole time, that is not divided: relative to the tolerance, and for any tolerance."""
+"""Interval, relative to the whole time, that is not divided: per tolerance, and for every tolerance."""
 
 ENOUGH = 25.0
-"""Tolerances by which polynomials through every second state may differ from the others: by 2^8 less through all."""
+"""Allowed difference, in tolerances, of polynomials through every second state; 2^8 times the error with all."""
 
 BESIDE = 4
-"""Neighbours on each side of an unresolved interval whose polynomials depend on it."""
+"""Number of neighbours on each side with polynomials that depend on an unresolved interval."""
 
 ALONE = 8.0
-"""Ratio of the unexpected change of states in a jump to that next to it."""
+"""Ratio of the unpredicted change of states in a jump to the change next to it."""
 
 
 class _TimeSpan(NamedTuple):
-    """A part of the time, and into how many intervals it is divided: an even number, or one."""
+    """Time span and its number of intervals, which is even or one."""
 
     begin: float
     end: float
@@ -60,7 +59,7 @@ class _TimeSpan(NamedTuple):
 
 
 class _IntervalRun(NamedTuple):
-    """One integration of some realisations: the motion of each stretch, and the result of `_smooth`."""
+    """Integration of some realisations: motion in each span, and result of `_smooth`."""
 
     stretches: tuple[_TimeSpan, ...]
     found: Trajectories
@@ -68,16 +67,16 @@ class _IntervalRun(NamedTuple):
     wrong: list[Array]
 
     def longest(self, k: int) -> float:
-        """Return the longest interval on which the motion of one of them is not resolved, s."""
+        """Return the longest interval with an unresolved motion of one realisation, s."""
         every = zip(self.stretches, self.wrong, strict=True)
         return max((s.end - s.begin) / s.intervals if off[k, 0].any() else 0.0 for s, off in every)
 
 
 def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate K realisations by `method`, and find their motion between the output times (T,), s.
+    """Integrate K realisations by `method`, and compute their motion between the output times (T,), s.
 
-    Warns with UserWarning if the largest number of times does not resolve the motion of a realisation that has not
-    failed. It also warns if the integrator fails at a larger number of them: the motion found before remains valid.
+    A UserWarning reports that the largest number of times does not resolve the motion of a realisation without failure.
+    It also reports that the integrator fails at a larger number of times; the previous motion remains valid.
     """
     count, counters, notes = len(ensemble), Counters(), list[str]()
     kept, coarse = dict[int, tuple[_IntervalRun, int]](), np.zeros(count)
@@ -105,8 +104,9 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
     if coarse.any():
         warnings.warn(
             f"mechanism {ensemble.model.name!r}: the motion between output times is not resolved, in "
-            f"{np.count_nonzero(coarse)} of {count} realisations: on intervals of up to {coarse.max():.3g} s it is a "
-            f"straight line, as it takes over {MOST} more times, or the integrator fails at more.  Try a shorter "
+            f"{np.count_nonzero(coarse)} of {count} realisations: on intervals of up to {coarse.max():.3g} s it is "
+            f"interpolated linearly. There it needs more than {MOST} further times, or the integrator fails at "
+            "further times. Try a shorter "
             "motion or another integrator.",
             stacklevel=2,
         )
@@ -130,7 +130,7 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
 def _run(
     method: Method, ensemble: Ensemble, times: Array, stretches: tuple[_TimeSpan, ...], rtol: float, short: float
 ) -> _IntervalRun:
-    """Integrate realisations that share their stretches."""
+    """Integrate realisations with the same spans."""
     every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
     found = method(ensemble, every, rtol)
     pieces, wrong = list[RecordedSteps](), list[Array]()
@@ -142,7 +142,7 @@ def _run(
 
 
 def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]]:
-    """Return the stretches between the breaks, and the realisations of each such division."""
+    """Return the spans between breaks, and the realisations with these spans."""
     found = dict[tuple[_TimeSpan, ...], list[int]]()
     for member, row in enumerate(breaks):
         edges = [float(times[0]), *stops(row[None], times).tolist(), float(times[-1])]
@@ -154,7 +154,7 @@ def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]
 
 
 def _divided(stretches: tuple[_TimeSpan, ...], wrong: list[Array], short: float) -> tuple[_TimeSpan, ...]:
-    """Return finer stretches where `_smooth` reports an unresolved one."""
+    """Return finer spans where `_smooth` reports unresolved intervals."""
     found = list[_TimeSpan]()
     for stretch, (bad, surprise) in zip(stretches, wrong, strict=True):
         if not bad.any():
@@ -175,15 +175,15 @@ def _pairs(edges: list[int]) -> list[tuple[int, int]]:
 
 
 def _jumps(surprise: Array) -> Index:
-    """Return intervals whose change is predicted neither from the left nor from the right, except next to them."""
+    """Return intervals with changes not predicted from left or right, without neighbours of such intervals."""
     beside = np.maximum(np.append(surprise[1:], 0.0), np.insert(surprise[:-1], 0, 0.0))
     return np.flatnonzero((surprise > 1.0) & (surprise > ALONE * np.maximum(beside, np.median(surprise))))
 
 
 def _surprise(states: Array) -> Array:
-    """Differences of states (M, S, width) at even times from the prediction by those on one side: (M, S - 1, width).
+    """Return differences of states (M, S, width) at even times from one-sided predictions: (M, S - 1, width).
 
-    By cubic polynomials, of lower degree near the ends; the better of the two sides.
+    Predictions use cubic polynomials, with lower degree near the ends; the better of the two sides counts.
     """
     sides = list[Array]()
     for side in (states, states[:, ::-1]):
@@ -195,9 +195,9 @@ def _surprise(states: Array) -> Array:
 
 
 def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[RecordedSteps, Array]:
-    """Return polynomials through states (M, S, width), straight where they are not smooth, and the unresolved ones.
+    """Return polynomials through states (M, S, width), straight if not smooth, and the unresolved intervals.
 
-    That is (M, 2, S - 1): whether an interval is to be resolved, and by how many tolerances its change is a surprise.
+    The second result (M, 2, S - 1) is a mask of unresolved intervals, and their unpredicted change in tolerances.
     """
     members = np.arange(len(states))
     path = interpolate_steps(grid, states, None, members)
@@ -221,7 +221,7 @@ def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[Reco
 
 
 def _interpolate(states: Array, part: float) -> Array:
-    """Value of polynomials at a part of each step, by barycentric interpolation."""
+    """Return values of polynomials at a relative position in each step, by barycentric interpolation."""
     weights = np.where(np.arange(len(PLACES)) % 2, -1.0, 1.0) / (part - PLACES)
     weights[[0, -1]] *= 0.5
     return np.asarray(np.einsum("j,mijw->miw", weights / weights.sum(), states))

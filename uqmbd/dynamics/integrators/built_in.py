@@ -1,4 +1,4 @@
-"""The integrators of the core: an explicit one, an implicit one, and a choice among the two."""
+"""Integrators of the core: explicit, implicit, and automatic choice of the two."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ EXPLICIT = Capabilities(
 
 @dataclass(frozen=True)
 class Dop853:
-    """The index-1 form by an explicit method of order 8 with projection; from event to event where there are some."""
+    """Explicit method of order 8 with projection, for the index-1 form; from event to event if there are events."""
 
     name = "dop853"
     capabilities = EXPLICIT
@@ -62,7 +62,7 @@ class Dop853:
     stack: int = MANY  # most realisations that are integrated together
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
-        """Integrate every realisation; a mechanism too large for compiled linear algebra is a `uqmbd.StudyError`."""
+        """Integrate every realisation; raise `uqmbd.StudyError` if it is too large for compiled linear algebra."""
         if ensemble.model.events:
             return integrate_with_events(ensemble, times, rtol, recording=recording)
         _require_compiled(ensemble.model, _compiled(ensemble.model))
@@ -89,7 +89,7 @@ class Dop853:
         if not projected.model.layout.unknowns:
             return _still(projected, times)
         begin = clock.perf_counter()
-        _, before = projected.start, projected.coupled.counters  # of stretches between samples there are several
+        _, before = projected.start, projected.coupled.counters  # with controllers there are several intervals
         run, message = integrate_coefficients(projected, times, rtol, watch)
         counters = {
             "accelerations": run.evaluations,
@@ -102,9 +102,9 @@ class Dop853:
 
 @dataclass(frozen=True)
 class Ida:
-    """The stabilised index-2 form by IDA, implicit, for stiff mechanisms too.
+    """Implicit method IDA for the stabilised index-2 form, also for stiff mechanisms.
 
-    Realisations that it cannot integrate through a singular pose are integrated by `Dop853`.
+    `Dop853` integrates the realisations that IDA cannot integrate through a singular pose.
     """
 
     name = "ida"
@@ -130,7 +130,7 @@ class Ida:
         found, final = IntegratedRealisations.of(solved, self.name), np.flatnonzero(solved.final)
         if not len(final) or not _compiled(ensemble.model):
             return found
-        # in a singular pose it stops; the explicit method passes over it, or knows that no motion leads on
+        # IDA stops at a singular pose; the explicit method passes over it, or finds that the motion ends
         other = integrate_by_dop853(ensemble, members[final], times, rtol, recording=recording)
         taken = [k for k, message in enumerate(other.messages) if other.final[k] or not message]
         return found.replaced(final, other, Dop853.name, np.array(taken, dtype=np.int64))
@@ -152,16 +152,15 @@ class Ida:
 
 @dataclass(frozen=True)
 class Auto:
-    """`Dop853` where the mechanism is small enough for it; stiff, expensive or failed realisations are left to `Ida`.
+    """`Dop853` for small enough mechanisms; stiff, expensive or failed realisations are left to `Ida`.
 
-    The costs of a realisation are compared by counts of both on the first part of its motion, for each realisation
-    separately.
+    The costs of both methods are compared by counts on the first part of the motion, separately for each realisation.
     """
 
     name = "auto"
     capabilities = replace(EXPLICIT, linear_solvers=LINEAR_SOLVERS)
 
-    # most realisations that are integrated together; those left to `Ida` share steps in smaller stacks
+    # largest number of realisations integrated together; `Ida` integrates smaller stacks with shared steps
     stack: int = MANY
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
@@ -177,12 +176,14 @@ class Auto:
     def _solve(
         self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
     ) -> IntegratedRealisations:
-        if not _sundials_is_installed():  # the explicit method integrates stiff realisations too, with more steps
+        if not _sundials_is_installed():  # the explicit method also integrates stiff realisations, with more steps
             return IntegratedRealisations.of(
                 integrate_by_dop853(ensemble, members, times, rtol, patient=True, recording=recording), Dop853.name
             )
         solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True, recording=recording)
-        found, left = IntegratedRealisations.of(solved, Dop853.name), _left(solved)
+        found = IntegratedRealisations.of(solved, Dop853.name)
+        # failed realisations that another integrator might integrate
+        left = np.array([k for k, why in enumerate(solved.messages) if why and not solved.final[k]], dtype=np.int64)
         if not len(left):
             return found
         if ensemble.model.controls:
@@ -195,7 +196,7 @@ class Auto:
             most = float(explicit_cost[some].sum())
             other = integrate_by_ida(ensemble, members[some], times, rtol, most, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
-        # what is less expensive at first may be more expensive later, or fail
+        # the cheaper method at the start may become more expensive later, or fail
         again = np.array([k for k in left.tolist() if explicit_cost[k] and found.solved.messages[k]], dtype=np.int64)
         if len(again):
             other = integrate_by_dop853(ensemble, members[again], times, rtol, patient=True, recording=recording)
@@ -206,7 +207,7 @@ class Auto:
     def _from_sample_to_sample(
         self, found: IntegratedRealisations, left: Index, ensemble: Ensemble, times: Array, rtol: float, recording: bool
     ) -> IntegratedRealisations:
-        """Choose anew after each sample for those that one integration of all samples could not integrate."""
+        """Choose the method again after each sample, for realisations that failed in a single integration."""
         if not len(left):
             return found
         other = trajectories_in_samples(partial(self.integrate, recording=recording), ensemble, times, rtol)
@@ -227,7 +228,7 @@ class Auto:
         linear_solver: LinearSolver = "auto",
         watch: Watch | None = None,
     ) -> ProjectedTrajectories:
-        """Integrate the coefficients by the explicit method, and by IDA where that is stiff or fails."""
+        """Integrate the coefficients by the explicit method, or by IDA if they are stiff or the method fails."""
         if _impacts(projected.model):
             return _from_event_to_event(projected, times, rtol)
         if not projected.model.layout.unknowns:
@@ -266,33 +267,27 @@ def _require_compiled(model: Model, compiled: bool) -> None:
         )
 
 
-def _left(solved: Solved) -> Index:
-    """Find those that failed, and that another integrator might integrate."""
-    left = [k for k, message in enumerate(solved.messages) if message and not solved.final[k]]
-    return np.array(left, dtype=np.int64)
-
-
 def _stacks(members: Index) -> list[Index]:
-    """Part realisations into stacks for IDA."""
+    """Divide realisations into stacks for IDA."""
     return [members[first : first + STACK] for first in range(0, len(members), STACK)]
 
 
 def _impacts(model: Model) -> bool:
-    """Return whether events change the motion; others only record times."""
+    """Return whether events change the motion; other events only record times."""
     return any(directions for *_, directions in model.events)
 
 
 def _from_event_to_event(projected: ProjectedEquations, times: Array, rtol: float) -> ProjectedTrajectories:
-    """Integrate node by node, where as many terms as nodes make the projected equations those of the nodes.
+    """Integrate node by node: with as many terms as nodes, the projected equations equal the nodal equations.
 
-    ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is ``r = 0`` at every node, and so are the projected laws
-    of impact; coefficients are those of the nodal states.
+    ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is equivalent to ``r = 0`` at every node. The same
+    applies to the projected laws of impact. Coefficients follow from the nodal states.
     """
     if not projected.collocates:
         raise StudyError(
-            f"mechanism {projected.model.name!r} has impacts, which happen at another time at each node; a projection "
-            f"follows them only with as many terms as nodes, and has {projected.terms} terms on "
-            f"{len(projected.weights)} nodes."
+            f"mechanism {projected.model.name!r} has impacts, which occur at different times at the nodes. A "
+            f"projection can represent impacts only with as many terms as nodes, but it has {projected.terms} terms "
+            f"on {len(projected.weights)} nodes."
         )
     found = checked(integrate_with_events, projected.ensemble, times, rtol)
     message = next((m for m in found.messages if m), "")
@@ -307,12 +302,12 @@ def _still(projected: ProjectedEquations, times: Array) -> ProjectedTrajectories
 
 
 def _reached(found: ProjectedTrajectories) -> int:
-    """Count the times that were computed."""
+    """Return the number of computed times."""
     return int(np.isfinite(found.coefficients).all(axis=(0, 2)).sum())
 
 
 def _sundials_is_installed() -> bool:
-    """Test whether scikit-sundae can be imported: it has no wheel for Linux on aarch64."""
+    """Return whether scikit-sundae can be imported; it has no wheel for Linux on aarch64."""
     try:
         return find_spec("sksundae") is not None
     except ValueError:

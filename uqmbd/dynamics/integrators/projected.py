@@ -1,4 +1,4 @@
-"""The projected ensemble, integrated by any integrator that can, and held against the projected constraints."""
+"""Projected ensemble: integration by integrators with this capability, and check of the projected constraints."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ __all__ = ["ProjectedEnsemble"]
 
 
 class ProjectedEnsemble(ProjectedEquations):
-    """Realisations at quadrature nodes, seen through a basis.
+    """Realisations at quadrature nodes, projected onto a basis.
 
     Parameters
     ----------
     ensemble : Ensemble
-        K realisations, at the nodes.
+        Ensemble of K realisations at the nodes.
     psi : array, shape (K, P)
         Values of the basis at the nodes.
     weights : array, shape (K,)
-        Of the nodes, all positive; they sum to 1.
+        Weights of the nodes, positive, with the sum 1.
 
     Raises
     ------
     uqmbd.AssemblyError
-        If a node cannot be assembled: the expansion would be one of something that does not exist.
+        If the mechanism cannot be assembled at a node.
 
     Examples
     --------
-    The mean of a speed and its spread stay what they are where nothing acts on a cart:
+    Without forces on a cart, the mean and the spread of its speed are constant:
 
     >>> import chaospy
     >>> import numpy as np
@@ -84,35 +84,34 @@ class ProjectedEnsemble(ProjectedEquations):
         Parameters
         ----------
         times : array, shape (T,)
-            Output times, s, strictly increasing; the first is the start.
+            Output times, s, strictly increasing; the first is the initial time.
         rtol : float
-            Relative tolerance.
+            Relative tolerance of the integration.
         integrator : str
-            As for one realisation: ``dop853``, explicit on the projected index-1 form, or ``ida`` on the projected
-            stabilised index-2 form; ``auto``: the first, and the second where that is stiff or fails; or one of a
-            plugin that declares ``projected=True`` in its capabilities.
+            Name of the integrator. ``dop853``: explicit, for the projected index-1 form. ``ida``: implicit, for the
+            projected stabilised index-2 form. ``auto``: ``dop853``, or ``ida`` if the motion is stiff or ``dop853``
+            fails. An integrator of a plugin needs ``projected=True`` in its capabilities.
         linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
-            Of IDA; ``auto`` chooses by the number of unknowns, and leaves the mean preconditioner where it breaks down.
+            Linear solver of IDA. ``auto`` selects by the number of unknowns, and replaces the mean preconditioner if it
+            breaks down.
         watch : callable, optional
-            Asked now and then with the coefficients so far; a true answer ends the run.
+            Function called at intervals with the coefficients so far; a true return value ends the integration.
 
         Returns
         -------
         ProjectedTrajectories
-            Coefficients at the times.
+            Coefficients at the output times.
 
         Raises
         ------
         uqmbd.StudyError
-            If a name is unknown, the integrator cannot do what it takes, or the mechanism is too large.
+            If a name is unknown, the integrator lacks a capability, or the mechanism is too large.
         """
         times, where = _increasing("integrate", times), f"mechanism {self.model.name!r}"
         if linear_solver not in LINEAR_SOLVERS:
-            raise StudyError(
-                f"there is no solver {linear_solver!r} for a projection; there are: {', '.join(LINEAR_SOLVERS)}."
-            )
+            raise StudyError(f"linear_solver is {linear_solver!r}; expected one of: {', '.join(LINEAR_SOLVERS)}.")
         require(integrator, "projected", where)
-        # other events only note when they happen
+        # other events only record their times
         if any(directions for *_, directions in self.model.events):
             require_for(self.model, integrator, where)
         if self.ensemble.model.rheonomic and (jumps := position_jumps(self.ensemble, times, rtol)):
@@ -138,12 +137,12 @@ class ProjectedEnsemble(ProjectedEquations):
         return replace(found, coefficients=coefficients, message=text)
 
     def require_phase(self) -> None:
-        """Raise if no phase can be the independent variable, for any clock.
+        """Raise an error if a phase cannot be the independent variable for any clock.
 
         Raises
         ------
         uqmbd.StudyError
-            Where there are impacts or controllers, or too many equations.
+            If there are impacts or controllers, or too many equations.
         """
         require_phase(self)
 
@@ -157,40 +156,41 @@ class ProjectedEnsemble(ProjectedEquations):
         ahead: Array | None = None,
         within: NotNegative = 0.0,
     ) -> PhaseMotion:
-        """Begin to integrate the coefficients with the phase of a clock as the independent variable.
+        """Start an integration of the coefficients with the phase of a clock as the independent variable.
 
-        The phase counts from the start; the time is a state that is expanded, too.  Nodes that start at different
-        phases of the clock are brought to the same one by `ahead`.
+        The phase counts from the start; the time is also an expanded state.  `ahead` brings nodes with different
+        initial phases of the clock to the same phase.
 
         Parameters
         ----------
         rates : callable
-            The clock: maps times (K,), s, and states (K, 2 coordinate + state) of the nodes to the positive rates (K,)
-            of their phases, rad/s.
+            Clock, which maps times (K,), s, and states (K, 2 coordinate + state) of the nodes to the positive rates
+            (K,) of their phases, rad/s.
         times : array, shape (T,)
-            Output times, s, to look at functions of time; the first is the start.
+            Output times, s, for the sampling of functions of time; the first is the start.
         rtol : float
             Relative tolerance.
         state : array, shape (P, 2 coordinate + state), optional
-            Coefficients at the start.  Default: those of the ensemble.
+            Coefficients at the start.  Default: coefficients of the initial state of the ensemble.
         ahead : array, shape (K,), optional
-            Phase of the clock that each node passes, rad, while the phase passes `within` for the first time.
-            Default: the same.
+            Change of the clock phase of each node, rad, while the phase passes `within` for the first time.
+            Default: `within`.
         within : float
-            rad.
+            Phase interval for the adjustment by `ahead`, rad.
 
         Returns
         -------
         PhaseMotion
-            Its method ``at(phases)`` integrates on, and returns coefficients (P, N, 2 coordinate + state + 1) at
-            phases (N,), rad, with the time behind the states; ``counters`` says what it cost.
+            Motion. Its method ``at(phases)`` continues the integration, and returns coefficients
+            (P, N, 2 coordinate + state + 1) at phases (N,), rad. The time is after the states. ``counters`` contains
+            the numbers of steps and operations.
 
         Raises
         ------
         uqmbd.StudyError
-            Where there are impacts or controllers, functions of time that are not smooth, or too many equations.
+            If there are impacts or controllers, functions of time that are not smooth, or too many equations.
         uqmbd.IntegrationError
-            Where the clock does not run forwards at a node at the start.
+            If the initial rate of the clock is not positive at a node.
         """
         grid = _increasing("in_phase", times)
         shapes = {"state": (self.terms, self.model.layout.width), "ahead": (len(self.psi),)}

@@ -1,4 +1,4 @@
-"""The protocol of integrators, and their results."""
+"""Protocol of integrators, and their capabilities."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Capability = Literal[
     "releases_gil",
     "dense_output",
 ]
-"""Fields of `Capabilities` that are true or false."""
+"""Boolean fields of `Capabilities`."""
 
 FORMER: Mapping[str, Capability] = {
     "events": "events",
@@ -39,49 +39,50 @@ FORMER: Mapping[str, Capability] = {
     "unlocked": "releases_gil",
     "recorded": "dense_output",
 }
-"""Class attributes that declared capabilities before 0.1; they are read until 0.2."""
+"""Class attributes for capabilities before version 0.1; supported until 0.2."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Capabilities:
     """Capabilities of an integrator beyond smooth motions.
 
-    A study that needs a capability which its integrator does not have is an error before anything is computed.
+    A missing capability that a study requires is an error before the computation.
 
     Parameters
     ----------
     events : bool
-        It follows impacts and locates other events of a mechanism.
+        Whether it handles impacts and locates other events of a mechanism.
     projected : bool
-        It integrates projected equations, as those of Galerkin, by a method
+        Whether it integrates projected equations, such as Galerkin's, by a method
         ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.extend.ProjectedTrajectories`.
     segments : bool
-        It integrates a motion from event to event by a method ``integrate_segments(ensemble, times, rtol)``, which
+        Whether it integrates a motion from event to event by ``integrate_segments(ensemble, times, rtol)``, which
         returns the `uqmbd.extend.SegmentedMotion` of the only realisation of `ensemble`.
     bounded_steps : bool
-        Its steps respect ``ensemble.pace(times, rtol)``: a longest step, and times at which it restarts.
+        Whether its steps respect ``ensemble.pace(times, rtol)``: a longest step, and times of restarts.
     stoppable : bool
-        ``integrate_projected`` takes ``watch=``: None, or a function of the coefficients (P, T, width) so far, which
-        are NaN from the present time on. It returns true if the integration is to stop.
+        Whether ``integrate_projected`` accepts ``watch=``: None, or a function of the coefficients (P, T, width) so
+        far, which are NaN from the present time on. The function returns true to stop the integration.
     delegates : bool
-        It may leave realisations to ``dop853`` or ``ida``, and names these in its counters.
+        Whether it may leave realisations to ``dop853`` or ``ida``; it then names these in its counters.
     sampled_control : bool
-        It samples controllers itself, by ``ensemble.sampling``, across events too if it follows these.  The
-        ``integrate`` of another one is called from sample to sample, as is every ``integrate_projected``.
+        Whether it samples controllers by ``ensemble.sampling``, also across events if it handles events.  Otherwise
+        ``integrate`` is called from sample to sample, as is every ``integrate_projected``.
     releases_gil : bool
-        ``integrate`` runs compiled code that releases the global interpreter lock, may run in several threads at once,
-        and gives the same bits there.  Workers are threads then, unless the mechanism has events or controllers, which
-        are followed in Python; else they are processes.
+        Whether ``integrate`` runs compiled code that releases the global interpreter lock, and may run in several
+        threads at once with the same bits as result.  Workers are then threads, unless the mechanism has events or
+        controllers, which are handled in Python. Otherwise workers are processes.
     dense_output : bool
-        ``integrate`` takes ``recording=True``, and then also returns its own steps in `Trajectories.path`: the motion
-        between the output times, for outputs as `uqmbd.maximum`.  Others are asked for states at more times.
+        Whether ``integrate`` accepts ``recording=True``, and then also returns its steps in `Trajectories.path`. They
+        are the motion between the output times, for outputs such as `uqmbd.maximum`.  Integrators without this
+        capability must compute states at more times.
     linear_solvers : tuple of str
-        Names that ``integrate_projected`` takes as ``linear_solver=``; empty: it does not take the argument.
+        Names that ``integrate_projected`` accepts as ``linear_solver=``; empty: it does not accept the argument.
 
     Raises
     ------
     uqmbd.StudyError
-        If a value is not true or false, or options of projected equations are declared without these.
+        If a value is not true or false, or options of projected equations are declared without ``projected``.
 
     Examples
     --------
@@ -91,7 +92,7 @@ class Capabilities:
     >>> uqmbd.extend.Capabilities(stoppable=True)
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: Capabilities: stoppable: needs projected=True, as an option of integrate_projected.
+    uqmbd.errors.StudyError: Capabilities: stoppable requires projected=True, because it is an option of ...
     """
 
     events: bool = False
@@ -111,27 +112,29 @@ class Capabilities:
                 raise StudyError(f"Capabilities: {name} is {value!r}; expected True or False.")
         if not isinstance(self.linear_solvers, tuple) or not all(isinstance(one, str) for one in self.linear_solvers):
             raise StudyError(
-                f"Capabilities: linear_solvers is {self.linear_solvers!r}; expected a tuple of names, as ('dense',)."
+                f"Capabilities: linear_solvers is {self.linear_solvers!r}; expected a tuple of names, e.g. ('dense',)."
             )
         for option in ("stoppable", "linear_solvers"):
             if getattr(self, option) and not self.projected:
-                raise StudyError(f"Capabilities: {option}: needs projected=True, as an option of integrate_projected.")
+                raise StudyError(
+                    f"Capabilities: {option} requires projected=True, because it is an option of integrate_projected."
+                )
 
 
 class Integrator(Protocol):
-    """Class of an integrator, which is made without arguments.
+    """Class of an integrator, instantiated without arguments.
 
-    It declares what it can do besides by a class attribute ``capabilities = uqmbd.extend.Capabilities(events=True)``;
-    without one it integrates smooth motions only.
+    A class attribute ``capabilities = uqmbd.extend.Capabilities(events=True)`` declares further capabilities; without
+    this attribute the integrator handles smooth motions only.
 
     Attributes
     ----------
     name : str
-        By which studies choose it.
+        Name by which studies select the integrator.
 
     Examples
     --------
-    Euler's method, which a plugin gives by the hook ``uqmbd_integrators``; here it is called by hand:
+    A plugin provides Euler's method by the hook ``uqmbd_integrators``; this example calls the method directly:
 
     >>> import chaospy
     >>> import numpy as np
@@ -166,32 +169,32 @@ class Integrator(Protocol):
         Parameters
         ----------
         ensemble : Ensemble
-            K realisations.
+            Ensemble of K realisations.
         times : array, shape (T,)
-            Output times, s; the first is the start.
+            Output times, s; the first is the initial time.
         rtol : float
             Relative tolerance of the motion.
 
         Returns
         -------
         Trajectories
-            A realisation that fails has a message, and does not disturb the others.
+            Trajectories. A realisation that fails has a message and does not affect the others.
         """
         ...
 
 
 def capabilities_of(cls: type) -> Capabilities:
-    """Return the capabilities that an integrator class declares.
+    """Return the declared capabilities of an integrator class.
 
-    Raises `uqmbd.StudyError` if that is no `Capabilities`, or the class also has attributes of before 0.1.
+    Raises `uqmbd.StudyError` if the value is not a `Capabilities`, or the class also has attributes from before 0.1.
     """
     found = getattr(cls, "capabilities", None)
     if found is None:
         found = _declared_before(cls)
     elif former := _stated_before(cls):
         raise StudyError(
-            f"integrator {getattr(cls, 'name', cls.__name__)!r}: it has the class attribute `capabilities`, and "
-            f"{', '.join(former)}, without effect; expected all of it in uqmbd.extend.Capabilities(...)."
+            f"integrator {getattr(cls, 'name', cls.__name__)!r}: the class attributes {', '.join(former)} have no "
+            "effect next to `capabilities`; move them into uqmbd.extend.Capabilities(...)."
         )
     if not isinstance(found, Capabilities):
         name = getattr(cls, "name", cls.__name__)
@@ -202,18 +205,18 @@ def capabilities_of(cls: type) -> Capabilities:
 
 
 def _stated_before(cls: type) -> list[str]:
-    """Name the class attributes that declared something before 0.1."""
+    """Return the names of class attributes for capabilities before 0.1."""
     former = [old for old in FORMER if getattr(cls, old, False) is True]
     return former + (["linear_solvers"] if getattr(cls, "linear_solvers", ()) else [])
 
 
 @cache
 def _declared_before(cls: type) -> Capabilities:
-    """Read the class attributes of before 0.1."""
+    """Return the capabilities from class attributes of versions before 0.1."""
     own = {FORMER[old]: True for old in _stated_before(cls) if old in FORMER}
     named = getattr(cls, "linear_solvers", ())
     solvers = (named,) if isinstance(named, str) else tuple(named)
-    if "projected" not in own:  # options of a method that it does not have
+    if "projected" not in own:  # options of a missing method
         own.pop("stoppable", None)
         solvers = ()
     if not own and not solvers:

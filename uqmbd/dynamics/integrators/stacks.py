@@ -1,4 +1,4 @@
-"""Integration in stacks of realisations, and the constraints that every result is checked against."""
+"""Integration in stacks of realisations, and check of every result against the constraints."""
 
 from __future__ import annotations
 
@@ -22,16 +22,19 @@ Method = Callable[[Ensemble, Array, float], Trajectories]
 
 
 def checked(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate K realisations by `method`; those whose positions would jump, or are off the constraints, fail."""
+    """Integrate K realisations by `method`; realisations with jumps of positions or violated constraints fail."""
     jumps = position_jumps(ensemble, times, rtol) if ensemble.model.rheonomic else {}
     found = method(ensemble, times, rtol) if not jumps else _others(method, ensemble, times, rtol, jumps)
-    found = _stopped(found, _violations(ensemble, times, found.states, rtol), 0)
-    # the start is a state that could be assembled: the integration has failed, not the assembly
+    model = ensemble.model
+    if model.layout.rank < model.layout.constraints:  # equations were omitted as redundant
+        wrong = violated(model, times, found.states, ensemble.block, ensemble.gradient_lengths, rtol)
+        found = _stopped(found, wrong, 0)
+    # the start was assembled: the integration has failed, not the assembly
     return _stopped(found, off_constraints(ensemble, times, found.states, rtol, found.off), 1)
 
 
 def _stopped(found: Trajectories, off: dict[int, tuple[int, str]], least: int) -> Trajectories:
-    """Mark realisations as failed from a time on, not before that of number `least`."""
+    """Mark realisations as failed from a time on, at the earliest from the time with index `least`."""
     texts = {k: text for k, text in off.items() if not found.messages[k]}
     if not texts:
         return found
@@ -41,16 +44,8 @@ def _stopped(found: Trajectories, off: dict[int, tuple[int, str]], least: int) -
     return replace(found, states=states, messages=tuple(messages))
 
 
-def _violations(ensemble: Ensemble, times: Array, states: Array, rtol: float) -> dict[int, tuple[int, str]]:
-    """Find violations of equations that were left out as redundant."""
-    model = ensemble.model
-    if model.layout.rank == model.layout.constraints:
-        return {}
-    return violated(model, times, states, ensemble.block, ensemble.gradient_lengths, rtol)
-
-
 def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps: dict[int, str]) -> Trajectories:
-    """Integrate the realisations that are left."""
+    """Integrate the realisations without jumps."""
     start, layout, count = ensemble.start, ensemble.model.layout, len(ensemble)
     states = np.full((count, len(times), layout.width), np.nan)
     failed = np.array(sorted(jumps), dtype=np.int64)
@@ -75,21 +70,21 @@ def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps
 
 
 STACK = 64
-"""Realisations of a stack that share the steps of an implicit method."""
+"""Largest number of realisations in a stack with shared steps of an implicit method."""
 MANY = 4096
-"""Realisations that an explicit method integrates at once."""
+"""Largest number of realisations that an explicit method integrates at once."""
 
 
 @dataclass(frozen=True)
 class IntegratedRealisations:
-    """Integrated realisations, and the integrator of each; empty if nothing moves."""
+    """Integrated realisations, and the integrator of each; empty if no body can move."""
 
     solved: Solved
     by: tuple[str, ...]
 
     @classmethod
     def of(cls, solved: Solved, name: str) -> IntegratedRealisations:
-        """Name the same integrator for all realisations."""
+        """Return integrated realisations with the same integrator for all."""
         return cls(solved, (name,) * len(solved.messages))
 
     def replaced(self, rows: Index, other: Solved, name: str, taken: Index) -> IntegratedRealisations:
@@ -131,8 +126,8 @@ def in_stacks(
 ) -> Trajectories:
     """Integrate all assembled realisations in stacks of at most `stack`, at output times (T,), s.
 
-    The callable `solve` integrates the members (M,) of one stack; the motion between output times is returned if
-    `recording`.
+    The callable `solve` integrates the members (M,) of one stack. With `recording`, the motion between output times is
+    also returned.
     """
     start, layout = ensemble.start, ensemble.model.layout
     messages, by = list(start.messages), list[str]()

@@ -1,4 +1,4 @@
-"""The index-1 system: accelerations, multipliers and everything else that a state determines."""
+"""Index-1 system: accelerations, multipliers and other functions of a state."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = [
 
 
 DENSE_LIMIT = 120
-"""Unknowns up to which LAPACK is faster than a sparse factorisation."""
+"""Largest number of unknowns for which LAPACK is faster than a sparse factorisation."""
 
 RESIDUAL = 1e-10
 """Relative residual above which a solution by fixed pivots is poor."""
@@ -41,24 +41,17 @@ def accelerations(
     """Solve the index-1 system ``[M D^T; D 0] [a; lambda] = [Q - h; gamma]`` at consistent states (K, ...).
 
     Return accelerations (K, n), multipliers of the kept equations (K, m), and rates of the auxiliary states (K, k); NaN
-    where the system is singular.
+    for singular systems.
     """
-    if model.system is not None and model.system.programs is not None:
-        return _by_program(model, q, s, v, np.asarray(time, dtype=float), parameters[:, : model.block_parameters])
-    values = model.evaluators["acceleration"](state_arguments(time, q, s, v), parameters)
-    return (*_solve(model, values), model.result("acceleration", "s", values))
-
-
-def _by_program(
-    model: Model, q: Array, s: Array, v: Array, time: Array, parameters: Array
-) -> tuple[Array, Array, Array]:
-    """Solve by the compiled elimination, and where that is poor with pivots of each system's own."""
-    system: System = model.system
+    system: System | None = model.system
+    if system is None or system.programs is None:
+        values = model.evaluators["acceleration"](state_arguments(time, q, s, v), parameters)
+        return (*_solve(model, values), model.result("acceleration", "s", values))
+    time, parameters = np.asarray(time, dtype=float), parameters[:, : model.block_parameters]
     n, size, states = model.layout.coordinates, system.size, model.layout.states
-    assert system.programs is not None
     found = system.programs.motion(q, s, v, time.reshape(-1, 1), np.zeros((1, 1)), parameters)
     poor = np.flatnonzero(~(found[:, -1] <= RESIDUAL**2))
-    if len(poor):
+    if len(poor):  # solve with separate pivots for each system
         times = np.broadcast_to(time, len(q))[poor]
         values = model.evaluators["acceleration"](state_arguments(times, q[poor], s[poor], v[poor]), parameters[poor])
         found[poor, :size] = solve_directly(system, values, system.right(values))
@@ -66,7 +59,7 @@ def _by_program(
 
 
 def residuals(model: Model, states: Array, times: Array, parameters: Array) -> Array:
-    """Relative residuals (S,) of the solutions by fixed pivots at states (S, width), times (S,), of one realisation."""
+    """Return relative residuals (S,) of solutions by fixed pivots at states (S, width) of one realisation."""
     q, s, v = model.layout.split(states)
     block = np.repeat(parameters[None, : model.block_parameters], len(states), axis=0)
     found = model.system.programs.motion(q, s, v, times.reshape(-1, 1), np.zeros((1, 1)), block)
@@ -75,10 +68,10 @@ def residuals(model: Model, states: Array, times: Array, parameters: Array) -> A
 
 
 def excess(model: Model, states: Array, time: Array | float, parameters: Array) -> tuple[Array, Array]:
-    """Return the violation of the constraints by states (S, width): least corrections of coordinates and velocities.
+    """Return the least corrections of coordinates and velocities for the constraint violation of states (S, width).
 
-    To be subtracted, of shape (S, coordinate) each; the norm is that of the masses, and the error quadratic in the
-    excess.
+    Subtract the corrections, of shape (S, coordinate) each, from the states. The corrections are least in the norm of
+    the masses, and their error is quadratic in the violation.
     """
     parameters = parameters[:, : model.block_parameters]
     both = model.system.programs.excess(state_arguments(time, states), parameters)
@@ -89,7 +82,7 @@ def excess(model: Model, states: Array, time: Array | float, parameters: Array) 
 def impulses(model: Model, states: Array, time: float, parameters: Array) -> Array:
     """Return jumps of velocities that satisfy the constraints: ``M dv = D^T L``, ``D dv = -psi``.
 
-    States (K, width) are on the constraints in position.  NaN where the system is singular.
+    States (K, width) satisfy the position constraints.  The result is NaN for singular systems.
     """
     layout, system = model.layout, model.system or index1_system(model, None)
     arguments = state_arguments(time, states)
@@ -99,29 +92,29 @@ def impulses(model: Model, states: Array, time: float, parameters: Array) -> Arr
 
 
 def _solve(model: Model, values: Array) -> tuple[Array, Array]:
-    """Solve the index-1 systems whose entries are results of the ``acceleration`` evaluator."""
+    """Solve the index-1 systems with entries from results of the ``acceleration`` evaluator."""
     n, system = model.layout.coordinates, model.system or index1_system(model, None)
     found = solve_directly(system, values, system.right(values))
     return found[:, :n], found[:, n:]
 
 
 def solve_directly(system: System, values: Array, right: Array) -> Array:
-    """Solve each system with separate pivots, for right-hand sides (K, size); NaN if it is singular."""
+    """Solve each system with separate pivots for right-hand sides (K, size); NaN for singular systems."""
     if system.size > DENSE_LIMIT:
         return system.pattern.factorise(values).solve(right)
     return _lapack(system.matrix(values), right)
 
 
 def _lapack(matrix: Array, right: Array) -> Array:
-    """Solve systems (K, size, size) for right-hand sides (K, size); NaN where one is singular."""
-    # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
+    """Solve systems (K, size, size) for right-hand sides (K, size); NaN for singular systems."""
+    # scale rows of light bodies, so that pivots of the factorisation compare similar numbers
     scale = np.abs(matrix).max(axis=2)
     scale = np.where(scale > 0, scale, 1.0)
     matrix, vector = matrix / scale[:, :, None], (right / scale)[:, :, None]
     solution = np.full(right.shape, np.nan)
     try:
         solution[:] = np.linalg.solve(matrix, vector)[:, :, 0]
-    except np.linalg.LinAlgError:  # one of them is singular: the others must not suffer
+    except np.linalg.LinAlgError:  # a singular system must not affect the others
         for k in range(len(matrix)):
             with contextlib.suppress(np.linalg.LinAlgError):
                 solution[k] = np.linalg.solve(matrix[k], vector[k])[:, 0]
@@ -129,14 +122,14 @@ def _lapack(matrix: Array, right: Array) -> Array:
 
 
 def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
-    """Name a body that could be accelerated without any force, or nothing: one realisation."""
+    """Return the name of a body that can accelerate without force, or an empty text, for one realisation."""
     if model.system is not None and model.system.fronts is not None:
-        return ""  # a body without mass in a free direction leaves no regular blocks
+        return ""  # fronts need regular blocks, so each body has mass in all free directions
     found = model.evaluate("acceleration", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     null = scipy.linalg.null_space(found["d"][0], rcond=RANK_TOLERANCE)
     if not null.shape[1]:
         return ""
-    # compare a translation with a rotation through the size of the coordinates: only zero counts
+    # the ratio of a translation to a rotation depends on the size of the coordinates: only zero counts
     reduced = null.T @ found["mass"][0] @ null
     values, vectors = np.linalg.eigh(reduced)
     if values[0] > 1e-13 * max(values[-1], 1e-300):

@@ -1,14 +1,13 @@
-"""The projected ensemble: realisations at the nodes of a quadrature, coupled through a basis (Galerkin).
+"""Projected ensemble: realisations at the nodes of a quadrature, coupled through a basis (Galerkin).
 
 Coordinates, velocities and multipliers are expanded in polynomials that are orthonormal for the distribution of the
-inputs, ``y(xi) = sum_j Y_j psi_j(xi)``.  With nodes ``xi_k``, weights ``w_k`` and ``Psi_kj = psi_j(xi_k)`` the
-equations of the coefficients are those of the ensemble, projected::
+inputs, ``y(xi) = sum_j Y_j psi_j(xi)``.  With nodes ``xi_k``, weights ``w_k`` and ``Psi_kj = psi_j(xi_k)``, the
+coefficients satisfy the projected equations of the ensemble::
 
     R(Y, Y', t) = Psi^T W r(Psi Y, Psi Y', t; xi)
 
-They are the Euler-Lagrange equations of the averaged Lagrangian with averaged virtual work (Variational Work).
-
-The projected index-1 system: accelerations and multipliers of coefficients.
+These are the Euler-Lagrange equations of the averaged Lagrangian with averaged virtual work (Variational Work).
+The projected index-1 system determines the coefficients of accelerations and multipliers.
 """
 
 from __future__ import annotations
@@ -36,10 +35,10 @@ DRIFT = 1e-3
 
 
 class ProjectedSystem:
-    """The projected system of a model, with a correction from its last solutions.
+    """Projected system of a model, with a correction from its last solutions.
 
-    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `block` holds the parameters of the
-    nodes (K, parameter).  The driver solves, and counts, in `systems`.
+    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `block` contains the parameters of the
+    nodes (K, parameter).  `systems` contains the work arrays and counters of the driver.
     """
 
     def __init__(self, model: Model, psi: Array, adjoint: Array, block: Array) -> None:
@@ -50,12 +49,12 @@ class ProjectedSystem:
 
     @property
     def compiled(self) -> bool:
-        """Whether a solution costs little enough for every stage of an explicit step."""
+        """Whether the system can be solved at low cost in every stage of an explicit step."""
         return self.nodal.compiled
 
     @property
     def counters(self) -> dict[str, int]:
-        """Systems and iterations so far; how often the system was assembled, or GMRES was needed."""
+        """Numbers of systems, iterations, assemblies of the system, and GMRES solutions so far."""
         systems, iterations, direct, krylov = self.systems.counts[:4].tolist()
         return {"systems": systems, "iterations": iterations, "direct": direct, "krylov": krylov}
 
@@ -72,8 +71,8 @@ class ProjectedSystem:
     def solve(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
         """Return accelerations and multipliers (P, size), and rates of the auxiliary states (P, state), at a time in s.
 
-        The state (P, width) holds coefficients.  Iterations for the accelerations end at a relative change of
-        `tolerance`; the results are NaN where they do not converge.
+        The state (P, width) contains coefficients.  Iterations for the accelerations end at a relative change of
+        `tolerance`; the results are NaN if the iterations do not converge.
         """
         self.systems.tolerances(tolerance, tolerance)
         found, rated = self.systems.rate(time, state)
@@ -82,41 +81,41 @@ class ProjectedSystem:
         return found, rates
 
     def excess(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
-        """Return the violation of the projected constraints by coefficients of positions and velocities."""
+        """Return corrections of positions and velocities (P, coordinate) for the projected constraint violation."""
         self.systems.tolerances(tolerance, tolerance)
         return self.systems.excess(time, state)
 
 
 ORTHONORMAL = 1e-9
-"""Error of products of the basis, under the rule, that counts as rounding."""
+"""Largest error of the basis' scalar products by the quadrature rule that counts as rounding."""
 
 CLOSED = 1e-8
-"""Allowed residual of a projected constraint at the start, over the size of the coordinates."""
+"""Allowed residual of a projected constraint at the start, relative to the size of the coordinates."""
 
 CORRECTIONS = 12
-"""Most Newton steps that project initial coefficients onto the constraints."""
+"""Largest number of Newton steps for the projection of initial coefficients onto the constraints."""
 
 JACOBIAN_NUMBERS = 2_000_000
-"""Entries of nodal Jacobians (8 bytes each) whose singular values are computed at once."""
+"""Largest number of entries of nodal Jacobians (8 bytes each) in one computation of singular values."""
 
 
 @dataclass(frozen=True)
 class ProjectedStart:
     """Consistent initial coefficients."""
 
-    state: Array  # (P, 2 coordinate + state): of coordinates, auxiliary states and velocities
+    state: Array  # (P, 2 coordinate + state): coordinates, auxiliary states and velocities
     accelerations: Array  # (P, coordinate)
-    multipliers: Array  # (P, kept): of the kept equations
-    corrections: int  # Newton steps that the projected constraints needed
+    multipliers: Array  # (P, kept): multipliers of the kept equations
+    corrections: int  # number of Newton steps for the projected constraints
 
 
 class ProjectedEquations:
-    """Equations of a `ProjectedEnsemble`, which is integrated by any integrator.
+    """Equations of a `ProjectedEnsemble`, for all integrators.
 
     Raises
     ------
     uqmbd.StudyError
-        If shapes do not fit the nodes.
+        If the shape of the basis or of the weights does not fit the nodes.
     """
 
     @typechecked
@@ -130,8 +129,8 @@ class ProjectedEquations:
                 f"(K, P) and weights (K,) at the {len(ensemble)} nodes of the ensemble."
             )
         self.adjoint = np.ascontiguousarray((self.psi * self.weights[:, None]).T)
-        """``Psi^T W``, shape (P, K): values at the nodes -> coefficients.  For a rule in which the basis is not
-        orthonormal (samples) the least squares of the rule: ``(Psi^T W Psi)^-1 Psi^T W``."""
+        """Map ``Psi^T W``, shape (P, K), from values at the nodes to coefficients.  If the basis is not orthonormal
+        for the rule (samples), the map is the least squares of the rule, ``(Psi^T W Psi)^-1 Psi^T W``."""
         gram = self.adjoint @ self.psi
         if np.abs(gram - np.eye(len(gram))).max() > ORTHONORMAL:
             self.adjoint = np.ascontiguousarray(np.linalg.solve(gram, self.adjoint))
@@ -157,33 +156,33 @@ class ProjectedEquations:
 
     @property
     def collocates(self) -> bool:
-        """Whether the numbers of terms and nodes are equal, so that nothing is truncated."""
+        """Whether the numbers of terms and nodes are equal, so that the projection has no truncation error."""
         return bool(self.psi.shape[0] == self.psi.shape[1])
 
     def residual(self, time: float, coefficients: Array, rates: Array) -> Array:
-        """Projected residual ``Psi^T W r(Psi Y, Psi Y')``, shape (P, n)."""
+        """Return the projected residual ``Psi^T W r(Psi Y, Psi Y')``, shape (P, n)."""
         found = self.ensemble.residual(time, self.psi @ coefficients, self.psi @ rates)
         result: Array = self.adjoint @ found
         return result
 
     def nodal_jacobian(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
-        """Jacobian values at the nodes on the model's pattern, shape (K, nnz)."""
+        """Return Jacobian values at the nodes on the model's pattern, shape (K, nnz)."""
         return self.ensemble.jacobian(time, self.psi @ coefficients, self.psi @ rates, c)
 
     @cached_property
     def products(self) -> Array:
-        """``w_k psi_i(xi_k) psi_j(xi_k)``, shape (P P, K)."""
+        """Weighted products ``w_k psi_i(xi_k) psi_j(xi_k)``, shape (P P, K)."""
         count = len(self.weights)
         found: Array = np.einsum("ik,kj->ijk", self.adjoint, self.psi).reshape(-1, count)
         return np.ascontiguousarray(found)
 
     def jacobian_blocks(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
-        """Values of all blocks ``J_ij = sum_k w_k psi_i psi_j J_k``, shape (P, P, nnz)."""
+        """Return values of all blocks ``J_ij = sum_k w_k psi_i psi_j J_k``, shape (P, P, nnz)."""
         found = self.products @ self.nodal_jacobian(time, coefficients, rates, c)
         return found.reshape(self.terms, self.terms, -1)
 
     def jacobian(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
-        """Dense Jacobian ``dR/dY + c dR/dY'`` of the flattened coefficients, shape (P n, P n)."""
+        """Return the dense Jacobian ``dR/dY + c dR/dY'`` of the flattened coefficients, shape (P n, P n)."""
         rows, pointers = self.model.pattern
         n = self.model.layout.unknowns
         columns = np.repeat(np.arange(n), np.diff(pointers))
@@ -193,27 +192,27 @@ class ProjectedEquations:
         return dense.reshape(self.unknowns, self.unknowns)
 
     def split(self, state: Array) -> tuple[Array, Array, Array]:
-        """Coordinates, auxiliary states and velocities of states (..., width)."""
+        """Return coordinates, auxiliary states and velocities of states (..., width)."""
         return self.model.layout.split(state)
 
     @cached_property
     def coupled(self) -> ProjectedSystem:
-        """The projected index-1 system."""
+        """Projected index-1 system."""
         return ProjectedSystem(self.model, self.psi, self.adjoint, self.ensemble.block)
 
     @cached_property
     def start(self) -> ProjectedStart:
-        """Consistent initial coefficients: nodes assembled, projected, and moved onto the projected constraints."""
+        """Consistent initial coefficients: projected states of assembled nodes that satisfy projected constraints."""
         nodal, time = self.ensemble.start, self.model.time
         state = self.adjoint @ nodal.state
         n, velocities = self.model.layout.coordinates, self.model.layout.velocities
         size = max(1e-3, float(np.abs(nodal.q).max(initial=0.0)))
         corrections, left = 0, np.inf
-        # coordinates until they are right, then velocities, whose equations are linear
+        # iterate the coordinates to convergence, then correct the velocities, whose equations are linear
         for corrections in range(CORRECTIONS + 1):
             q, _ = self._excess(state, time)
             before, left = left, float(np.abs(q).max(initial=0.0))
-            # rounding stays where it is
+            # iterations do not reduce rounding errors
             done = left <= 1e-14 * size or (left <= 1e-11 * size and left > 0.1 * before)
             if done or corrections == CORRECTIONS or not np.isfinite(left):
                 break
@@ -223,8 +222,8 @@ class ProjectedEquations:
         found, _ = self.coupled.solve(state, time, tolerance=1e-12)
         if not (left <= CLOSED * size and np.isfinite(found).all() and np.isfinite(state).all()):
             raise AssemblyError(
-                f"mechanism {self.model.name!r}: the projected equations have no consistent start, though every node "
-                "has one: they are singular, or the truncated expansion is too coarse. Raise the order, or use "
+                f"mechanism {self.model.name!r}: the projected equations have no consistent start, although every "
+                "node has one. They are singular, or the truncated expansion is too coarse. Raise the order, or use "
                 "collocation."
             )
         return ProjectedStart(state, found[:, :n], found[:, n:], corrections)
@@ -236,14 +235,14 @@ class ProjectedEquations:
         return found[:, :n], found[:, n:], rates
 
     def impulse(self, state: Array, time: float, rtol: float) -> Array:
-        """Change of the coefficients of velocities (P, coordinate) where speeds that are prescribed at nodes jump.
+        """Return the change of velocity coefficients (P, coordinate) by jumps of prescribed speeds at nodes.
 
         Parameters
         ----------
         state : array, shape (P, width)
-            Right before.
+            Coefficients immediately before `time`.
         time : float
-            s.
+            Time of the possible jump, s.
         rtol : float
             Relative tolerance of the integration.
         """
@@ -254,11 +253,11 @@ class ProjectedEquations:
         return self.follow(state, time + instant(time))
 
     def follow(self, state: Array, time: float) -> Array:
-        """Change of the coefficients of velocities (P, coordinate) by which they follow the constraints at a time."""
+        """Return the change of velocity coefficients (P, coordinate) that satisfies the constraints at a time."""
         return -self._excess(state, time)[1]
 
     def continued(self, ensemble: Ensemble, start: ProjectedStart) -> ProjectedEquations:
-        """Return the same projection of an ensemble at a later time, with coefficients to start from."""
+        """Return the same projection of an ensemble at a later time, with given initial coefficients."""
         other = copy(self)
         other.__dict__.update(ensemble=ensemble, model=ensemble.model, start=start, coupled=self.coupled)
         return other
@@ -267,9 +266,9 @@ class ProjectedEquations:
         return self.coupled.excess(state, time, tolerance=1e-10)
 
     def constraints(self, times: Array, nodal: Array) -> Array:
-        """Root of the expectation of the squared constraints, summed, of nodal states (K, T, width); shape (T,).
+        """Return the root of the summed expectations of squared constraints (T,), for nodal states (K, T, width).
 
-        Times are those of all nodes, (T,), or of each, (K, T).
+        Times are equal for all nodes, (T,), or given for each node, (K, T).
         """
         count, number, _ = nodal.shape
         arguments = state_arguments(np.resize(times, count * number), nodal.reshape(count * number, -1))
@@ -281,15 +280,16 @@ class ProjectedEquations:
         return squares
 
     def smallest_singular_values(self, time: float | Array, state: Array) -> tuple[Array, Array]:
-        """Smallest singular value of the projected constraint Jacobian, and the smallest of those at the nodes.
+        """Return the smallest singular values of the projected constraint Jacobian and of all nodal Jacobians.
 
-        Rows are those of the kept equations; without constraints both are infinite.  The first is found to 0.5 %,
-        and to rounding where it is in doubt; the second is the value of a node that no other undercuts by 0.1 %.
+        Rows of a Jacobian are the kept equations.  Both values are infinite without constraints.  The accuracy of the
+        projected value is 0.5 %, or rounding if the iteration is unreliable.  The nodal value is the exact value of one
+        node; the values of other nodes are less by at most 0.1 %.
 
         Parameters
         ----------
         time : float, or array of shape (T,)
-            s.
+            Time or times, s.
         state : array, shape (P, width) or (P, T, width)
             Coefficients.
 
@@ -316,11 +316,11 @@ class ProjectedEquations:
         return projected, nodal
 
     def nodal(self, coefficients: Array) -> Array:
-        """Values at the nodes of coefficients (P, ...), shape (K, ...)."""
+        """Return values at the nodes (K, ...) of coefficients (P, ...)."""
         found = self.psi @ coefficients.reshape(self.terms, -1)
         return found.reshape(len(self.weights), *coefficients.shape[1:])
 
     def project(self, values: Array) -> Array:
-        """Coefficients of values at the nodes (K, ...), shape (P, ...)."""
+        """Return coefficients (P, ...) of values at the nodes (K, ...)."""
         found = self.adjoint @ values.reshape(len(self.weights), -1)
         return found.reshape(self.terms, *values.shape[1:])

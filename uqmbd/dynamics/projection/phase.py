@@ -1,19 +1,19 @@
-"""A projected ensemble with a phase as the independent variable, in place of the time.
+"""Projected ensemble with a phase as the independent variable, instead of the time.
 
-Realisations are compared at equal phase of a clock instead of at equal time. Let ``w(q, v, t) > 0`` be the rate of the
-phase, ``p = 1 / w`` the pace, and a dash the derivative by the phase. The equations of a realisation are::
+Realisations are compared at equal phases of a clock instead of equal times. Let ``w(q, v, t) > 0`` be the rate of the
+phase, ``p = 1 / w`` the time per phase, and a prime the derivative by the phase. The equations of a realisation are::
 
     q' = p v,   M v' + D^T (p lambda) = p (Q - h),   D v' = p gamma,   t' = p
 
-and the time is a state. States and multipliers, ``p lambda``, are expanded in the basis. The nodes and weights project
-each equation where the projection in time gives ``Psi^T W r``; constraints ``Phi(q, t) = 0`` and their rates hold as
-``E[Phi psi_j] = 0``, to which each step is put back.
+and the time is a state. States and multipliers ``p lambda`` are expanded in the basis. The same nodes and weights as
+for the projection in time, ``Psi^T W r``, project each equation. The projected constraints are ``E[Phi psi_j] = 0`` for
+``Phi(q, t)`` and its rate. Each step is projected onto these constraints.
 
-The phase counts from the start. Realisations may start at different phases of the clock. At first each is slowed down
-or sped up, ``w`` times a number. This ends when phases of the clock are equal at equal phases from the start; from then
-on both are alike.
+The phase is zero at the start, but realisations may start at different phases of the clock. At first, the rate ``w`` of
+each realisation is multiplied by a constant. This adjustment ends when realisations with equal phases also have equal
+phases of the clock. Afterwards the phase and the phase of the clock change equally.
 
-SciPy's DOP853 makes the steps: the clock is an output, and outputs are evaluated by Python, not by the driver.
+SciPy's DOP853 makes the steps, because the clock is an output, and Python, not the driver, evaluates outputs.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ PhaseRates = Callable[[Array, Array], Array]
 """Function of times (K,) and states (K, width) of the nodes that returns the rates (K,) of their phases, rad/s."""
 
 STEADY = 0.02
-"""Least rate of the phase at a node, over its mean one: below it the clock has stopped."""
+"""Ratio of the phase's rate at a node to the mean rate of this node, below which the clock counts as stopped."""
 
 SETTLED = np.pi / 2
-"""Phase from which on the mean rate is known."""
+"""Least phase, rad, at which the mean rate is known."""
 
 EXCESS = 1e-3
 """Relative accuracy of the violation of constraints by a step."""
 
 OWN = 1e-13
-"""Relative tolerance of the time, which grows: its absolute one holds."""
+"""Relative tolerance of the time; it is so small that the absolute tolerance determines the error of this state."""
 
 
 class PhaseMotion:
@@ -55,29 +55,29 @@ class PhaseMotion:
 
     Parameters
     ----------
-    projected : Projection
-        The equations.
+    projected : ProjectedEquations
+        Projected equations of an ensemble.
     rates : callable
-        The clock.
+        Clock, as in `PhaseRates`.
     times : array, shape (T,)
-        Output times, s: functions of time are looked at up to the last.
+        Output times, s. Functions of time are sampled up to the last output time.
     rtol : float
         Relative tolerance.
     state : array, shape (P, width), optional
-        Coefficients to start from at the first of the times; default: those of the start.
+        Initial coefficients at the first output time. Default: coefficients of `projected.start`.
     ahead : array, shape (K,), optional
-        Phase that each node passes, rad, while the phase passes `within`; default: `within`.
+        Change of the clock phase of each node, rad, while the phase increases from 0 to `within`. Default: `within`.
     within : float
-        rad.
+        Phase interval for the adjustment by `ahead`, rad.
 
     Raises
     ------
     uqmbd.StudyError
-        If something happens at moments in time, or needs an implicit integrator.
+        If there are impacts or controllers, functions of time that are not smooth, or too many equations.
 
     Examples
     --------
-    A cart whose way is the phase needs, in the mean over its speed, ``13 ln(7/6)`` seconds for 13 m:
+    The phase is the displacement of a cart with a random speed.  The mean time for 13 m is ``13 ln(7/6)`` s:
 
     >>> import chaospy
     >>> import numpy as np
@@ -129,7 +129,7 @@ class PhaseMotion:
         self._solver = self._start_interval(0.0, whole)
 
     def _start_interval(self, phase: float, whole: Array) -> Any:
-        """Begin to integrate up to where the nodes change their rates."""
+        """Start the integration up to the phase at which the factors of the nodes' rates change."""
         bound, self._faster = self._intervals.pop(0)
         paces = self._paces(*self._nodal(whole))
         if not np.isfinite(paces).all():
@@ -148,14 +148,14 @@ class PhaseMotion:
         return {"steps": self._steps, "evaluations": self._evaluations, **self.projected.coupled.counters}
 
     def at(self, phases: Array) -> Array:
-        """Integrate, and return coefficients (P, N, width + 1) at increasing phases (N,), rad; the time is last.
+        """Integrate; return coefficients (P, N, width + 1) at increasing phases (N,), rad, with the time last.
 
-        They may not lie before those of the last call.
+        The phases must not precede the phases of the previous call.
 
         Raises
         ------
         uqmbd.IntegrationError
-            If the clock stands at a node, or the equations cannot be integrated.
+            If the clock stops at a node, or the equations cannot be integrated.
         """
         phases = np.asarray(phases, dtype=float)
         found, done = np.empty((len(phases), *self._shape)), 0
@@ -182,11 +182,11 @@ class PhaseMotion:
                 raise self._standing(whole, solver.t)
             raise IntegrationError(
                 f"mechanism {self.projected.model.name!r}: the projected equations cannot be integrated beyond the "
-                f"phase {solver.t:.6g} rad, t = {whole[0, -1]:.6g} s in the mean: the step has become too small. The "
-                "expansion may have stopped being valid: raise the order, or use collocation."
+                f"phase {solver.t:.6g} rad, t = {whole[0, -1]:.6g} s in the mean: the step size became too small. "
+                "The expansion may be invalid; raise the order, or use collocation."
             )
         self._steps += 1
-        # before the state is put on the constraints
+        # before the projection of the state onto the constraints
         self._dense = solver.dense_output()
         if self._layout.rank:
             whole = self._constrained(whole)
@@ -194,7 +194,7 @@ class PhaseMotion:
             solver.f = self._rate(solver.t, solver.y)
         times, states = self._nodal(whole)
         share = self._rates(times, states) / self._mean(times, solver.t)
-        # written so that what is no number stands, too
+        # in this form NaN counts as a stopped clock
         if solver.t > SETTLED and not (share >= STEADY).all():
             raise self._standing(whole, solver.t)
         if solver.status == "finished":
@@ -207,35 +207,35 @@ class PhaseMotion:
         return np.ascontiguousarray(found[:, -1]), np.ascontiguousarray(found[:, :-1])
 
     def _mean(self, times: Array, phase: float) -> Array:
-        """Mean rates (K,) so far."""
+        """Return the mean rates (K,) so far, rad/s."""
         early = phase < self._within
         passed = phase / self._within * self._ahead if early else phase + self._ahead - self._within
         return np.asarray(passed / np.maximum(times - self._begin, 1e-300))
 
     def _most(self, paces: Array) -> float:
-        """Longest step: that of functions of time, and of forces with corners, at the fastest node."""
+        """Return the longest phase step for functions of time and forces with corners, from the largest pace, s/rad."""
         return float(self._longest / paces.max())
 
     def _paces(self, times: Array, states: Array) -> Array:
-        """Time per phase (K,), s/rad; NaN where the clock does not run forwards."""
+        """Return times per phase (K,), s/rad; NaN if the rate of the clock is not positive."""
         rates = self._rates(times, states)
         found: Array = np.divide(self._faster, rates, out=np.full(len(rates), np.nan), where=rates > 0)
         return found
 
     def rates(self, whole: Array) -> tuple[Array, Array]:
-        """Find the derivatives by the phase.
+        """Return the derivatives by the phase.
 
         Parameters
         ----------
         whole : array, shape (P, width + 1)
-            Coefficients of states and time.
+            Coefficients of the states and the time.
 
         Returns
         -------
         rates : array, shape (P, width + 1)
-            NaN where the clock does not run forwards at a node, or nothing converges.
+            Derivatives; NaN if the rate of the clock is not positive at a node, or the iterations do not converge.
         multipliers : array, shape (P, kept)
-            Of the kept equations, times the time per phase.
+            Multipliers of the kept equations, multiplied by the time per phase.
         """
         self._evaluations += 1
         projected, n, first = self.projected, self._layout.coordinates, self._layout.velocities
@@ -246,7 +246,7 @@ class PhaseMotion:
             return found, np.full((self._shape[0], 0), np.nan)
         with projected.coupled.systems.in_phase(times, paces):
             solved, rates = projected.coupled.solve(whole[:, :-1], 0.0, SOLVED * self._rtol)
-        # coefficients of coordinates: those of their velocities, of which each node takes another time
+        # rates of coordinates: projected velocities, each multiplied by the node's time per phase
         found[:, :n] = projected.adjoint @ (paces[:, None] * states[:, first:])
         found[:, n:first] = rates
         found[:, first:-1] = solved[:, :n]
@@ -258,7 +258,7 @@ class PhaseMotion:
         return np.asarray(found.ravel())
 
     def _constrained(self, whole: Array) -> Array:
-        """Project coefficients onto the projected constraints, at equal phase."""
+        """Project coefficients onto the projected constraints at equal phase."""
         times, _ = self._nodal(whole)
         found = whole.copy()
         with self.projected.coupled.systems.in_phase(times, np.ones(len(times))):
@@ -270,26 +270,26 @@ class PhaseMotion:
     def _standing(self, whole: Array, phase: float) -> IntegrationError:
         times, states = self._nodal(whole)
         rates = self._rates(times, states)
-        # of the start nothing is known but the rate
+        # near the start only the rate is known
         share = rates / self._mean(times, phase) if phase > SETTLED else rates
         worst = int(np.argmin(np.where(np.isfinite(share), share, -np.inf)))
         ensemble = self.projected.ensemble
         values = ", ".join(f"{n} = {x:.6g}" for n, x in zip(ensemble.model.inputs, ensemble.values[worst], strict=True))
         return IntegrationError(
-            f"the clock stands, or nearly so, at the node {values}: at t = {times[worst]:.6g} s, "
+            f"the clock stands still, or nearly still, at the node {values}: at t = {times[worst]:.6g} s, "
             f"{phase / (2 * np.pi):.3g} turns from the start, its rate is {rates[worst]:.3g} rad/s"
             + (f", {share[worst]:.2g} of the mean one" if phase > SETTLED else "")
         )
 
     def _smooth(self, times: Array) -> float:
-        """Return the longest step in time, s; refuse functions of time that are not smooth."""
+        """Return the longest time step, s; refuse functions of time that are not smooth."""
         projected = self.projected
         intervals = projected.ensemble.pace(times, self._rtol)
         if len(intervals) > 1:
             raise StudyError(
-                f"mechanism {projected.model.name!r}: with a phase as the independent variable functions of time must "
-                "be smooth, as each moment is at another phase in each realisation; something sets in, jumps or has a "
-                f"knot at t = {intervals[0].end:.6g} s. Use collocation with alignment='phase'."
+                f"mechanism {projected.model.name!r}: with a phase as the independent variable, functions of time "
+                "must be smooth, because each time has a different phase in each realisation. A function of time "
+                f"starts, jumps or has a knot at t = {intervals[0].end:.6g} s. Use collocation with alignment='phase'."
             )
         return min(intervals[0].longest, longest_step(projected.model.rough, times))
 
@@ -297,8 +297,8 @@ class PhaseMotion:
 def require_phase(projected: ProjectedEquations) -> None:
     """Raise `uqmbd.StudyError` for mechanisms that exclude a phase as the independent variable.
 
-    Samples of controllers and impacts occur at another phase in each realisation; large mechanisms exceed the limit of
-    the explicit integrator.
+    Sampling times of controllers and impacts have a different phase in each realisation.  Large mechanisms exceed the
+    limit of the explicit integrator.
     """
     model = projected.model
     where = f"mechanism {model.name!r}: with a phase as the independent variable"

@@ -1,15 +1,18 @@
-"""Static equilibria, modes about them, and outputs without a time."""
+"""Static equilibria, modes, and scalar outputs, which have no time."""
 
 from __future__ import annotations
 
 from uqmbd.dynamics.statics.equilibrium import Equilibrium, equilibrium_start, static_equilibria
+from uqmbd.dynamics.statics.linear_response import Channel, LinearSystem
 from uqmbd.dynamics.statics.modes import Modes, linearise
 from uqmbd.dynamics.statics.steady_modes import linearise_steady
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions
 from uqmbd.dynamics.statics.timeless_outputs import ScalarMap, ScalarValues, scalar_map, scalars_of
 
 __all__ = [
+    "Channel",
     "Equilibrium",
+    "LinearSystem",
     "Modes",
     "ScalarMap",
     "ScalarValues",

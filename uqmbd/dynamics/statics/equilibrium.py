@@ -1,23 +1,22 @@
-"""Static equilibrium of realisations, found from the assembled pose.
+"""Find the static equilibrium of realisations from the assembled pose.
 
-Solved for are coordinates and multipliers with ``Q(q, v = 0, t0) = D^T lambda`` and ``Phi(q, t0) = 0``.  Each iteration
-is a Newton step within the tangent space of the constraints, whose stiffness ``K`` is the exact Jacobian, ``(D^T
-lambda)_q`` included.  Directions of negative stiffness are taken with its absolute value, so that the iteration
-descends to stable equilibria (saddle-free Newton: Dauphin et al., 2014) even from poses where the stiffness vanishes,
-such as a horizontal pendulum; directions without stiffness get the step of smallest norm, which is none. The step
-follows the constraints (Runge-Kutta of order 4, then a projection), and its length is bounded. It is halved until the
-forces have done work along it. This is Armijo's rule, with work in place of the loss of energy, so it admits forces
-without a potential.
+Coordinates and multipliers solve ``Q(q, v = 0, t0) = D^T lambda`` and ``Phi(q, t0) = 0``.  Each iteration is a Newton
+step within the tangent space of the constraints. The stiffness ``K`` is the exact Jacobian, including ``(D^T
+lambda)_q``. Negative stiffness is replaced by its absolute value (saddle-free Newton: Dauphin et al., 2014). The
+iteration thus descends to stable equilibria, even from poses with zero stiffness, such as a horizontal pendulum.
+Directions without stiffness get the step of smallest norm, which is zero. The step follows the constraints (Runge-Kutta
+of order 4, then a projection), and its length is bounded. The step is halved until the forces do work along it. This is
+Armijo's rule with work in place of the loss of energy, so it admits forces without a potential.
 
-Auxiliary states are carried along: the angle of a torsion spring is that at the start and what the bodies turned on the
-way, any number of turns. The value that the component states for the start may follow the pose too (as angles do). Then
-it is recomputed at the new pose, up to whole turns. So no error of the iterations remains. States that relax take the
-value at which their rate vanishes; states that time alone drives keep their initial values. A state that is known by
-its way alone is right to about 1e-7 of its change.
+Auxiliary states follow the motion of the search: the angle of a torsion spring is its initial value plus the rotation
+of the bodies, for any number of turns. If the initial value also depends on the pose (as for angles), the state is
+recomputed at the new pose, up to whole turns. The iterations then cause no error. Relaxing states take the
+value of zero rate; states driven by time only keep their initial values. All other states are integrated along the
+search path, with an error of about 1e-7 of their change.
 
-Where constraints bind velocities alone, bodies roll on the way, and do not slip.  Such constraints have equilibria in
-families, and which one is found may depend on the way.  It is sought a second time by shorter steps, along another way:
-where that ends elsewhere, the realisation has failed.
+With nonholonomic constraints, bodies roll without slip along the search path.  Such constraints have families of
+equilibria, and the result may depend on the path.  A second search therefore uses shorter steps along another path: if
+it ends in another pose, the realisation fails.
 """
 
 from __future__ import annotations
@@ -37,45 +36,45 @@ __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
 
 ITERATIONS = 200
 BLOCK = 256
-"""Realisations that are solved together."""
+"""Number of realisations in a group that is solved together."""
 
 TURN = 0.15
-"""Largest change of a quaternion's entry in one step: a turn by 0.3 rad."""
+"""Largest change of an entry of a quaternion in one step: a rotation by 0.3 rad."""
 
 CLOSED = 1e-12
-"""Constraints are closed to this length, m, per size of the mechanism."""
+"""Tolerance for the closure of constraints, m, relative to the size of the mechanism."""
 
 FLAT = 1e-11
-"""Stiffness, as a part of the largest one, that is no stiffness but rounding."""
+"""Stiffness, relative to the largest stiffness, that counts as rounding."""
 
 PARTS = 8
-"""Parts of a step where auxiliary states are known by their way alone."""
+"""Number of parts of a step if auxiliary states are integrated along the search path."""
 
 SHORTER = 0.5
-"""Steps of a second search, over those of the first, where bodies roll on the way."""
+"""Step lengths of the second search, relative to the first, for nonholonomic constraints."""
 
 ELSEWHERE = 1e-5
-"""Difference of two searches, over the size of the mechanism, that is none."""
+"""Difference of two searches, relative to the size of the mechanism, that counts as zero."""
 
 BALANCED = 1e-9
-"""Force along a direction without stiffness, as a part of the largest on the way, that counts as none."""
+"""Force in a direction without stiffness, relative to the largest force of the search, that counts as zero."""
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Poses of K realisations in which all forces balance."""
+    """Poses of K realisations with balanced forces."""
 
     q: Array  # (K, coordinate)
     s: Array  # auxiliary states (K, state)
-    messages: tuple[str, ...]  # empty where an equilibrium was found, else the reason
+    messages: tuple[str, ...]  # empty if an equilibrium was found, else the reason
     stable: Mask  # (K,): whether no direction has negative stiffness
     iterations: Index  # (K,)
 
 
 def equilibrium_start(drawn: Batch) -> Start:
-    """Return initial states in static equilibrium of K realisations, which are assembled from the drawn pose.
+    """Return initial states of K realisations in static equilibrium, after assembly from the drawn pose.
 
-    Velocities are those that the script states; the others have the least norm, which is rest unless drivers move.
+    Given velocities are kept; the other velocities have the least norm, which is zero unless drivers move.
     """
     model, parameters, time = drawn.model, drawn.parameters, drawn.model.time
     found = static_equilibria(drawn)
@@ -94,10 +93,10 @@ def equilibrium_start(drawn: Batch) -> Start:
 
 
 def static_equilibria(ensemble: Batch) -> Equilibrium:
-    """Find the static equilibrium of every realisation, from the pose of its start.
+    """Find the static equilibrium of every realisation from its initial pose.
 
-    Bodies that are held while the mechanism is assembled (``hold=True``) move like the others.  Realisations that were
-    not assembled keep their message.
+    Bodies held during the assembly (``hold=True``) move like the others.  Realisations without an assembled pose keep
+    their message.
     """
     start = ensemble.start
     q, s = start.q.copy(), start.s.copy()
@@ -118,7 +117,7 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
 
 
 class _EquilibriumSearch:
-    """The iteration for some realisations, and how far each of them is."""
+    """Newton iteration for a group of realisations, with the state of each realisation."""
 
     def __init__(self, ensemble: Batch, length: float = 1.0) -> None:
         self.model, self.rest, self.length = ensemble.model, RestEquations(ensemble), length
@@ -127,7 +126,7 @@ class _EquilibriumSearch:
         self.every = np.arange(count)
         self.messages = [""] * count
         self.stable, self.steps = np.zeros(count, dtype=bool), np.zeros(count, dtype=np.int64)
-        self.largest = np.zeros(count)  # force on the way
+        self.largest = np.zeros(count)  # largest force during the search
         layout, quaternions = self.model.layout, self.model.quaternions()
         where = ensemble.start.q.reshape(count, len(self.model.bodies), self.model.size)[:, :, : self.model.dimension]
         self.size = np.maximum(1.0, np.ptp(where, axis=1).max(axis=1, initial=0.0))
@@ -152,20 +151,20 @@ class _EquilibriumSearch:
             self.messages[k] = self._unbalanced(k)
 
     def compare_search(self, other: _EquilibriumSearch) -> None:
-        """Compare with a search along another way: where that ends elsewhere, no equilibrium is determined."""
+        """Compare with a search along another path: if the results differ, the equilibrium is not determined."""
         other.run()
         apart = np.abs(self.q - other.q).max(axis=1, initial=0.0) / self.size
         for k in np.flatnonzero(apart > ELSEWHERE).tolist():
             if not self.messages[k]:
                 self.messages[k] = (
-                    "the drawn pose determines no static equilibrium: where the mechanism comes to rest depends on the "
-                    f"way there, as {named(self.model, self.model.layout.nonholonomic)} bind velocities alone. Draw it "
-                    "where it rests, hold it with a spring or a joint, or start as drawn."
+                    "the drawn pose determines no static equilibrium: the rest position depends on the motion before "
+                    f"it, because {named(self.model, self.model.layout.nonholonomic)} constrain velocities only. Draw "
+                    "the mechanism in its rest position, hold it with a spring or a joint, or start as drawn."
                 )
 
     def _newton(self, active: Index, now: Forces) -> tuple[Array, Mask]:
-        """Find the steps (K, n), and whether they are the last ones."""
-        # reactions that bodies roll by do not turn the way that they go: it is downhill
+        """Return the steps (K, n), and a mask of the last steps."""
+        # omit nonholonomic reactions in the stiffness: the search goes downhill
         multipliers = np.where(
             np.isin(self.model.layout.active, self.model.layout.nonholonomic), 0.0, now.multipliers()
         )
@@ -185,7 +184,7 @@ class _EquilibriumSearch:
         flat = np.abs(curvature) <= FLAT * scale[:, None]
         pushed = flat & (np.abs(along) > tolerance[:, None])
         still = flat & ~pushed
-        # without stiffness but with a force: as far as a step goes
+        # in directions with a force but without stiffness, take the largest step
         pivots = np.where(pushed, np.abs(along) / TURN, np.where(still, 1.0, np.abs(curvature)))
         matrix = np.where(still[:, :, None] | still[:, None, :], 0.0, turned)
         diagonal = np.arange(matrix.shape[1])
@@ -200,7 +199,7 @@ class _EquilibriumSearch:
         return self.length * step / np.maximum(1.0, np.maximum(turn, shift))[:, None], done
 
     def _advance(self, active: Index, now: Forces, step: Array, done: Mask) -> Mask:
-        """Take the steps, shortened if needed; return which could be taken."""
+        """Take the steps, shortened if needed; return a mask of the accepted steps."""
         moved: Mask = np.zeros(len(active), dtype=bool)
         expected = np.einsum("kn,kn->k", now.force, step)
         before = np.linalg.norm(now.within(now.force), axis=1)
@@ -223,7 +222,7 @@ class _EquilibriumSearch:
         return moved
 
     def _along(self, members: Index, now: Forces, step: Array) -> tuple[Array, Array, Array]:
-        """Follow the constraints in the direction of a step; return the work of the forces. NaN: they do not close."""
+        """Follow the constraints along a step; return pose, states and work of the forces; NaN if not closed."""
         q0, s0 = self.q[members], self.s[members]
         rest = self.rest
 
@@ -256,14 +255,14 @@ class _EquilibriumSearch:
         return q, s, work
 
     def _settled(self, members: Index, q: Array, s: Array) -> Array:
-        """Auxiliary states as components state them for a pose, as many turns on as on the way."""
+        """Return the initial values of auxiliary states at a pose, in the turns reached by the search."""
         stated = self.rest.recomputed(members, q)
         stated = stated + 2 * np.pi * np.round((s - stated) / (2 * np.pi))
         near = self.recomputed[members] & (np.abs(s - stated) < 1e-2)
         return np.where(near, stated, s)
 
     def _follows_pose(self) -> Mask:
-        """Return which auxiliary states change with the pose as their initial values do, up to whole turns."""
+        """Return a mask of auxiliary states with the same change as their initial values, up to whole turns."""
         count, number = self.s.shape
         if not number:
             return np.zeros((count, 0), dtype=bool)
@@ -279,7 +278,7 @@ class _EquilibriumSearch:
         return follows
 
     def _unbalanced(self, k: int) -> str:
-        """Name the body that is farthest from balance."""
+        """Return a message on the body farthest from balance."""
         one = np.array([k])
         now = self.rest.forces(one, self.q[one], self.s[one])
         left = np.zeros(self.model.layout.coordinates)
@@ -292,7 +291,7 @@ class _EquilibriumSearch:
         what = f"{force[worst]:.3g} N" + (f" and {moment[worst]:.3g} N m" if self.model.size > d else "")
         return (
             f"no static equilibrium was found in {self.steps[k]} steps from the drawn pose: "
-            f"body {self.model.bodies[worst]!r} is the farthest from balance, by {what}. Is there a direction in which "
-            "nothing holds it, or was it drawn far from where it comes to rest? Hold it with a spring or a joint, or "
-            "draw it closer."
+            f"body {self.model.bodies[worst]!r} is the farthest from balance, by {what}. Perhaps no force holds the "
+            "body in some direction, or it was drawn far from its rest position. Hold it with a spring or a joint, or "
+            "draw it closer to that position."
         )

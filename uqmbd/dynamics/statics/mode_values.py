@@ -19,47 +19,47 @@ __all__ = ["ModeMap", "ModeValue", "mode_map"]
 
 
 EQUAL = 1e-7
-"""Part of a frequency by which others may differ that count as equal to it."""
+"""Relative difference of frequencies that count as equal."""
 
 STILL = 1e-9
-"""Part of the largest change that a mode could give a quantity, that counts as none."""
+"""Change of a quantity, relative to the largest possible change in a mode, that counts as zero."""
 
 SAME = 1e-5
-"""Part of a ratio by which it may differ, on the way in a steady motion or between modes of equal frequency."""
+"""Allowed relative variation of a ratio along a steady motion or between modes of equal frequency."""
 
 WORDS = {"frequency": "eigenfrequency", "damping_ratio": "damping ratio", "shape": "mode"}
 
 
 @dataclass(frozen=True)
 class ModeValue:
-    """One number of a mode."""
+    """Scalar quantity of a mode."""
 
     quantity: str  # "frequency", "damping_ratio" or "shape"
-    number: int  # of the mode, from 1, among the oscillating ones
+    number: int  # number of the mode, from 1, among oscillating modes
     pose: str  # "equilibrium", "start" or "steady"
-    moved: tuple[int, int] = (0, 0)  # of a shape: indices of quantity and reference among the moving quantities
-    part: str = "real"  # of a shape: "real" or "imaginary"
-    name: str = ""  # as the user wrote it
+    moved: tuple[int, int] = (0, 0)  # shape: indices of quantity and reference among the moving quantities
+    part: str = "real"  # shape: "real" or "imaginary"
+    name: str = ""  # name in the user's expression
 
 
 @dataclass(frozen=True)
 class ModeMap:
-    """Compiled numbers of modes."""
+    """Compiled scalar quantities of modes."""
 
     values: tuple[ModeValue, ...]  # in order
-    moving: OutputMap  # quantities whose changes in modes are needed, with their derivatives
+    moving: OutputMap  # quantities in mode shapes, with their derivatives
 
     @property
     def poses(self) -> frozenset[str]:
-        """About which poses."""
+        """Poses of the linearisations."""
         return frozenset(value.pose for value in self.values)
 
     def evaluate(
         self, value: ModeValue, batch: Batch, modes: Modes, states: Sequence[tuple[Array, Array]]
     ) -> tuple[Array, list[str]]:
-        """Return one number of a mode of K realisations about its pose (K,), and the reasons where it is NaN.
+        """Return a quantity of a mode of K realisations about its pose (K,), and the reasons for NaN.
 
-        Each realisation has states (S, width) at times (S,) after the start, s.
+        The arguments `states` are states (S, width) and times (S,), s after the start, of each realisation.
         """
         places, reasons = _places(modes, value)
         if value.quantity != "shape":
@@ -103,8 +103,8 @@ def mode_map(wanted: Sequence[ScalarSymbol | ModeShape], compiled: Callable[[Seq
 
 
 def _places(modes: Modes, value: ModeValue) -> tuple[NDArray[np.int64], list[str]]:
-    """Place of the mode of a number, counted among those that oscillate, shape (K,), and why there is none (-1)."""
-    swinging = modes.eigenvalues.imag > 0  # not where a realisation has fewer modes: NaN
+    """Return the index of the mode with a number among oscillating modes, (K,), and reasons for its absence (-1)."""
+    swinging = modes.eigenvalues.imag > 0  # False for NaN, in realisations with fewer modes
     chosen = swinging & (np.cumsum(swinging, axis=1) == value.number)
     known = swinging.sum(axis=1)
     real, size = modes.eigenvalues.real, np.abs(modes.eigenvalues)
@@ -125,9 +125,9 @@ def _places(modes: Modes, value: ModeValue) -> tuple[NDArray[np.int64], list[str
 def _ratio(
     eigenvalues: NDArray[np.complex128], shapes: NDArray[np.complex128], place: int, gradients: Array
 ) -> complex | str:
-    """Return the ratio of the motion of two quantities in the mode `place` of one realisation, or why there is none.
+    """Return the ratio of two quantities in the mode `place` of one realisation, or the reason for its absence.
 
-    Eigenvalues (mode,), shapes (time, mode, coordinate), and derivatives of quantity and reference
+    The arguments are eigenvalues (mode,), shapes (time, mode, coordinate), and gradients of quantity and reference
     (time, 2, coordinate).
     """
     if not np.isfinite(gradients).all():
@@ -155,7 +155,7 @@ def _ratio(
         ratios = quantity[:, 0] / over[:, 0]
     if np.abs(ratios - ratios[0]).max() > SAME * np.abs(ratios).max():
         return (
-            "it changes while the mechanism goes on steadily; take what stays the same, such as angles between bodies "
-            "and distances"
+            "it changes during the steady motion; use a quantity that remains constant, such as an angle between "
+            "bodies or a distance"
         )
     return complex(ratios[0])

@@ -1,4 +1,4 @@
-"""Eigenvalues of small motions about a steady motion, in frames in which their coefficients are constant.
+"""Compute eigenvalues of small motions about a steady motion, in frames with constant coefficients.
 
 Small changes of position and attitude of each body are written in axes that turn with a frame of constant angular
 velocity: ``dq = S(t) x``.  Within the constraints ``x = N y``, and to first order::
@@ -8,13 +8,12 @@ velocity: ``dq = S(t) x``.  Within the constraints ``x = N y``, and to first ord
     C = N^T S^T (2 m S' + c S) N
     K = N^T S^T (m S'' + c S' + k S) N
 
-where ``m``, ``c`` and ``k`` are exact derivatives of the equations of motion, those of the inertia and of the
-constraint forces included.  In which frames ``N``, ``M``, ``C`` and ``K`` do not change is not assumed but found out:
-they are evaluated at several times of the motion.  Tried are the world, the frames that bodies turn with, and frames
-that differ from body to body, in this order; the first in which all is constant is taken.  Where there is none there
-are no eigenvalues.
+where ``m``, ``c`` and ``k`` are exact derivatives of the equations of motion, including the derivatives of inertia and
+constraint forces.  Suitable frames, with constant ``N``, ``M``, ``C`` and ``K``, are found by evaluation at several
+times of the motion.  The candidates are the world, the frames that rotate with bodies, and frames that differ between
+bodies, in this order.  The first candidate with constant coefficients is used; without one there are no eigenvalues.
 
-Constraints between velocities take part of the rates away: ``y' = Z u + P y``.
+Constraints between velocities restrict the rates: ``y' = Z u + P y``.
 """
 
 from __future__ import annotations
@@ -38,36 +37,38 @@ __all__ = ["linearise_steady"]
 
 
 CONSTANT = 1e-5
-"""Part of a coefficient by which it may change."""
+"""Allowed relative change of a coefficient."""
 
 NOISE = 1e-7
-"""Stiffness, as a part of the largest one, that is no stiffness but rounding."""
+"""Stiffness, relative to the largest stiffness, that counts as rounding."""
 
 ROUNDING = 1e-12
-"""Part of its terms below which a sum is rounding."""
+"""Size of a sum, relative to its terms, below which it counts as rounding."""
 
 CHOICES = 300
-"""Choices of frames that are tried."""
+"""Largest number of combinations of frames to test."""
 
 CHANGING = (
-    "the coefficients of small motions about the steady motion change with time in every frame, as for an "
-    "asymmetric rotor in asymmetric bearings; eigenvalues do not exist: make either side symmetric, or simulate it"
+    "the coefficients of small motions about the steady motion change with time in every frame, so eigenvalues do not "
+    "exist. An example is an asymmetric rotor in asymmetric bearings. Make the rotor or the bearings symmetric, or "
+    "simulate "
+    "the motion"
 )
 
 
 @dataclass(frozen=True)
 class _SteadyInstant:
-    """Exact derivatives of the equations at one time of a steady motion, and the poses of its bodies."""
+    """Exact derivatives of the equations, and poses of the bodies, at one time of a steady motion."""
 
     after: float
     blocks: dict[str, Array]
     mass: Array
-    gradient: Array  # of the kept equations of positions, by all coordinates
+    gradient: Array  # of the kept position equations with respect to all coordinates
     attitudes: tuple[Array, Array, Array]
 
 
 def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, list[str]]:
-    """Linearise K realisations about their steady motions; return modes, NaN where there are none, and the reasons."""
+    """Linearise K realisations about their steady motions; return modes (NaN if missing), and reasons."""
     found: list[Solved] = []
     messages = list(motions.messages)
     nothing = no_modes(ensemble.model.layout.coordinates)
@@ -83,7 +84,7 @@ def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, li
 
 
 def _modes(one: Batch, screws: Screws) -> Solved | str:
-    """Eigenvalues of one realisation, one of each pair, sorted, and their shapes; or why there are none."""
+    """Return sorted eigenvalues, one per pair, and shapes of one realisation, or the reason for their absence."""
     instants = [_instant(one, screws, after) for after in screws.times]
     carried = _carried(one, screws, instants[0])
     frames = screws.frames
@@ -133,7 +134,7 @@ def _arguments(time: float, q: Array, s: Array) -> Array:
 
 
 def _carried(one: Batch, screws: Screws, start: _SteadyInstant) -> NDArray[np.bool_]:
-    """Return which auxiliary states only follow the bodies: their value is one of the pose, up to whole turns."""
+    """Return a mask of auxiliary states determined by the pose up to whole turns."""
     model = one.model
     carried: NDArray[np.bool_] = ~((start.blocks["sq"] != 0).any(axis=1) | (start.blocks["ss"] != 0).any(axis=1))
     if carried.all():
@@ -155,7 +156,7 @@ def _carried(one: Batch, screws: Screws, start: _SteadyInstant) -> NDArray[np.bo
 
 
 def _seen(one: Batch, instant: _SteadyInstant, frames: list[Array]) -> tuple[Array, Array, Array]:
-    """``S`` and its first and second rates at one time, (n, column)."""
+    """Return ``S`` and its first and second rates at one time, (n, column)."""
     model = one.model
     d, size = model.dimension, model.size
     axes = np.eye(3)[:, :d]
@@ -180,13 +181,13 @@ def _seen(one: Batch, instant: _SteadyInstant, frames: list[Array]) -> tuple[Arr
 
 
 def _seen_gradient(instant: _SteadyInstant, s: Array) -> Array:
-    """Return the gradient of the equations of positions by observed quantities, with rounding set to zero."""
+    """Return the gradient of the position equations for small changes ``x`` in frames, with rounding set to zero."""
     found: Array = instant.gradient @ s
     return np.where(np.abs(found) > ROUNDING * (np.abs(instant.gradient) @ np.abs(s)), found, 0.0)
 
 
 def _moves(one: Batch, start: _SteadyInstant, frames: list[Array]) -> list[bool]:
-    """Return which bodies can move."""
+    """Return for each body whether it can move."""
     s, *_ = _seen(one, start, frames)
     basis = scipy.linalg.null_space(_seen_gradient(start, s), rcond=1e-9)
     blocks = np.abs(basis).reshape(len(one.model.bodies), -1)
@@ -224,7 +225,7 @@ def _constant(
 def _coefficients(
     one: Batch, instant: _SteadyInstant, t: Array, t1: Array, t2: Array, carried: NDArray[np.bool_]
 ) -> tuple[dict[str, Array], dict[str, float]]:
-    """Coefficients for ``dq = t y``, and their sizes."""
+    """Return coefficients for ``dq = t y``, and their sizes."""
     layout = one.model.layout
     x, x1, x2 = (y[layout.free] for y in (t, t1, t2))
     b, own = instant.blocks, ~carried
@@ -252,13 +253,13 @@ def _coefficients(
         rate = b["mv"][rows] @ x
         place = b["mv"][rows] @ x1 + (b["mq"] + b["ms"] @ carry)[rows] @ x
         inverse = np.linalg.pinv(rate, rcond=1e-9)
-        # projectors: a basis of the null space is not unique
+        # use projectors, because a basis of the null space is not unique
         found["z"], found["p"] = np.eye(n) - inverse @ rate, -inverse @ place
     sizes: dict[str, float] = {}
     for name, value in found.items():
         sizes[name] = max(float(np.abs(y).max(initial=0.0)) for y in parts.get(name, [value]))
     mass, stiff = max(sizes["m"], 1e-300), sizes["k"]
-    # rates are compared with those of the mechanism, not with their own size where they nearly vanish
+    # compare rates with rates of the mechanism instead of their own size, which may nearly vanish
     speed = float(np.sqrt(stiff / mass))
     sizes["c"] = max(sizes["c"], mass * speed)
     for name, least in (("f", stiff), ("a", speed), ("b", 1.0), ("e", speed), ("z", 1.0), ("p", speed)):
@@ -267,7 +268,7 @@ def _coefficients(
 
 
 def _solved(found: dict[str, Array], size: float) -> Pairs | str:
-    """Return eigenvalues, one of each pair, sorted, and ``y`` in their modes."""
+    """Return sorted eigenvalues, one per pair, and ``y`` in their modes, or the reason for their absence."""
     m, c, k, f, a, b, e = (found[name] for name in "mckfabe")
     n, r = len(m), len(e)
     values, directions = np.linalg.eigh(found["z"])

@@ -1,14 +1,14 @@
-"""Steady motions of realisations: every body follows a screw, and the mechanism keeps its shape.
+"""Find steady motions of realisations: every body follows a screw, and the mechanism keeps its shape.
 
-Newton's method finds the pose: velocities follow from a pose by `solve_steady_speeds`, accelerations from these along
-the motion, and the residual forces within the constraints must vanish.  What was found is
-accepted only where it is a steady motion to rounding: each body turns with a frame of constant angular velocity,
+Newton's method finds the pose. `solve_steady_speeds` computes velocities from a pose, and differences along the motion
+yield accelerations; the residual forces within the constraints must vanish.  A result is accepted only if it is a
+steady motion within rounding: each body rotates with a frame of constant angular velocity,
 
     omega' = W x omega        r'' = U x r'
 
-and the poses that this gives at other times of the motion satisfy the constraints and the equations of motion, too.
+and the resulting poses at other times also satisfy the constraints and the equations of motion.
 
-What drivers and loads do later on: a steady motion needs speeds that are constant, not only at the start.
+The module also checks drivers and loads after the start, because a steady motion requires permanently constant speeds.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["SteadyMotions", "steady_motions"]
 
 WINDOW = 10.0
-"""Least time after the start over which drivers and loads are examined, s."""
+"""Least duration after the start over which drivers and loads are examined, s."""
 
 TURNS = 3.0
-"""The same in turns of the fastest body."""
+"""Least duration of the examination in turns of the fastest body."""
 
 SAMPLES = 16
-"""Times of this window that are examined; their distances grow, so that no period is missed."""
+"""Number of examined times in this window; their spacing grows, so that no period is missed."""
 
 EVEN = 1e-7
-"""Part of the change of a prescribed function by which it may depart from a straight line."""
+"""Allowed deviation of a prescribed function from a straight line, relative to its change."""
 
 
 def later_times(model: Model, parameters: Array, fastest: float) -> Array:
-    """Return ascending times after the initial one, s, at which a steady motion must continue.
+    """Return ascending times after the initial time, s, at which a steady motion must continue.
 
-    The parameters (parameter,) are those of one realisation.  The largest angular velocity is `fastest`, rad/s.
+    The parameters (parameter,) belong to one realisation.  The largest angular velocity is `fastest`, rad/s.
     """
     window = max(WINDOW, TURNS * 2 * np.pi / fastest) if fastest > 1e-3 else WINDOW
     found = window * np.geomspace(1e-3, 1.0, SAMPLES)
@@ -55,7 +55,7 @@ def later_times(model: Model, parameters: Array, fastest: float) -> Array:
 
 
 def uneven_driver(ensemble: Batch, k: int) -> str:
-    """Return a message on a driver of a realisation whose speed is not constant after the start; empty: none."""
+    """Return a message on a driver of a realisation with a speed that varies after the start; empty: none."""
     model = ensemble.model
     prescribed = model.prescribed
     if prescribed is None or not prescribed.owners:
@@ -77,31 +77,31 @@ def uneven_driver(ensemble: Batch, k: int) -> str:
             i = int(np.nanargmax(np.where(np.isfinite(departure), departure, np.inf)))
             return (
                 f"the {what} is not constant: it is {rates[0]:.4g} {units} at first and {rates[i]:.4g} {units} about "
-                f"{after[i]:.3g} s later; give it a constant one, or begin where it has become constant"
+                f"{after[i]:.3g} s later; give the driver a constant speed, or start when its speed is constant"
             )
     return ""
 
 
 ITERATIONS = 25
 LONGEST = 0.2
-"""Largest change of a coordinate in one step, over the size of the mechanism."""
+"""Largest change of a coordinate in one step, relative to the size of the mechanism."""
 
 BALANCED = 1e-9
-"""Force that is left, over the largest of forces and inertia, that counts as none."""
+"""Residual force, relative to the largest of forces and inertia, that counts as zero."""
 
 SMALL = 1e-11
-"""Step of a coordinate, over the size of the mechanism, that is none."""
+"""Step of a coordinate, relative to the size of the mechanism, that counts as zero."""
 
 SPAN = 3e-3
-"""Turn, rad, over which rates of velocities are taken."""
+"""Rotation angle, rad, over which rates of velocities are computed."""
 
 STEADY = 1e-6
-"""Part of the accelerations, and displacement over the size, by which a steady motion may be off."""
+"""Allowed deviation of a steady motion: relative error of accelerations, and displacement relative to the size."""
 
 
 CONTROLLED = (
-    "a sampled controller acts from sample to sample, which is no steady motion; let its law act continuously, as a "
-    "force of the components, or simulate it"
+    "a sampled controller changes its commands at each sample, so the motion is not steady; write its law as a "
+    "continuous force of the components, or simulate the motion"
 )
 
 
@@ -112,8 +112,8 @@ class SteadyMotions:
     q: Array  # (K, coordinate), at the initial time
     s: Array  # auxiliary states (K, state), at the initial time
     v: Array  # (K, coordinate), at the initial time
-    screws: tuple[Screws | None, ...]  # later motion of the bodies of each realisation; None: no steady motion
-    messages: tuple[str, ...]  # empty where a steady motion was found, else the reason
+    screws: tuple[Screws | None, ...]  # motion of the bodies after the start, per realisation; None: no steady motion
+    messages: tuple[str, ...]  # empty if a steady motion was found, else the reason
 
     def select(self, members: Index) -> SteadyMotions:
         """Return the motions of some realisations."""
@@ -122,9 +122,9 @@ class SteadyMotions:
 
 
 def steady_motions(ensemble: Batch) -> SteadyMotions:
-    """Find the steady motion of K realisations from their start.
+    """Find the steady motions of K realisations from their initial states.
 
-    A start that is steady itself, with the stated velocities, is used unchanged.
+    If the initial state with the given velocities is a steady motion, it is used unchanged.
     """
     model, start = ensemble.model, ensemble.start
     q, s, v = start.q.copy(), start.s.copy(), start.v.copy()
@@ -150,12 +150,12 @@ def steady_motions(ensemble: Batch) -> SteadyMotions:
             reasons[k] = reasons[k] or why
     for k, why in reasons.items():
         if screws[k] is None:
-            messages[k] = f"no steady motion was found from where it starts: {uneven_driver(ensemble, k) or why}"
+            messages[k] = f"no steady motion was found from the start pose: {uneven_driver(ensemble, k) or why}"
     return SteadyMotions(q, s, v, tuple(screws), tuple(messages))
 
 
 def _accept(ensemble: Batch, k: int, q: Array, s: Array, v: Array, screws: list[Screws | None]) -> str:
-    """Accept a state of a realisation as a steady motion, or return a message on the unsteady quantity."""
+    """Store the screws of a realisation in steady motion, or return a message on the unsteady quantity."""
     found = screws_of(ensemble.model, q[k], s[k], v[k], ensemble.parameters[k])
     if isinstance(found, str):
         return found
@@ -179,26 +179,26 @@ def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
         open_ = np.abs(drift["phi"][0])[layout.kept]
         if open_.max(initial=0.0) > STEADY * max(1.0, model.length):
             i = int(layout.kept[np.argmax(open_)])
-            return f"it does not go on steadily: {model.equations[i]!r} would open {after:.3g} s later"
+            return f"the motion is not steady: {model.equations[i]!r} would open {after:.3g} s later"
         true, _, found = (x[0] for x in accelerations(model, q[None], s[None], v[None], time, row))
         scale = max(float(np.abs(true).max(initial=0.0)), float(np.abs(a).max(initial=0.0)), 1e-3)
         off = np.abs(true - a).reshape(len(model.bodies), -1).max(axis=1)
         if not off.max(initial=0.0) <= STEADY * scale:
             body = model.bodies[int(np.argmax(np.where(np.isfinite(off), off, np.inf)))]
             later = f" {after:.3g} s later" if after else ""
-            return f"body {body!r} is not in balance{later} while the mechanism keeps its shape"
+            return f"body {body!r} is not in equilibrium{later} if the relative positions of the bodies are constant"
         if layout.states and not np.abs(found - rates).max() <= STEADY * max(1.0, float(np.abs(rates).max())):
             return "a state of a component changes at a rate that is not constant"
     return ""
 
 
 def _changing(model: Model, screws: Screws, parameters: Array) -> str:
-    """Return a message on a driver or load that ends a steady motion later, if nothing turns fast; empty: none."""
+    """Return a message on a driver or load that ends a steady motion later, without fast rotation; empty: none."""
     after = later_times(model, parameters, screws.fastest)
     times, rows = model.time + after, np.repeat(parameters[None], len(after), axis=0)
     states = [screws.at(x) for x in after.tolist()]
     q, v, a, s, _ = (np.array(x) for x in zip(*states, strict=True))
-    # what is off by rounding, or by what Newton's method leaves, grows with the turns
+    # rounding errors, and the residual of Newton's method, grow with the turns
     allowed = STEADY * (1 + screws.fastest * after)
     found = model.evaluate("velocity", state_arguments(times, q, s, v), rows)
     if model.rheonomic:
@@ -209,7 +209,7 @@ def _changing(model: Model, screws: Screws, parameters: Array) -> str:
         off &= (own != 0).any(axis=0)
         if off.any():
             row, column = np.argwhere(off)[0]
-            return f"{model.equations[kept[column]]!r} wants another speed {after[row]:.3g} s later"
+            return f"{model.equations[kept[column]]!r} requires a different speed {after[row]:.3g} s later"
     first = state_arguments(model.time, *(np.repeat(x[:1], len(after), axis=0) for x in (q, s, v)))
     later = state_arguments(times, *(np.repeat(x[:1], len(after), axis=0) for x in (q, s, v)))
     forces = [model.evaluate("acceleration", x, rows)["force"] for x in (first, later)]
@@ -228,13 +228,13 @@ def _changing(model: Model, screws: Screws, parameters: Array) -> str:
 def _search(
     ensemble: Batch, members: Index, order: tuple[str, ...], *, downhill: bool
 ) -> tuple[Array, Array, Array, list[str]]:
-    """Find poses in balance, from those of the start: coordinates, auxiliary states, velocities, and messages.
+    """Find balanced poses from the initial poses: coordinates, auxiliary states, velocities, and messages.
 
-    Downhill the forces, those of the inertia included, do work on the way; else their size falls.
+    With `downhill`, the forces, including inertia forces, must do work along the search; otherwise they must decrease.
     """
     model, parameters = ensemble.model, ensemble.parameters[members]
     q, s = ensemble.start.q[members].copy(), ensemble.start.s[members].copy()
-    messages = ["the forces do not balance however the pose is changed"] * len(members)
+    messages = ["no change of the pose balances the forces"] * len(members)
     active = np.arange(len(members))
     force, scale = _unbalanced(model, q, s, parameters, order)
     for _ in range(ITERATIONS):
@@ -271,17 +271,17 @@ def _search(
 
 
 def _pseudo(matrices: Array, smallest: float) -> Array:
-    """Pseudo-inverses, with a relative size below which singular values are none."""
+    """Return pseudo-inverses; singular values below the relative size `smallest` count as zero."""
     return np.asarray(np.linalg.pinv(matrices, rcond=smallest), dtype=float)
 
 
 def _tangents(gradient: Array) -> Array:
-    """Projectors (K, n, n) onto the directions that constraints leave."""
+    """Return projectors (K, n, n) onto the tangent spaces of the constraints."""
     return np.asarray(np.eye(gradient.shape[2]) - _pseudo(gradient, 1e-9) @ gradient)
 
 
 def _unbalanced(model: Model, q: Array, s: Array, parameters: Array, order: tuple[str, ...]) -> tuple[Array, Array]:
-    """Find the forces that are not balanced within the constraints, (K, n), and the sizes of forces and inertia."""
+    """Return the unbalanced forces within the constraints, (K, n), and the sizes of forces and inertia."""
     time, ends = model.time, []
     v = solve_steady_speeds(model, q, s, time, parameters, order)
     h = SPAN / max(_fastest(model, q, v), 1e-3)
@@ -298,7 +298,7 @@ def _unbalanced(model: Model, q: Array, s: Array, parameters: Array, order: tupl
 
 
 def _fastest(model: Model, q: Array, v: Array) -> float:
-    """Largest angular velocity, or speed over the size of the mechanism, 1/s."""
+    """Return the largest angular velocity, or speed over the size of the mechanism, 1/s."""
     rates = np.abs(v).reshape(len(v), -1, model.size)
     turning = 2 * rates[:, :, model.dimension :].max(initial=0.0)
     return float(max(turning, rates[:, :, : model.dimension].max(initial=0.0) / model.length))
@@ -307,7 +307,7 @@ def _fastest(model: Model, q: Array, v: Array) -> float:
 def _newton(
     model: Model, q: Array, s: Array, parameters: Array, order: tuple[str, ...], force: Array, *, downhill: bool
 ) -> Array:
-    """Find the steps of the coordinates (K, n) that balance the forces to first order."""
+    """Return the steps of the coordinates (K, n) that balance the forces to first order."""
     count, n = q.shape
     found = model.evaluate("velocity", state_arguments(model.time, q, s, np.zeros_like(q)), parameters)
     gradient = found["d"][:, model.layout.independent_holonomic]
@@ -326,7 +326,7 @@ def _newton(
         return np.zeros_like(q)
     jacobian = np.stack(columns, axis=2)
     if downhill:
-        # directions of negative stiffness are taken with its absolute value, as in a search for a static equilibrium
+        # replace negative stiffness by its absolute value, as in a search for a static equilibrium
         reduced = basis.transpose(0, 2, 1) @ jacobian
         values, modes = np.linalg.eigh(-(reduced + reduced.transpose(0, 2, 1)) / 2)
         along = apply(modes.transpose(0, 2, 1), apply(basis.transpose(0, 2, 1), force))
@@ -340,7 +340,7 @@ def _newton(
 
 
 def _counted(model: Model, q: Array, s: Array, moved: Array, parameters: Array) -> Array:
-    """Change of the auxiliary states with the pose, as components state them, up to whole turns."""
+    """Return the change of initial auxiliary states with the pose, up to whole turns."""
     ends = [
         model.evaluate("initial", state_arguments(model.time, x, np.zeros_like(s), np.zeros_like(x)), parameters)["s"]
         for x in (q, moved)
@@ -350,7 +350,7 @@ def _counted(model: Model, q: Array, s: Array, moved: Array, parameters: Array) 
 
 
 def _closed(model: Model, q: Array, s: Array, step: Array, parameters: Array) -> tuple[Array, Array]:
-    """Take steps, and close the constraints by the least change; NaN if they do not close."""
+    """Take steps, and close the constraints by the least change; NaN if they cannot be closed."""
     x, y, kept = q + step, s, model.layout.independent_holonomic
     for _ in range(12):
         y = s + _counted(model, q, s, x, parameters)

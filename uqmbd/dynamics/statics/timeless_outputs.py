@@ -1,10 +1,10 @@
-"""Outputs without a time: modes about rest or steady motion, values there, and results of an integration."""
+"""Scalar outputs, which have no time: modes, values at rest or in steady motion, and results of an integration."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import sympy
@@ -22,6 +22,7 @@ from uqmbd.dynamics.equations import (
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe, observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
+from uqmbd.dynamics.statics.linear_response import LinearMap, linear_map
 from uqmbd.dynamics.statics.mode_values import ModeMap, mode_map
 from uqmbd.dynamics.statics.modes import linearise
 from uqmbd.dynamics.statics.screws import Screws
@@ -34,6 +35,7 @@ from uqmbd.mechanism import (
     AtSteady,
     EventTime,
     FirstTime,
+    LinearOutput,
     ModeShape,
     MotionSymbol,
     Output,
@@ -52,26 +54,26 @@ __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 LASTING = ("rest", "lift-off", "stick", "slip")
 """Labels of events of a persistent contact."""
 
-LETTERS = ("_m", "_n", "_e", "_s", "_u", "_x")
-"""Arguments of the kernel of outputs, in order: modal, motion, resting, steady, summed, inputs."""
+LETTERS = ("_m", "_n", "_e", "_s", "_u", "_d", "_x")
+"""Prefixes of the arguments of the output kernel, in order: modal, motion, resting, steady, summed, linear, inputs."""
 
 CHANGES = 1e-5
-"""Share by which a value may change in a steady motion, by rounding and Newton's method."""
+"""Allowed relative change of a value in a steady motion, due to rounding and Newton's method."""
 
 
 @dataclass(frozen=True)
 class ScalarValues:
-    """Outputs without a time of K realisations."""
+    """Scalar outputs of K realisations."""
 
-    values: Array  # (K, scalar): NaN where a realisation has none
-    status: Index  # (K,): `Status`; OTHER: no such value, as no equilibrium or fewer modes
+    values: Array  # (K, scalar): NaN if a realisation has no value
+    status: Index  # (K,): `Status`; OTHER: missing value, for example without equilibrium or with fewer modes
     messages: tuple[str, ...]  # reasons
-    # (K, scalar): events that do not occur up to the last output time in a realisation that has not failed: NaN
+    # (K, scalar): events later than the last output time in successful realisations; their values are NaN
     censored: Mask
 
     @classmethod
     def joined(cls, parts: Sequence[ScalarValues]) -> ScalarValues:
-        """Join those of several chunks."""
+        """Join the outputs of several chunks."""
         return cls(
             np.concatenate([p.values for p in parts]),
             np.concatenate([p.status for p in parts]),
@@ -82,20 +84,21 @@ class ScalarValues:
 
 @dataclass(frozen=True)
 class ScalarMap:
-    """Compiled outputs without a time."""
+    """Compiled scalar outputs."""
 
-    names: tuple[str, ...]  # as the user wrote them
-    units: tuple[str, ...]  # as the user wrote them
-    modal: ModeMap  # required numbers of modes: frequencies (Hz), damping ratios, shapes
+    names: tuple[str, ...]  # in the user's spelling
+    units: tuple[str, ...]  # in the user's spelling
+    modal: ModeMap  # required quantities of modes: frequencies (Hz), damping ratios, shapes
     motion: tuple[str, ...]  # names of the required results of an integration
-    resting: OutputMap  # expressions that are evaluated at static equilibrium
-    steady: OutputMap  # expressions that are evaluated in steady motion
+    resting: OutputMap  # expressions at static equilibrium
+    steady: OutputMap  # expressions in steady motion
     summed: SummaryMap  # summaries of the motion
-    summed_in: tuple[tuple[str, str], ...]  # for each summary an output that contains it, and its text in messages
-    kernel: Kernel  # of (modal, motion, resting, steady, summed, inputs)
-    # for each output the arguments that a realisation may not reach: first times, and times of events
+    summed_in: tuple[tuple[str, str], ...]  # for each summary: its output, and its text in messages
+    responses: LinearMap | None  # values of the linearised mechanism
+    kernel: Kernel  # of (modal, motion, resting, steady, summed, linear, inputs)
+    # for each output: arguments that may be censored (first times and times of events)
     reaching: tuple[tuple[int, ...], ...]
-    late: tuple[str, ...]  # for each output the message on a realisation that does not reach them
+    late: tuple[str, ...]  # for each output: message on a realisation with a censored argument
 
     @property
     def needs_motion(self) -> bool:
@@ -108,14 +111,19 @@ class ScalarMap:
         return self.summed.needs_dense_output
 
     def of_events(self, output: int) -> bool:
-        """Return whether times of events are in an output, by number."""
+        """Return whether an output, given by its number, contains times of events."""
         first = len(self.modal.values)
         return any(first <= argument < first + len(self.motion) for argument in self.reaching[output])
 
     @property
     def needs_equilibrium(self) -> bool:
         """Whether the static equilibrium must be found."""
-        return bool(self.resting.names) or "equilibrium" in self.modal.poses
+        return bool(self.resting.names) or "equilibrium" in (self.modal.poses | self.linear_poses)
+
+    @property
+    def linear_poses(self) -> frozenset[str]:
+        """Poses about which the response to excitations is linearised."""
+        return frozenset() if self.responses is None else self.responses.poses
 
     @property
     def needs_steady_motion(self) -> bool:
@@ -131,7 +139,7 @@ def scalar_map(
     inputs: Sequence[RandomVariable],
     sizes: tuple[int, int, int],
 ) -> ScalarMap | None:
-    """Compile outputs without a time, with arguments as of `output_map`; None if there are no outputs."""
+    """Compile scalar outputs, with the arguments of `output_map`; None if there are no outputs."""
     if not outputs:
         return None
     free = sorted({s for o in outputs for s in o.expression.free_symbols if isinstance(s, ScalarSymbol)}, key=str)
@@ -141,17 +149,18 @@ def scalar_map(
     for symbol in motion:
         if isinstance(symbol, EventTime):
             _require_event(symbol, outputs, instances)
-    held, going, summed = (
+    held, going, summed, excited = (
         sorted({e for o in outputs for e in o.expression.atoms(kind)}, key=str)
-        for kind in (AtEquilibrium, AtSteady, Summary)
+        for kind in (AtEquilibrium, AtSteady, Summary, LinearOutput)
     )
 
-    def compiled(part: Sequence[Output], *, gradients: bool = False) -> OutputMap:
+    def compiled(part: Sequence[Output], *, gradients: Literal["", "motion", "all"] = "") -> OutputMap:
         return output_map(part, instances, places, order, inputs, sizes, gradients=gradients)
 
     resting, steady = (compiled([Output(str(e), e.args[0], "") for e in part]) for part in (held, going))
-    # whole expressions first, for their symbols are states
+    # whole expressions come first, because their symbols are states
     swaps: list[tuple[Any, list[Any]]] = [("_e", held), ("_s", going), ("_u", summed), ("_m", modal), ("_n", motion)]
+    swaps[3:3] = [("_d", excited)]
     swaps.append(("_x", list(inputs)))
     local = [o.expression for o in outputs]
     for letter, old in swaps:
@@ -173,12 +182,13 @@ def scalar_map(
     return ScalarMap(
         tuple(o.name for o in outputs),
         tuple(o.units for o in outputs),
-        mode_map(modal, lambda part: compiled(part, gradients=True)),
+        mode_map(modal, lambda part: compiled(part, gradients="motion")),
         tuple(str(s) for s in motion),
         resting,
         steady,
         summary_map(summed, compiled),
         tuple((next(o.name for o in outputs if o.expression.has(s)), shown(s)) for s in summed),
+        linear_map(excited, instances, inputs, lambda part: compiled(part, gradients="all")),
         kernel,
         tuple(
             tuple(k for k, s in enumerate(every) if isinstance(s, EventTime | FirstTime) and o.expression.has(s))
@@ -192,11 +202,11 @@ def _late(expression: sympy.Expr) -> str:
     """Return a message on the missing event of an output."""
     events = sorted(map(str, expression.atoms(EventTime)))
     one = len(events) == 1 and not expression.atoms(FirstTime)
-    return f"{f'the event {events[0]!r}' if one else 'it'} does not happen until the last output time"
+    return f"{f'the event {events[0]!r}' if one else 'it'} does not occur until the last output time"
 
 
 def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequence[Instance]) -> None:
-    """Raise unless a component has events of that label."""
+    """Raise unless the component has events with this label."""
     kinds = [e for i in instances if i.component is symbol.component for e in i.type.events]
     lasting = LASTING if any(e.directions for e in kinds) else ()
     known = [*dict.fromkeys(e.label for e in kinds), *lasting]
@@ -217,12 +227,12 @@ def scalars_of(
     wanted: ScalarMap | None = None,
     never: float | None = None,
 ) -> ScalarValues:
-    """Evaluate the outputs without a time of K realisations; by default those of the model.
+    """Evaluate scalar outputs of K realisations; by default the scalar outputs of the model.
 
-    Poses are those of the start of each realisation, and the static equilibria and steady motions found from there;
-    time is the initial one, except in steady motions.  The motion is required where ``model.scalars.needs_motion``.
-    The time `never`, s, replaces first times and events that do not occur; by default outputs that depend on them are
-    NaN.  A realisation that lacks one of the values has none of them.
+    Poses are the initial pose of each realisation, and the static equilibrium and steady motion found from it.  Time is
+    the initial time, except in steady motions.  `trajectories` are required if ``model.scalars.needs_motion``.  The
+    time `never`, s, replaces censored first times and event times; by default the dependent outputs are NaN.  If one
+    value of a realisation is missing, all its values are missing.
     """
     model = ensemble.model
     seen: ScalarMap = wanted or model.scalars
@@ -231,7 +241,8 @@ def scalars_of(
     messages = list(start.messages)
     status = start.status
     blocks = (seen.modal.values, seen.motion, seen.resting.names, seen.steady.names, seen.summed.names)
-    ends = np.cumsum([len(block) for block in blocks])
+    responses = 0 if seen.responses is None else len(seen.responses.wanted)
+    ends = np.cumsum([*(len(block) for block in blocks), responses])
     columns = np.full((count, int(ends[-1])), np.nan)
 
     def fail(members: Index, reasons: Sequence[str], kind: Status = Status.OTHER) -> None:
@@ -266,6 +277,14 @@ def scalars_of(
             if value.pose == pose:
                 columns[good, column], reasons = seen.modal.evaluate(value, some, modes, seen_at)
                 fail(good, reasons)
+    for pose in sorted(seen.linear_poses):
+        good = np.flatnonzero(status == Status.OK)
+        if seen.responses is None or not len(good):
+            break
+        q, s = (x[good] for x in poses[pose])
+        numbers, found_values, reasons = seen.responses.evaluate(ensemble.select(good), pose, q, s)
+        columns[np.ix_(good, ends[4] + np.array(numbers, dtype=np.int64))] = found_values
+        fail(good, reasons)
     if seen.needs_motion:
         given: Mapping[str, Array] = {} if trajectories is None else trajectories.scalars
         failed = [""] * count if trajectories is None else list(trajectories.messages)
@@ -285,7 +304,7 @@ def scalars_of(
         fail(good, reasons)
     good = np.flatnonzero(status == Status.OK)
     if seen.summed.names and trajectories is not None and len(good):
-        columns[good, ends[3] :], lost = summarised(ensemble, seen.summed, trajectories, good)
+        columns[good, ends[3] : ends[4]], lost = summarised(ensemble, seen.summed, trajectories, good)
         for member, reason in zip(good.tolist(), lost, strict=True):
             if reason is not None:
                 name, expression = seen.summed_in[reason.number]
@@ -325,7 +344,7 @@ def _at_rest(ensemble: Batch, resting: OutputMap, q: Array, s: Array) -> Array:
 
 
 def _on_the_way(ensemble: Batch, screws: Screws | None) -> tuple[Array, Array]:
-    """States of a steady motion (S, width) at the times at which it is examined, and these, after the start."""
+    """Return states of a steady motion (S, width) at the examined times, and these times, s after the start."""
     if screws is None:
         return np.zeros((0, ensemble.model.layout.width)), np.zeros(0)
     after = np.array(screws.times)
@@ -334,7 +353,7 @@ def _on_the_way(ensemble: Batch, screws: Screws | None) -> tuple[Array, Array]:
 
 
 def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tuple[Array, list[str]]:
-    """Evaluate expressions in steady motions, shape (K, expression); also return which change along the motion."""
+    """Evaluate expressions in steady motions, shape (K, expression); also return messages on varying expressions."""
     values, reasons = np.full((len(ensemble), len(steady.names)), np.nan), [""] * len(ensemble)
     for k, screws in enumerate(motions.screws):
         if screws is None:
@@ -349,8 +368,8 @@ def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tu
         if moving.any():
             i = int(np.argmax(moving))
             reasons[k] = (
-                f"{steady.names[i].replace('AtSteady', 'at_steady')} changes while the mechanism goes on steadily, by "
-                f"{change[i]:.3g} or more; take what stays the same, such as an angle between bodies, a height, or the "
-                "norm of a vector"
+                f"{steady.names[i].replace('AtSteady', 'at_steady')} changes during the steady motion, by "
+                f"{change[i]:.3g} or more; use a quantity that remains constant, such as an angle between bodies, a "
+                "height, or the norm of a vector"
             )
     return values, reasons

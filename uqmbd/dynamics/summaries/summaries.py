@@ -1,6 +1,6 @@
 """Summaries of motions: extremes, integrals, last values and first times, separately for each realisation.
 
-Integrals along a motion, and when a value is first reached.
+Also integrals along a motion, and times at which a value is first reached.
 """
 
 from __future__ import annotations
@@ -21,26 +21,55 @@ from uqmbd.dynamics.summaries.domain import Domain, domain_map, not_finite_since
 from uqmbd.dynamics.summaries.extremes import SAME, find_extremes
 from uqmbd.dynamics.summaries.motion import motion_of
 from uqmbd.dynamics.summaries.resolved import SHARE, StepParts, part_table, resolve_outputs, values_at
-from uqmbd.mechanism import Output, Summary
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import CustomSummary, DeclaredSummary, Output, Summary
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
 __all__ = ["MissingReason", "SummaryMap", "running_minimum", "summarised", "summary_map"]
 
+NODES = 16
+"""Number of nodes of Gauss' rule on each part, for functions of plugins and studies."""
+
 BISECTIONS = 60
-"""Halvings of a part in which a value is reached: to rounding."""
+"""Number of bisections to locate a reached value to rounding."""
 
 
 def integrals(parts: StepParts, column: int) -> tuple[Array, Array]:
-    """Integrate an output over the motion of each realisation, by Clenshaw and Curtis; and the lengths, (R,) each."""
+    """Integrate an output over each motion by Clenshaw-Curtis quadrature; also return the durations, (R,) each."""
     length = parts.end - parts.begin
     return np.add.reduceat(parts.of("mean", column) * length, parts.first), np.add.reduceat(length, parts.first)
 
 
-def first_times(parts: StepParts, column: int) -> Array:
-    """Find when an output is zero or above for the first time, s, of each realisation, shape (R,).
+def custom_values(parts: StepParts, column: int, declared: DeclaredSummary, numbers: tuple[float, ...]) -> Array:
+    """Apply a declared function to an output and weights in s, at nodes of Gauss' rule of each part; (R,), or NaN."""
+    places, rule = np.polynomial.legendre.leggauss(NODES)
+    series = parts.of("coefficients", column).T
+    values = np.asarray(np.polynomial.chebyshev.chebval(places, series), dtype=float)  # (E, NODES)
+    weights = np.asarray(0.5 * (parts.end - parts.begin)[:, None] * rule, dtype=float)
+    found = np.full(len(parts.first), np.nan)
+    for k, (first, last) in enumerate(zip(parts.first, np.append(parts.first[1:], len(values)), strict=True)):
+        if np.isfinite(values[first:last]).all():
+            found[k] = _number(declared, values[first:last].ravel(), weights[first:last].ravel(), numbers)
+    return found
 
-    NaN: never.  Infinite: not known, as the output is not finite before it is.
+
+def _number(declared: DeclaredSummary, values: Array, weights: Array, numbers: tuple[float, ...]) -> float:
+    """Return the number of one realisation; raise StudyError if the function raises, or returns no real number."""
+    where = f"the summary {declared.__module__}.{declared.__qualname__}"
+    try:
+        found = np.asarray(declared.function(values, weights, *numbers))
+    except Exception as error:
+        raise StudyError(f"{where} raised {type(error).__name__}: {error}") from error
+    if found.size != 1 or found.dtype.kind not in "fiu":
+        raise StudyError(f"{where} returned {found.dtype} of the shape {found.shape}; expected one real number.")
+    return float(found.reshape(()))
+
+
+def first_times(parts: StepParts, column: int) -> Array:
+    """Return the first time at which an output is zero or above, s, of each realisation, shape (R,).
+
+    NaN: the output never reaches zero.  Infinite: the time is unknown because the output is not finite before it.
     """
     times = _first_times(parts, column)
     undefined = np.isnan(parts.of("highest", column))
@@ -63,7 +92,7 @@ def _first_times(parts: StepParts, column: int) -> Array:
     series, values = (parts.of(name, column, chosen) for name in ("coefficients", "values"))
     fine = np.stack([values_at(series, np.full(len(chosen), x)) for x in FINE.tolist()], axis=1)
     fine[:, [0, -1]] = values[:, [0, -1]]
-    fine = np.where(FINE >= place[:, None], 0.0, fine)  # there it is
+    fine = np.where(FINE >= place[:, None], 0.0, fine)  # zero is reached from this place on
     top = (fine >= 0).argmax(axis=1)
     high, low = np.minimum(FINE[top], place), FINE[np.maximum(top - 1, 0)]
     for _ in range(BISECTIONS):
@@ -76,34 +105,36 @@ def _first_times(parts: StepParts, column: int) -> Array:
 
 
 AT_ONCE = 128
-"""Realisations whose motions are in memory at once."""
+"""Number of realisations with motions in memory at once."""
 
 
 @dataclass(frozen=True)
 class SummaryMap:
-    """Compiled expressions that are summarised over a motion."""
+    """Compiled expressions to summarise over a motion."""
 
-    names: tuple[str, ...]  # as written
-    kinds: tuple[str, ...]  # of each summary (`Summary.kind`)
-    columns: tuple[int, ...]  # output that each summarises, of `along`; of `ending` where only the last value counts
+    names: tuple[str, ...]  # in the user's spelling
+    kinds: tuple[str, ...]  # kind of each summary (`Summary.kind`)
+    columns: tuple[int, ...]  # output of each summary in `along`, or in `ending` for last values
     along: OutputMap
     ending: OutputMap
-    domain: Domain  # conditions under which the expressions are finite real numbers
+    # for each summary: function of a plugin or study, and its numbers; None for other summaries
+    functions: tuple[tuple[DeclaredSummary, tuple[float, ...]] | None, ...]
+    domain: Domain  # conditions for finite real values of the expressions
 
     @property
     def needs_dense_output(self) -> bool:
-        """Whether the motion between the output times counts."""
+        """Whether the motion between the output times is needed."""
         return bool(self.along.names)
 
     @cached_property
     def needs(self) -> list[Need]:
-        """Quantities that have to be resolved."""
+        """Quantities to resolve."""
         every = zip(self.kinds, self.columns, strict=True)
         return list(dict.fromkeys(Need(*_NEEDS[kind], column) for kind, column in every if kind in _NEEDS))
 
 
 _EXTREMES = {"maximum": (1.0, 0), "minimum": (-1.0, 0), "time_of_maximum": (1.0, 1), "time_of_minimum": (-1.0, 1)}
-"""Sign, and whether it is the value or the time."""
+"""Sign of an extreme, and index of the result: 0 for the value, 1 for the time."""
 
 LARGEST, SMALLEST, SO_FAR, INTEGRAL, REACHED = range(5)
 """Purposes for which an expression is resolved (`Need.kind`)."""
@@ -115,12 +146,13 @@ _NEEDS = {
     "time_of_minimum": (SMALLEST, SAME / SHARE),
     "integral": (INTEGRAL, 0.0),
     "root_mean_square": (INTEGRAL, 0.0),
+    "custom": (INTEGRAL, 0.0),
     "first_time": (REACHED, 0.0),
 }
 
 
 def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], OutputMap]) -> SummaryMap:
-    """Compile the summarised expressions; `compiled` makes a map of outputs."""
+    """Compile the summarised expressions; `compiled` returns a map of outputs."""
     ending = [s for s in found if s.kind == "final"]
     expressions = list(dict.fromkeys(s.summed for s in found if s.kind != "final"))
     last = list(dict.fromkeys(s.summed for s in ending))
@@ -132,6 +164,7 @@ def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], Out
         tuple(last.index(s.summed) if s.kind == "final" else expressions.index(s.summed) for s in found),
         summed,
         ends,
+        tuple((s.declared, s.numbers) if isinstance(s, CustomSummary) else None for s in found),
         domain_map([s.args[0] for s in along], [s.summed for s in along], compiled),
     )
 
@@ -140,9 +173,9 @@ class MissingReason(NamedTuple):
     """Reason why a realisation has no value."""
 
     status: Status
-    number: int  # of the value, among the required ones
-    fault: str  # what is wrong with it: the end of a sentence, without a full stop
-    text: str  # what is wrong with its expression: the same
+    number: int  # index among the required values
+    fault: str  # its error: the end of a sentence, without a full stop
+    text: str  # error of its expression, also the end of a sentence
 
 
 def summarised(
@@ -175,7 +208,12 @@ def summarised(
                 values = find_extremes(parts, allowed, column, sign)[which]
             elif kind == "first_time":
                 values = first_times(parts, column)
-                lost = np.where(values < lost, np.inf, lost)  # what comes later does not count
+                lost = np.where(values < lost, np.inf, lost)  # later values do not count
+            elif (custom := seen.functions[k]) is not None:
+                values = custom_values(parts, column, *custom)
+                for row in rows[~np.isfinite(values)].tolist():
+                    text = f"is not finite: {seen.names[k]} returned no finite number"
+                    reasons[row] = reasons[row] or MissingReason(Status.NOT_FINITE, k, "is not finite", text)
             else:
                 total, length = integrals(parts, column)
                 values = np.sqrt(np.maximum(total / length, 0.0)) if kind == "root_mean_square" else total
@@ -191,9 +229,9 @@ def summarised(
 def _note(
     reasons: list[MissingReason | None], rows: Index, number: int, lost: Array, rough: Array | None = None
 ) -> None:
-    """Note why realisations `rows` (R,) have no value `number`, unless a reason is already known.
+    """Record why realisations `rows` (R,) have no value `number`, unless a reason is already known.
 
-    Its expression is not a finite real number since `lost` (R,), s, and not resolved since `rough` (R,), s; infinite:
+    The expression is not finite and real from `lost` (R,), s, and not resolved from `rough` (R,), s, on; infinite:
     never.
     """
     for since, status, fault, text in (
@@ -218,7 +256,7 @@ def _note(
 
 
 def _rough_since(parts: StepParts, column: int, allowed: Array, kind: int, values: Array) -> Array:
-    """Find since when an output is not resolved where that changes the required result, s, (R,).
+    """Return the time from which an unresolved output affects the required result, s, (R,).
 
     The polynomials have tolerances (R, O); `kind` is `Need.kind`; `values` (R,) were found: for `REACHED`, times.
     """
@@ -278,12 +316,12 @@ def _resolve(
     needs: Sequence[Need],
     collect: Callable[[Index, StepParts, Array, Array], None],
 ) -> None:
-    """Resolve outputs along the motions of members, some at once, and hand them on.
+    """Resolve outputs along the motions of members in groups, and pass the groups to `collect`.
 
-    Also return their rows among the members and the tolerances of the polynomials. For each realisation, also return
-    the time since which each column is no finite real number (R, column).
+    `collect` also receives their rows among the members and the tolerances of the polynomials. Its last argument is the
+    time from which each column is not finite and real, s, for each realisation (R, column).
     """
-    if not members.size:  # all have failed, and there is no motion
+    if not members.size:  # all realisations have failed without a motion
         return
     if trajectories.path is None:
         raise ValueError("trajectories without a path: integrate(..., between=True)")
@@ -301,5 +339,5 @@ def _resolve(
         there = np.searchsorted(members[rows], parts.owner[parts.first])
         since = np.stack([not_finite_since(parts, column) for column in columns], axis=1)
         since = since if outside is None else np.minimum(since, outside)
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite has no value
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite and NaN values count as missing
             collect(rows[there], parts, table.allowed, since)

@@ -1,4 +1,4 @@
-"""The numbers of a rigid body, checked: mass, inertia, orientation."""
+"""Checks of the numbers of a rigid body: mass, inertia, orientation."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 __all__ = ["inertia_entries", "is_tensor_of_body", "mass_number", "orientation"]
 
 ROUNDING = 1e-12
-"""A negative principal moment of this size, relative to the largest, is rounding."""
+"""Size of a negative principal moment, relative to the largest, that counts as rounding."""
 
 ROUNDED = 1e-2
-"""Moments of inertia as people give them are rounded to this, relative to the largest."""
+"""Rounding of moments of inertia in user input, relative to the largest moment."""
 
 TENSOR = "a 3 x 3 matrix, (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)"
 
@@ -28,37 +28,37 @@ TENSOR = "a 3 x 3 matrix, (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)"
 def mass_number(where: str, mass: Any) -> sympy.Expr:
     """Return the mass of a body, kg; raise `uqmbd.StudyError` if it is missing, infinite, or negative at the means."""
     if mass is None:
-        raise StudyError(f"{where}: its mass is missing; give mass= in kg.")
+        raise StudyError(f"{where}: the mass is missing; give mass= in kg.")
     value = numbers(where, "mass", mass, 1, "kg", scalar=True)[0]
     at_means = _nominal(where, "mass", value)
     if at_means < 0:
-        raise StudyError(f"{where}: its mass is {at_means:g} kg{_at_means(value)}; a mass cannot be negative.")
+        raise StudyError(f"{where}: the mass is {at_means:g} kg{_at_means(value)}; expected 0 or more.")
     return value
 
 
 def inertia_entries(where: str, space: Space, inertia: Any) -> tuple[sympy.Expr, ...]:
-    """Return the inertia of a body: none for point masses, one number in the plane, six tensor entries in space.
+    """Return the inertia of a body: empty for point masses, one number in the plane, six tensor entries in space.
 
-    Raises `uqmbd.StudyError` if it is missing, has the wrong form, or is physically impossible at the means of the
+    Raises `uqmbd.StudyError` if the inertia is missing, has the wrong form, or is physically impossible at the means of
     random variables.
     """
     if not space.turns:
         if inertia is not None:
             raise StudyError(
-                f"{where}: inertia is given, but bodies in {type(space).__name__} space are point masses; leave it out."
+                f"{where}: inertia is given, but bodies in {type(space).__name__} space are point masses; omit inertia."
             )
         return ()
     if inertia is None:
         form = "one number" if space.dimension == 2 else TENSOR
         raise StudyError(
-            f"{where}: its inertia is missing; give inertia= as {form}, about the centre of mass, in kg m^2 "
-            "(0 for a point mass)."
+            f"{where}: the inertia is missing; give inertia= as {form}, about the centre of mass, in "
+            "kg m^2 (0 for a point mass)."
         )
     if space.dimension == 2:
         value = numbers(where, "inertia", inertia, 1, "about the centre of mass, kg m^2", scalar=True)[0]
         at_means = _nominal(where, "inertia", value)
         if at_means < 0:
-            raise StudyError(f"{where}: its inertia is {at_means:g} kg m^2{_at_means(value)}; it cannot be negative.")
+            raise StudyError(f"{where}: the inertia is {at_means:g} kg m^2{_at_means(value)}; expected 0 or more.")
         return (value,)
     return _tensor(where, inertia)
 
@@ -67,12 +67,14 @@ def _tensor(where: str, inertia: Any) -> tuple[sympy.Expr, ...]:
     """Return ``(Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)`` of an inertia tensor."""
     parts = flatten(inertia)
     if len(parts) not in (3, 6, 9):
-        raise StudyError(f"{where}: inertia is {shown(inertia)}; expected {TENSOR}, all tensor entries, in kg m^2.")
+        raise StudyError(f"{where}: inertia is {shown(inertia)}; expected {TENSOR}, with tensor entries in kg m^2.")
     entries = numbers(where, "inertia", parts, len(parts), "kg m^2")
     if len(entries) == 9:
         matrix = np.array([_nominal(where, "inertia", x) for x in entries]).reshape(3, 3)
         if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * abs(matrix).max()):
-            raise StudyError(f"{where}: the inertia matrix {matrix.tolist()} is not symmetric.")
+            raise StudyError(
+                f"{where}: the inertia matrix {matrix.tolist()} is not symmetric; expected a symmetric matrix."
+            )
         entries = [entries[k] for k in (0, 4, 8, 1, 2, 5)]
     elif len(entries) == 3:
         entries += [sympy.S.Zero] * 3
@@ -81,23 +83,24 @@ def _tensor(where: str, inertia: Any) -> tuple[sympy.Expr, ...]:
     if moments[0] < -ROUNDING * abs(moments).max():
         listed = ", ".join(f"{x:.4g}" for x in moments)
         raise StudyError(
-            f"{where}: its inertia tensor is not positive semi-definite (principal moments {listed} kg m^2"
-            f"{_at_means(*entries)}); check the products of inertia: they are tensor entries, J[0, 2] = +Jxz."
+            f"{where}: the inertia tensor is not positive semi-definite (principal moments {listed} kg "
+            f"m^2{_at_means(*entries)}). Check the signs of the products of inertia; the tensor entry "
+            "J[0, 2] is +Jxz."
         )
     if not is_tensor_of_body(moments):
         listed = ", ".join(f"{x:.4g}" for x in moments)
         raise StudyError(
-            f"{where}: no body has this inertia tensor: its principal moments are {listed} kg m^2"
-            f"{_at_means(*entries)}, and the largest is more than the sum of the other two "
-            f"({moments[2]:.4g} > {moments[0] + moments[1]:.4g}). It is that about the centre of mass."
+            f"{where}: the inertia tensor is physically impossible. Its principal moments are {listed} kg "
+            f"m^2{_at_means(*entries)}, and the largest exceeds the sum of the other two ({moments[2]:.4g} > "
+            f"{moments[0] + moments[1]:.4g}). Give the tensor about the centre of mass."
         )
     return tuple(entries)
 
 
 def is_tensor_of_body(moments: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether ascending principal moments of inertia (..., 3), kg m^2, belong to a mass distribution: (...).
+    """Return whether a mass distribution can have principal moments of inertia (..., 3), ascending, kg m^2: (...).
 
-    None is negative, and none exceeds the sum of the other two.  Numbers that were rounded to 1 % pass.
+    No moment may be negative, and no moment may exceed the sum of the other two.  Rounding to 1 % is tolerated.
     """
     slack = ROUNDED * np.abs(moments[..., 2])
     fine: NDArray[np.bool_] = (moments[..., 0] >= -ROUNDING * np.abs(moments).max(axis=-1)) & (
@@ -109,9 +112,9 @@ def is_tensor_of_body(moments: NDArray[np.float64]) -> NDArray[np.bool_]:
 def orientation(
     where: str, space: Space, angle: Any = None, quaternion: Any = None, rotation: Any = None
 ) -> tuple[sympy.Expr, ...]:
-    """Return the drawn quaternion of a body: a half-angle pair in the plane, nothing where bodies do not turn.
+    """Return the drawn quaternion of a body: a half-angle pair in the plane, empty for point masses.
 
-    Raises `uqmbd.StudyError` if the orientation has a form of another space, has two forms at once, or is no rotation.
+    Raises `uqmbd.StudyError` if the orientation is given twice, in a form for another space, or is not a rotation.
     """
     forms = {"angle": angle, "quaternion": quaternion, "rotation": rotation}
     given = {key: value for key, value in forms.items() if value is not None}
@@ -136,19 +139,19 @@ def orientation(
     length = math.hypot(*at_means)
     if abs(length - 1) > 1e-3:
         raise StudyError(
-            f"{where}: the quaternion {shown(quaternion)} has length {length:.4g}{_at_means(*entries)}; "
-            "expected 1 (scalar first)."
+            f"{where}: the quaternion {shown(quaternion)} has the length {length:.4g}{_at_means(*entries)}; expected "
+            "the length 1, with the scalar part first."
         )
-    # q and -q are one orientation: take the one whose first non-zero number is positive
+    # q and -q are the same orientation: choose the sign so that the first non-zero number is positive
     lead = next(x for x in at_means if abs(x) > 1e-9)
     return unit([x if lead > 0 else -x for x in entries])
 
 
 def _require_form(where: str, space: Space, given: Mapping[str, Any]) -> None:
-    """Raise unless an orientation is given at most once, in the form that belongs to the space."""
+    """Raise if an orientation is given more than once, or in a form for another space."""
     name = type(space).__name__
     if not space.turns:
-        right, remedy = set(), f"bodies in {name} space do not turn; leave it out"
+        right, remedy = set(), f"bodies in {name} space do not rotate; omit it"
     elif space.dimension == 2:
         right, remedy = {"angle"}, "in the plane the orientation is angle= in rad"
     else:
@@ -158,7 +161,7 @@ def _require_form(where: str, space: Space, given: Mapping[str, Any]) -> None:
         if key not in right:
             raise StudyError(f"{where}: {key} is given, but {remedy}.")
     if len(given) > 1:
-        raise StudyError(f"{where}: both {' and '.join(given)} are given; give one of them.")
+        raise StudyError(f"{where}: both {' and '.join(given)} are given; give only one of them.")
 
 
 def _nominal(where: str, key: str, value: sympy.Expr) -> float:
@@ -169,5 +172,5 @@ def _nominal(where: str, key: str, value: sympy.Expr) -> float:
 
 
 def _at_means(*values: sympy.Expr) -> str:
-    """Return a note for a message that a number is the one at the means, if anything is random."""
+    """Return a note that a number in a message applies at the means, if any value is random."""
     return "" if all(x.is_number for x in values) else " at the means of the random variables"

@@ -1,4 +1,4 @@
-"""Random inertia that a body can have: maximum entropy on the cone of physical inertias (Batou and Soize 2012)."""
+"""Random inertia of maximum entropy on the cone of physical inertias (Batou and Soize 2012)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uqmbd.randomness import random_factor, random_root
 __all__ = ["MassProperties", "random_body_inertia", "random_inertia"]
 
 ROUNDING = 1e-12
-"""A second moment of this size, relative to the largest, is zero."""
+"""Size of a second moment, relative to the largest, that counts as zero."""
 
 VARYING = {
     n: f"an inertia {of}" for n, of in enumerate(("that varies in one number", "of a flat body", "of a body"), 1)
@@ -31,55 +31,59 @@ VARYING = {
 @typechecked
 @checked
 def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
-    r"""Make the inertia of a body random, so that every value is that of a distribution of mass.
+    r"""Make the inertia of a body random, so that every realisation is physically possible.
 
-    A tensor of inertia is that of a body only if no principal moment is more than the sum of the other two: if the
-    second moments of mass :math:`S = \tfrac{1}{2} \operatorname{tr}(J) I - J` are positive semi-definite.  This is the
-    distribution of largest entropy among those with a given mean, a given dispersion, and an inverse of finite
-    variance: :math:`S = F G F^T`. Here :math:`F F^T` are the mean second moments, and :math:`G` is a random matrix of
-    mean :math:`I`. It is a Wishart matrix of any real number of degrees of freedom.
+    An inertia tensor :math:`J` is physical only if no principal moment exceeds the sum of the other two.  Equivalently,
+    the matrix of second moments of mass :math:`S = \tfrac{1}{2} \operatorname{tr}(J) I - J` is positive semi-definite.
+    The random matrix is :math:`S = F G F^T`.  :math:`F F^T` is the mean of :math:`S`, and :math:`G` is a random
+    Wishart matrix of mean :math:`I` with a real number of degrees of freedom.  Among all distributions with the given
+    mean and dispersion, and with an inverse of finite variance, the distribution of :math:`S` has the largest entropy.
 
     Parameters
     ----------
     mean : float or array_like
-        Mean inertia about the centre of mass, kg m^2, as a body takes it: one number for a planar body; the diagonal,
-        six entries ``(Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)`` or a 3 x 3 matrix for a spatial one.  Plain numbers.
+        Mean inertia about the centre of mass, kg m^2, in the form for `Mechanism.body`. Planar body: one number.
+        Spatial body: the diagonal, six entries ``(Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)`` or a 3 x 3 matrix. All entries are
+        plain numbers.
     dispersion : float
-        :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms.  In the plane it is the
-        coefficient of variation of the moment of inertia. In space the second moments have the covariance
-        :math:`\operatorname{cov}(S_{ij}, S_{kl}) = \frac{\delta^2}{4} (S_{ik} S_{jl} + S_{il} S_{jk})` (a third for a
-        flat body). So each moment of inertia of a ball has a coefficient of variation of :math:`\delta / 2`.
+        :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms.  In the plane, the
+        dispersion is the coefficient of variation of the moment of inertia. In space, the second moments have the
+        covariance
+        :math:`\operatorname{cov}(S_{ij}, S_{kl}) = \frac{\delta^2}{4} (S_{ik} S_{jl} + S_{il} S_{jk})`, with means on
+        the right-hand side. For a flat body, the factor is :math:`\delta^2 / 3`. Each moment of inertia of a ball thus
+        has a coefficient of variation of :math:`\delta / 2`.
     name : str
-        Beginning of the names of the random variables; every body needs its own.
+        First part of the names of the random variables; every body needs a different one.
 
     Returns
     -------
     sympy.Expr or tuple of sympy.Expr
-        What ``mechanism.body(inertia=...)`` takes: one expression, or the six entries of the tensor, in independent
-        random variables: quadratic polynomials in normal ones (``NAME.12``) and chi distributed ones (``NAME.11``).
-        What has no extent stays so: a flat body has three variables, a rod one.
+        Inertia for ``mechanism.body(inertia=...)``: one expression, or the six entries of the tensor. The inertia is a
+        quadratic polynomial in independent random variables with normal (``NAME.12``) or chi distributions
+        (``NAME.11``). Directions without extent have no variables: a flat body has three variables, a rod has one.
 
     Raises
     ------
     uqmbd.StudyError
-        If `mean` is no inertia of a body, is random itself or zero, or the inverse has no finite variance, so that
-        accelerations have none: `dispersion` has to be below 0.816 in space (a flat body 0.774, a rod and in the plane
-        0.707).
+        If `mean` is not the inertia of a body, is random, or is zero. Also if `dispersion` is so large that the inverse
+        of the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.816 in space.
+        The limit is 0.774 for a flat body, and 0.707 for a rod and for a planar body.
 
     See Also
     --------
-    uqmbd.random_body_inertia : mass and centre of mass are random, too.
-    uqmbd.Mechanism.randomise : factors for the second moments along the principal axes, whose directions stay.
+    uqmbd.random_body_inertia : random mass, centre of mass and inertia.
+    uqmbd.Mechanism.randomise : random factors of the second moments along principal axes with fixed directions.
 
     Notes
     -----
     A. Batou and C. Soize, "Rigid multibody system dynamics with uncertain rigid bodies", Multibody System Dynamics 27
     (2012) 285-319; C. Soize, "A nonparametric model of random uncertainties for reduced matrix models in structural
-    dynamics", Probabilistic Engineering Mechanics 15 (2000) 277-294.  There, mass, centre of mass and second moments
-    over mass are independent; where the mass is random as well, multiply all entries by mass over mean mass.
+    dynamics", Probabilistic Engineering Mechanics 15 (2000) 277-294.  In these models, mass, centre of mass and second
+    moments divided by mass are independent. If the mass is also random, multiply all entries by the ratio of the mass
+    to the mean mass.
 
-    Single simulations use the means of the random variables. There the tensor is smaller than its mean by about
-    :math:`\delta^2 / 4`, since it is quadratic in them.
+    Single simulations use the means of the random variables. At these means, the tensor is smaller than its own mean by
+    a fraction of about :math:`\delta^2 / 4`. The reason is that the tensor is quadratic in the random variables.
 
     Examples
     --------
@@ -100,7 +104,9 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
         delta = _dispersion(where, dispersion, 1, VARYING[1])
         return given[0] * random_factor(name, delta)
     if not any(given):
-        raise StudyError(f"{where}: the mean is zero, that of a point mass; nothing of it can vary.")
+        raise StudyError(
+            f"{where}: the mean is zero, as for a point mass, and cannot vary; expected an inertia above zero."
+        )
     root = _root(where, given)
     rank = root.shape[1]
     delta = _dispersion(where, dispersion, rank, VARYING[rank])
@@ -114,20 +120,21 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
 @typechecked
 @dataclass(frozen=True)
 class MassProperties:
-    """Mass, centre of mass and inertia of a body, as `Mechanism.body` takes them.
+    """Mass, centre of mass and inertia of a body, in the form of the arguments of `Mechanism.body`.
 
     Attributes
     ----------
     mass : sympy.Expr
-        kg.
+        Mass, kg.
     centre : tuple of sympy.Expr
-        Coordinates of the centre of mass in the frame in which its mean was given, m.
+        Coordinates of the centre of mass, m, in the frame of the given mean centre of mass.
     inertia : sympy.Expr or tuple of sympy.Expr
-        About the centre of mass, parallel to that frame, kg m^2: one number in the plane, six entries in space.
+        Inertia about the centre of mass, kg m^2, in axes parallel to the same frame: one number in the plane, six
+        entries in space.
 
     Examples
     --------
-    As `uqmbd.random_body_inertia` gives them; without a dispersion they are the mean:
+    `uqmbd.random_body_inertia` returns random mass properties. Here the mass properties are numbers:
 
     >>> import uqmbd
     >>> disc = uqmbd.extend.MassProperties(mass=2.0, centre=(0.1, 0.0), inertia=0.5)
@@ -145,55 +152,56 @@ class MassProperties:
 @typechecked
 @checked
 def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float, name: str = "body") -> MassProperties:
-    r"""Make mass, centre of mass and inertia of a body random together, so that every value is that of a body.
+    r"""Make mass, centre of mass and inertia of a body jointly random, with physically possible realisations only.
 
-    A body has the pseudo-inertia :math:`P = \int (1, x)(1, x)^T \mathrm{d}m`: mass, first and second moments about the
-    origin of a frame of the body.  It is that of a distribution of mass if it is positive semi-definite.  This is the
-    distribution of largest entropy with a given mean, a given dispersion, and an inverse of finite variance:
-    :math:`P = F G F^T` with :math:`F F^T` the mean and :math:`G` a random matrix of mean :math:`I`.
+    The pseudo-inertia :math:`P = \int (1, x)(1, x)^T \mathrm{d}m` of a body contains its mass, and the first and second
+    moments about the origin of a body frame.  A positive semi-definite pseudo-inertia is physical.  The random
+    pseudo-inertia is :math:`P = F G F^T`, with its mean :math:`F F^T` and a random matrix :math:`G` of mean :math:`I`.
+    Among all distributions with the given mean and dispersion, and with an inverse of finite variance, the distribution
+    of :math:`P` has the largest entropy.
 
     Parameters
     ----------
     mass : float
-        Mean mass, kg.  A plain number, as all means.
+        Mean mass, kg.  Mass, centre and inertia are plain numbers.
     centre : array_like, shape (2,) or (3,)
         Mean centre of mass, m, in a frame of the body; two numbers for a planar body.
     inertia : float or array_like
-        Inertia about it, kg m^2, as `uqmbd.random_inertia` takes it; 0, or (0, 0, 0), for a point mass.
+        Inertia about `centre`, kg m^2, in the form for `uqmbd.random_inertia`; 0, or (0, 0, 0), for a point mass.
     dispersion : float
         :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms, so that
         :math:`\operatorname{cov}(P_{ij}, P_{kl}) = \frac{\delta^2}{n + 1} (P_{ik} P_{jl} + P_{il} P_{jk})` with
         :math:`n = 4` (3 for flat and for planar bodies, 2 for a rod, 1 for a point mass).
     name : str
-        Beginning of the names of the random variables; every body needs its own.
+        First part of the names of the random variables; every body needs a different one.
 
     Returns
     -------
     MassProperties
         Expressions in independent random variables.  In space the mass has a coefficient of variation of
-        :math:`\delta \sqrt{2/5} = 0.63\,\delta`.  The centre of mass has the mean that is given, is normal given the
-        mass, and scatters by about :math:`\delta / \sqrt{5} = 0.45\,\delta` radii of gyration.  The inertia about the
-        centre of mass is independent of both.
+        :math:`\delta \sqrt{2/5} = 0.63\,\delta`.  The centre of mass has the mean `centre` and, conditional on the
+        mass, a normal distribution. It scatters by about :math:`\delta / \sqrt{5} = 0.45\,\delta` radii of gyration.
+        The inertia about the centre of mass is independent of mass and centre of mass.
 
     Raises
     ------
     uqmbd.StudyError
-        If the means are those of no body or random themselves, or the inverse has no finite variance, so that
-        accelerations have none: `dispersion` has to be below 0.845 in space.
+        If the means are random, or are not physically possible. Also if `dispersion` is so large that the inverse of
+        the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.845 in space.
 
     See Also
     --------
-    uqmbd.random_inertia : mass and centre of mass are certain.
+    uqmbd.random_inertia : random inertia with deterministic mass and centre of mass.
 
     Notes
     -----
     In the model of A. Batou and C. Soize, Multibody System Dynamics 27 (2012) 285-319, mass, centre of mass and second
-    moments over mass are independent, with a dispersion each; here one matrix with one dispersion holds them all.  That
-    a body is physical if its pseudo-inertia is positive: P. Wensing, S. Kim and J.-J. Slotine, IEEE Robotics and
-    Automation Letters 3 (2018) 60-67.
+    moments divided by mass are independent, with separate dispersions. Here one random matrix with one dispersion
+    contains all three quantities.  P. Wensing, S. Kim and J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018)
+    60-67, show that a body is physical if its pseudo-inertia is positive.
 
-    The mean of the inertia about the *mean* centre of mass is `inertia`.  That about the random centre is smaller by
-    the factor :math:`1 - \delta^2 / (n + 1)`, since the centre scatters.
+    The mean of the inertia about the *mean* centre of mass is `inertia`.  The mean of the inertia about the random
+    centre of mass is this value times :math:`1 - \delta^2 / (n + 1)`, because the centre of mass scatters.
 
     Examples
     --------
@@ -217,14 +225,14 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     if heavy <= 0:
         raise StudyError(f"{where}: the mass is {heavy:g} kg; expected more than 0.")
     given = _numbers(where, "inertia", inertia, inertia_entries(where, Planar() if planar else Spatial(), inertia))
-    # of a planar body only the sum of both second moments matters
+    # a planar body depends only on the sum of both second moments
     root = np.eye(2)[:, : 2 * (given[0] > 0)] * math.sqrt(given[0] / 2) if planar else _root(where, given)
     size = 1 + root.shape[1]
     delta = _dispersion(where, dispersion, size, f"a pseudo-inertia of rank {size}")
     if size == 1:
         return MassProperties(heavy * random_factor(name, delta), tuple(map(sympy.Float, place)), _none(planar))
-    # P = F A (F A)^T with the triangular A: the mass has its first entry alone, and what is left of the second moments
-    # by the centre has its last rows alone
+    # P = F A (F A)^T with the triangular A: the mass depends only on the first entry of A, and the second moments about
+    # the centre depend only on the last rows of A
     lower = random_root(name, delta, size).T
     shift = sympy.Matrix(root) * lower[1:, 0] / (math.sqrt(heavy) * lower[0, 0])
     factor = sympy.Matrix(root) * lower[1:, 1:]
@@ -239,13 +247,13 @@ def _none(planar: bool) -> Any:
 
 
 def _tensor(second: sympy.Matrix) -> tuple[sympy.Expr, ...]:
-    """Return the six entries of the inertia of second moments of mass."""
+    """Return the six entries of the inertia tensor from second moments of mass."""
     j = sympy.eye(3) * second.trace() - second
     return tuple(sympy.expand(j[i, k]) for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
 
 
 def _numbers(where: str, what: str, given: Any, entries: Any) -> list[float]:
-    """Return entries as numbers, or refuse random ones."""
+    """Return entries as numbers; raise for random entries."""
     random = sorted({str(s) for x in entries for s in as_symbolic(x).free_symbols})
     if random:
         raise StudyError(
@@ -255,7 +263,7 @@ def _numbers(where: str, what: str, given: Any, entries: Any) -> list[float]:
 
 
 def _root(where: str, entries: list[float]) -> NDArray[np.float64]:
-    """Return the root of the second moments of mass, shape (3, rank): their principal axes, scaled."""
+    """Return a root F of the second moments of mass, F F^T, (3, rank): principal axes, scaled to lengths."""
     xx, yy, zz, xy, xz, yz = entries
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if not matrix.any():
@@ -271,16 +279,16 @@ def _root(where: str, entries: list[float]) -> NDArray[np.float64]:
         tensor = np.trace(nearest) * np.eye(3) - nearest
         listed = ", ".join(f"{x:.9g}" for x in tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         raise StudyError(
-            f"{where}: the mean is that of no body, by rounding: its principal moments are "
-            f"{', '.join(f'{x:.6g}' for x in np.sort(moments))} kg m^2, and the largest is more than the sum of the "
-            f"other two. Take the nearest tensor of a body: ({listed})."
+            f"{where}: because of rounding, the mean is physically impossible. Its principal moments are "
+            f"{', '.join(f'{x:.6g}' for x in np.sort(moments))} kg m^2, and the largest exceeds the sum of the other "
+            f"two. Use the nearest possible tensor: ({listed})."
         )
     extended = second > ROUNDING * largest
     return np.asarray(axes[:, extended] * np.sqrt(second[extended]), dtype=np.float64)
 
 
 def _dispersion(where: str, dispersion: Any, size: int, what: str) -> float:
-    """Check the dispersion of a random matrix: its inverse, an inverse Wishart matrix, has a finite variance."""
+    """Check the dispersion of a random matrix: its inverse Wishart matrix must have a finite variance."""
     largest = math.sqrt((size + 1) / (size + 3))
     number = isinstance(dispersion, (int, float, np.number)) and not isinstance(dispersion, bool)
     if not number or not 0 < float(dispersion) < largest:

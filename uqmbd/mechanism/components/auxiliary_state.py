@@ -1,4 +1,4 @@
-"""Auxiliary states of components in outputs, requirements and summaries, with their units."""
+"""Symbols for auxiliary states of components in outputs, requirements and summaries, with units."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["AuxiliarySymbol", "at_initial_values", "frames_of", "make_auxiliary_
 
 
 class HasStates(Protocol):
-    """A component, as far as its auxiliary states are concerned."""
+    """Component, with the attributes that auxiliary states need."""
 
     name: str
     settled: int
@@ -33,13 +33,13 @@ class HasStates(Protocol):
 
 
 class AuxiliarySymbol(Symbolic, Symbol):
-    """An auxiliary differential state of a component, in expressions of outputs."""
+    """Symbol of an auxiliary differential state of a component in output expressions."""
 
     component: HasStates
     state: str
 
     def __new__(cls, component: HasStates, state: str, units: str) -> AuxiliarySymbol:
-        """Name it, and store its component and its name there."""
+        """Make a symbol for a state of a component, with units."""
         self: AuxiliarySymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{state}", real=True)
         self.component, self.state, self.units = component, state, units
         return self
@@ -52,10 +52,10 @@ class AuxiliarySymbol(Symbolic, Symbol):
 
 
 def make_auxiliary_state(component: HasStates, name: object, space: Space) -> AuxiliarySymbol:
-    """Return the symbol of a state that the terms of an added component make by `Local.state`."""
+    """Return the symbol of a state that `Local.state` creates in the terms of an added component."""
     where = f"{type(component).__name__} {component.name!r}: state({name!r:.80})"
     if not component.settled:
-        raise StudyError(f"{where}: the component is in no mechanism yet; call mechanism.add(...) first.")
+        raise StudyError(f"{where}: the component has not been added to a mechanism; call mechanism.add(...) first.")
     local = Local(space, frames_of(component), component.values, t)
     read, component.read = component.read, set()
     try:
@@ -65,12 +65,14 @@ def make_auxiliary_state(component: HasStates, name: object, space: Space) -> Au
     if not isinstance(name, str) or name not in local.states:
         near = did_you_mean(name, list(local.states)) if isinstance(name, str) else ""
         listed = ", ".join(map(repr, local.states)) or "none"
-        raise StudyError(f"{where}: there is no such auxiliary state{near or '.'} There are: {listed}.")
+        raise StudyError(
+            f"{where}: the component has no such auxiliary state{near or '.'} Its auxiliary states are: {listed}."
+        )
     return AuxiliarySymbol(component, name, local.units[name])
 
 
 def at_initial_values(expression: sympy.Expr, space: Space) -> sympy.Expr:
-    """Replace auxiliary states by their initial values, in the symbols of bodies and random variables."""
+    """Replace auxiliary states by their initial values, as expressions in coordinates and random variables."""
     for symbol in sorted((s for s in expression.free_symbols if isinstance(s, AuxiliarySymbol)), key=str):
         expression = expression.xreplace({symbol: _initial_value(symbol, space)})
     return expression
@@ -99,7 +101,7 @@ def _initial_value(symbol: AuxiliarySymbol, space: Space) -> sympy.Expr:
 
 
 def frames_of(component: HasStates) -> dict[str, Frame]:
-    """Return the frames of the bodies of a component by argument, in the symbols of the bodies."""
+    """Return the frames of a component's bodies, by argument name, in the symbols of the bodies."""
     return {
         role: Frame(body.space) if body.is_ground else Frame(body.space, body.q, body.v)
         for role, body in component.attached.items()

@@ -1,6 +1,6 @@
-"""Components: the description of a joint, driver, spring or force.
+"""Components: descriptions of joints, drivers, springs and forces.
 
-Length: it is one class, whose public methods tell their parameters and what they return.
+Length: the module contains one class, and its public methods document their parameters and return values.
 """
 
 from __future__ import annotations
@@ -75,26 +75,27 @@ __all__ = [
 
 
 APART = 1e-12
-"""Distance of two points on a line, relative to their places (m), up to which they are at one place."""
+"""Distance of two points on a line, relative to their coordinates (m), up to which they coincide."""
 
 
 class Component:
     """Base of joints, drivers, springs and forces.
 
-    A subclass names its body arguments in `bodies` (in `grounded` those that may be left out: the ground) and the
-    spaces it makes sense in in `spaces`, declares each `Parameter` as a class attribute, and yields terms.  Everything
-    else (equations of motion, Jacobians, reactions) is derived.
+    A subclass names its body arguments in `bodies` and its admissible spaces in `spaces`. The ground replaces omitted
+    body arguments that are in `grounded`. The subclass declares each `Parameter` as a class attribute, and its method
+    `terms` yields terms. uqmbd derives equations of motion, Jacobians and reactions from these terms.
 
-    Instead of `point_i` and `point_j`, ``at=`` gives one point in the world. Instead of `axis_i` and `axis_j` (or the
-    only one), ``axis=`` gives one axis in the world: as the bodies are drawn, and no random ones. A component whose
-    points or axes do not coincide leaves the keyword out of `drawn_by`.
+    ``at=`` gives one point in the world frame instead of `point_i` and `point_j`. ``axis=`` gives one axis in the world
+    frame instead of `axis_i` and `axis_j`, or instead of the only axis. The point and the axis refer to the drawn
+    poses, which must not be random. If the points (axes) of a component need not coincide, its `drawn_by` must not
+    contain ``at`` (``axis``).
 
     Parameters
     ----------
     name : str
-        Unique in its mechanism.
+        Name of the component, unique in its mechanism.
     *arguments, **keywords
-        The bodies, then the parameters in the order of their declaration, by position or by name.
+        Bodies, then parameters in the order of their declaration, by position or by name.
 
     Raises
     ------
@@ -103,7 +104,7 @@ class Component:
 
     Examples
     --------
-    A particle held on a circle about the world's origin:
+    A constraint holds a particle on a circle about the world's origin:
 
     >>> import uqmbd
     >>> class Circle(uqmbd.Component):
@@ -121,20 +122,20 @@ class Component:
     drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
-    """Name of its symbol in figures; the error on an unknown one lists them. Empty: by its parameters and points."""
+    """Symbol in figures; an error on an unknown name lists all symbols. Empty: chosen by parameters and points."""
     prescribed_angle: ClassVar[str] = ""
-    """Parameter that is the angle of `body_j` relative to `body_i`, of a driver that counts turns."""
+    """Parameter for the angle of `body_j` relative to `body_i`, in a driver that counts turns."""
     __signature__: ClassVar[inspect.Signature]
-    """The arguments, with types, units and descriptions, as `help` shows them."""
-    if TYPE_CHECKING:  # to mypy what has __getattr__ would be a number and a vector
+    """Arguments with types, units and descriptions, as in `help`."""
+    if TYPE_CHECKING:  # mypy would accept an object with __getattr__ as a number and a vector
         __float__: ClassVar[None]
         __len__: ClassVar[None]
     settled = 0
-    """Number of times that its parameters received values; 0: it is not part of a mechanism."""
+    """Number of times that the parameters received values; 0: the component is not part of a mechanism."""
     stating = False
-    """Whether its terms are being evaluated."""
+    """Whether the terms are being evaluated."""
     offered = False
-    """Whether it belongs to a mechanism without a call of `Mechanism.add`."""
+    """Whether the component belongs to a mechanism without a call of `Mechanism.add`."""
 
     def __init__(self, name: str | None = None, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
@@ -146,7 +147,8 @@ class Component:
         usage = f"Usage: {kind}{self.signature()}."
         if len(arguments) > len(names):
             raise StudyError(
-                f"{where}: {len(arguments) + 1} arguments given by position, at most {len(names) + 1} fit. {usage}"
+                f"{where}: {len(arguments) + 1} positional arguments are given; expected at most "
+                f"{len(names) + 1}. {usage}"
             )
         given = dict(zip(names, arguments, strict=False))
         self.world_pose = {key: keywords.pop(key) for key in KEYWORDS if key in keywords and replaced(type(self), key)}
@@ -154,22 +156,22 @@ class Component:
             if key not in (*names, *self.grounded):
                 known = [*names, *self.grounded, *(word for word in KEYWORDS if replaced(type(self), word))]
                 near = did_you_mean(key, known) or "."
-                raise StudyError(f"{where}: there is no argument {key!r}{near} {usage}")
+                raise StudyError(f"{where}: the class has no argument {key!r}{near} {usage}")
             if key in given:
                 raise StudyError(f"{where}: {key!r} is given twice. {usage}")
             given[key] = value
         for key in self.bodies:
             if key not in given and key not in self.grounded:
                 raise StudyError(f"{where}: {key!r} is missing; give a body or mechanism.ground. {usage}")
-        # reactions are those on the last one, which is never one that may be left out
+        # reactions act on the last body argument, which a call must contain
         roles = sorted(self.bodies, key=lambda key: (key != self.bodies[0], key not in self.grounded))
         self.attached: dict[str, NamedFrame] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
         self.read: set[str] = set()
-        """Parameters whose values were read, except by `prepare`."""
+        """Parameters with values read by code other than `prepare`."""
         self.prepared_from: frozenset[str] = frozenset()
-        """Parameters whose values `prepare` read."""
+        """Parameters with values read by `prepare`."""
         if not self.offered:
             for body in self.attached.values():
                 getattr(body, "drafts", {})[name] = kind
@@ -192,7 +194,7 @@ class Component:
 
     @classmethod
     def body_of(cls, parameter: str) -> str:
-        """Return the body argument in whose frame a point or an axis is given; see `Parameter`.
+        """Return the body argument whose body frame a point or an axis refers to; see `Parameter`.
 
         Examples
         --------
@@ -208,7 +210,7 @@ class Component:
 
     @classmethod
     def radius_of(cls, point: str) -> str:
-        """Return the parameter that is the radius about a point, or nothing; see `Parameter`.
+        """Return the name of the parameter for the radius about a point, or an empty text; see `Parameter`.
 
         Examples
         --------
@@ -243,24 +245,24 @@ class Component:
         declare(cls)
 
     def prepare(self) -> Mapping[str, Any]:
-        """Return further parameters, computed from the given ones (`self.point_i` and so on).
+        """Return further values by name, computed from the given parameters (`self.point_i` and so on).
 
-        Called once, when the component is added; expressions in random variables are welcome, and are evaluated once
-        for each realisation.
+        `Mechanism.add` calls this method once. The values may be expressions in random variables. The expressions are
+        evaluated once for each realisation.
         """
         return {}
 
     def terms(self, p: Local) -> Iterable[Term]:
-        """Yield the terms, written in attributes of `p` (never of `self`)."""
+        """Yield the terms as expressions in attributes of `p` (never of `self`)."""
         raise NotImplementedError
 
     def stated(self, p: Local) -> tuple[list[Term], sympy.Matrix]:
-        """Return the terms and the point of reactions; an error states the faulty term.
+        """Return the terms and the reference point of reactions; an error message states the faulty term.
 
         Raises
         ------
         uqmbd.StudyError
-            Whatever `terms` raises: it is the component author's.
+            If the method `terms` of the component raises any exception.
         """
         self.stating = True
         method = "terms()"
@@ -279,18 +281,19 @@ class Component:
             self.stating = False
 
     def reaction_point(self, p: Local) -> sympy.Matrix:
-        """World position of the point about which `reaction_moment` is taken: `point_i` if there is one."""
+        """Return the world position of the reference point of `reaction_moment`: `point_i` if it exists."""
         first = getattr(p, self.bodies[0])
         if isinstance(first, Frame):
             local = p.__dict__["_names"].get("point_i", p.__dict__["_names"].get("point"))
             return first.position if local is None else first.point(local)
-        raise TypeError(f"{self.bodies[0]} is no frame")
+        raise TypeError(f"{self.bodies[0]} is not a frame")
 
     def motion(self) -> Mapping[str, JointAngle | JointDisplacement | None]:
         """Return the motion of the component, by name: `joint.angle`, `joint.displacement`, and their speeds.
 
-        Written in the bodies (``self.attached["body_i"]``) and parameters; `joint_angle` and `joint_displacement` make
-        what most joints have.  None: the space does not have it.
+        The values are expressions in quantities of bodies (``self.attached["body_i"]``) and parameters.  For most
+        joints, `joint_angle` and `joint_displacement` return these values.  None: the quantity does not exist in the
+        space.
         """
         return {}
 
@@ -304,7 +307,7 @@ class Component:
     def reaction_moment(self) -> Any:
         """Moment exerted on body j by body i about the component's point on body i, world axes, N m.
 
-        A column of three symbols; in the plane one symbol, as angular velocities are.  On a line there is none.
+        The moment is a column of three symbols in space and one symbol in the plane; on a line it does not exist.
         """
         if self._space().dimension == 1:
             raise AttributeError(
@@ -316,23 +319,24 @@ class Component:
         return sympy.Matrix([ReactionSymbol(self, "reaction_moment", k) for k in range(3)])
 
     def state(self, name: str) -> sympy.Symbol:
-        """Return the symbol of an auxiliary differential state, as a pressure or a temperature, for outputs.
+        """Return the symbol of an auxiliary differential state, such as a pressure or a temperature.
 
-        It may stand in outputs, requirements, summaries such as `uqmbd.maximum`, and in what a controller measures.
+        The symbol may occur in outputs, requirements, summaries such as `uqmbd.maximum`, and controller measurements.
 
         Parameters
         ----------
         name : str
-            As in ``p.state(name, units)`` in the terms of the component; its units are those stated there.
+            Name of the state in ``p.state(name, units)`` in the terms of the component; this call also sets its units.
 
         Returns
         -------
         symbol
+            Symbol of the state.
 
         Raises
         ------
         uqmbd.StudyError
-            If the component is in no mechanism, or has no state of that name.
+            If the component is not in a mechanism, or has no state of this name.
 
         Examples
         --------
@@ -356,31 +360,31 @@ class Component:
 
     @checked
     def event_time(self, label: str, number: int = 1) -> sympy.Symbol:
-        """Time of an event, s, for outputs without a time.
+        """Return the time of an event, s, for scalar outputs.
 
         Parameters
         ----------
         label : str
-            That of the `Event` ("impact"); an impact has "rest" (bodies stay in contact), "lift-off", "stick" and
-            "slip" too.
+            Label of the `Event`, such as ``impact``. An impact also has ``rest`` (bodies stay in contact),
+            ``lift-off``, ``stick`` and ``slip``.
         number : int
-            1: the first.  Where it does not happen until the last output time the value is censored, as that of
-            `uqmbd.first_time` is: counted, and left out of statistics.
+            Number of the occurrence of the event, from 1. If the motion contains fewer occurrences, the value is
+            censored, as for `uqmbd.first_time`. Results count censored values, and statistics exclude them.
 
         Returns
         -------
         symbol
-            s.
+            Symbol of the time, s.
 
         Raises
         ------
         uqmbd.StudyError
-            If its class states no event of that label.
+            If the component has no event with this label.
         """
         if not isinstance(label, str):
             raise StudyError(
-                f"{type(self).__name__} {self.name!r}: event_time: the label is {label!r}; expected that of an event, "
-                "such as 'impact'."
+                f"{type(self).__name__} {self.name!r}: event_time: the label is {label!r}; expected the label of an "
+                "event, such as 'impact'."
             )
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
             raise StudyError(
@@ -390,10 +394,10 @@ class Component:
         return EventTime(self, label, number)
 
     def __getattr__(self, name: str) -> Any:
-        """Return a motion of the component, an expression for outputs, parameters and laws; or one of its bodies."""
+        """Return a motion quantity (an expression for outputs, parameters and laws) or a body of the component."""
         if name in type(self).bodies and "attached" in self.__dict__:
             return self.attached[name]
-        if hasattr(type(self), name):  # a property that is not there in this space
+        if hasattr(type(self), name):  # a property that does not exist in this space
             return object.__getattribute__(self, name)
         if name.startswith("_") or "values" not in self.__dict__:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
@@ -402,26 +406,26 @@ class Component:
     def joint_angle(
         self, body_i: str = "body_i", body_j: str = "body_j", *, drawn: bool = False, speed: str = "speed"
     ) -> JointAngle | None:
-        """Angle by which one body has turned relative to another about a common axis, for `motion`.
+        """Return the rotation angle of one body relative to another about a common axis, for `motion`.
 
-        It is zero where the joint frames coincide (`uqmbd.extend.joint_frames` of `axis_i` and `axis_j`; in the plane
-        those
-        of the bodies), and starts in the turn in which the bodies are drawn: in the plane any one, in space within half
-        a turn of zero.
+        The angle is zero if the joint frames coincide. The joint frames are `uqmbd.extend.joint_frames` of `axis_i` and
+        `axis_j`, and in the plane the body frames. In the plane, the initial angle is in the turn of the drawn bodies,
+        which may be any turn. In space, the initial angle is within half a turn of zero.
 
         Parameters
         ----------
         body_i, body_j : str
-            Arguments that are the bodies; the axes are the parameters whose names end alike.
+            Names of the body arguments. The axes are the parameters with the same endings, such as `axis_i`.
         drawn : bool
-            Zero as drawn; of the axes only that of body j is needed.
+            Whether the angle is zero in the drawn pose instead. An angle that is zero in the drawn pose needs only the
+            axis of body j.
         speed : str
-            Name of the rate.
+            Name of the rate of the angle.
 
         Returns
         -------
         JointAngle
-            None where nothing turns.
+            Angle; None in spaces without rotation.
         """
         if not self._space().turns:
             return None
@@ -433,19 +437,19 @@ class Component:
         return angle_between(i, j, axes, start, self.drawn_angle(body_i, body_j), speed)
 
     def joint_displacement(self, speed: str = "speed") -> JointDisplacement:
-        """Displacement of `point_j` from `point_i` along `axis_i`, for `motion`."""
+        """Return the displacement of `point_j` from `point_i` along `axis_i`, for `motion`."""
         i, j = (self.attached[key] for key in ("body_i", "body_j"))
         self.read |= {"point_i", "point_j"}
         point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
         return JointDisplacement(i.direction(axis_i).dot(j.point(point_j) - i.point(point_i)), speed)
 
     def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
-        """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`.
+        """Return the quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`.
 
         Parameters
         ----------
         body_i, body_j : str
-            Names of two of its body arguments.
+            Names of two body arguments.
 
         Returns
         -------
@@ -455,44 +459,44 @@ class Component:
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
 
     def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
-        """Angle of one body relative to another as drawn in the plane, any number of turns, for `prepare`.
+        """Return the drawn angle of one body relative to another in the plane, with its turns, for `prepare`.
 
         Parameters
         ----------
         body_i, body_j : str
-            Names of two of its body arguments.
+            Names of two body arguments.
 
         Returns
         -------
         expression
-            rad.
+            Angle, rad.
         """
         angle_i, angle_j = (getattr(getattr(self.attached[b], "pose", None), "angle", 0) for b in (body_i, body_j))
         return as_symbolic(angle_j) - as_symbolic(angle_i)
 
     def drawn_frame(self, body: str) -> Frame:
-        """Frame of one of its bodies in the drawn pose, at rest, for `prepare`."""
+        """Return the frame of an attached body in the drawn pose, with zero velocity, for `prepare`."""
         attached = self.attached[body]
         pose = getattr(attached, "pose", None)
         return Frame(self._space(), attached.q if pose is None else pose.q)
 
     def drawn_side(self, *, either: bool = False) -> int:
-        """Return the side of `point_i` on which the point `point_j` is drawn on a line, for `prepare`.
+        """Return the drawn side of `point_j` relative to `point_i` on a line, for `prepare`.
 
         Parameters
         ----------
         either : bool
-            Whether it is 1 where both are drawn at one place; else that is an error.
+            Whether to return 1 if the drawn points coincide; otherwise coincident points are an error.
 
         Returns
         -------
         int
-            1 ahead of it, -1 behind it, at the means of the random variables.
+            At the means of the random variables: 1 if `point_j` is ahead of `point_i`, -1 if it is behind.
 
         Raises
         ------
         uqmbd.StudyError
-            If the points coincide as drawn.
+            If the drawn points coincide and `either` is false.
         """
         i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
         ends = [nominal(x) for x in (i.point(self.values["point_i"])[0], j.point(self.values["point_j"])[0])]
@@ -502,12 +506,12 @@ class Component:
         if either:
             return 1
         raise StudyError(
-            f"point_i and point_j are drawn at one place, {ends[0]:g} m, which does not determine their order on the "
-            "line; draw them apart, by position= of the bodies or by the points."
+            f"point_i and point_j have the same drawn position, {ends[0]:g} m, so their order on the line is "
+            "unknown. Separate them by position= of the bodies or by the points."
         )
 
     def drawn_displacement(self) -> sympy.Expr:
-        """Displacement of `point_j` from `point_i` along `axis_i` in the drawn pose, for `prepare`."""
+        """Return the displacement of `point_j` from `point_i` along `axis_i` in the drawn pose, for `prepare`."""
         i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
         point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
         return i.direction(axis_i).dot(j.point(point_j) - i.point(point_i))
@@ -525,7 +529,7 @@ class Component:
 
 
 def _drawn(body: Any) -> tuple[sympy.Expr, ...]:
-    """Quaternion of a body as drawn; of the ground, the identity."""
+    """Return the drawn quaternion of a body; for the ground, the identity."""
     pose = getattr(body, "pose", None)
     q = body.q if pose is None else pose.q
     return tuple(q[body.space.dimension :])

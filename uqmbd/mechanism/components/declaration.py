@@ -1,4 +1,4 @@
-"""Declarations of a class of components: checked when the class is made, and shown by `help` and editors."""
+"""Declarations of a component class: checks at the definition of the class, and texts for `help` and editors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SYMBOLS = (
     "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "skate",
     "slide", "spring", "torque", "universal", "weld", "wheel",
 )  # fmt: skip
-"""Symbols for the drawing of a component."""
+"""Symbols for drawings of components."""
 
 KINDS = {
     "scalar": "number or expression",
@@ -30,17 +30,17 @@ KINDS = {
     "numbers": "numbers or expressions",
     "option": "expression",
 }
-"""Kind of a parameter, in words where it is not one."""
+"""Kinds of parameters, and their names in words."""
 
 SECTION = re.compile(r"^[A-Z][A-Za-z ]+\n-{3,}$", re.MULTILINE)
 """Heading of a section of a docstring."""
 
 
 def declare(component: type[Declared]) -> None:
-    """Check the declaration of a component class, and write it into its signature and its docstring.
+    """Check the declaration of a component class, and set the signature and the docstring of the class.
 
-    Raises `uqmbd.StudyError` if its symbol is unknown, a parameter hides an attribute of `Local`, or a parameter refers
-    to an undeclared body or point.
+    Raises `uqmbd.StudyError` if the drawing symbol of the class is unknown. A parameter must not hide an attribute of
+    `Local` or refer to an undeclared body or point.
     """
     name, bodies, parameters = component.__name__, component.bodies, component.parameters()
     if component.symbol and component.symbol not in SYMBOLS:
@@ -48,15 +48,15 @@ def declare(component: type[Declared]) -> None:
         raise StudyError(f"{name}: symbol is {component.symbol!r}; expected one of {known}.")
     if hidden := sorted(RESERVED & parameters.keys()):
         raise StudyError(
-            f"{name}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
-            "is something else; take another name."
+            f"{name}: the parameter name {hidden[0]!r} is reserved, because p.{hidden[0]} has another meaning in "
+            "terms(); choose another name."
         )
     _require_listed(component)
     points = tuple(key for key, other in parameters.items() if other.kind == "point")
     for key, parameter in parameters.items():
         for word, stated, there in (("body", parameter.body, bodies), ("about", parameter.about, points)):
             if stated and stated not in there:
-                expected = ", ".join(map(repr, there)) or "nothing: there is none"
+                expected = ", ".join(map(repr, there)) or "no value, because the class declares none"
                 raise StudyError(f"{name}: parameter {key!r}: {word} is {stated!r}; expected {expected}.")
     component.__signature__ = _signature(component)
     if "__doc__" in vars(component) and component.__doc__:
@@ -64,31 +64,31 @@ def declare(component: type[Declared]) -> None:
 
 
 def _require_listed(component: type[Declared]) -> None:
-    """Raise `uqmbd.StudyError` where a class annotates a body that its `bodies` do not list."""
+    """Raise `uqmbd.StudyError` if a class annotates a body that is not in `bodies`."""
     bodies = component.bodies
     annotated = [key for key, kind in _annotations(component).items() if _is_frame(kind)]
     unlisted = [key for key in annotated if key not in bodies]
     if unlisted:
-        # the base of all components states bodies as well: its names are a default
+        # the class `Component` also has `bodies`, which are default names
         stated = any("bodies" in vars(base) for base in component.__mro__[:-2])
         wanted = [*(bodies if stated else ()), *(key for key in annotated if not stated or key in unlisted)]
         raise StudyError(
-            f"{component.__name__}: {unlisted[0]!r} is annotated as a body, but bodies is {bodies!r}"
-            f"{'' if stated else ', the default'}. Write bodies = {tuple(dict.fromkeys(wanted))!r}; annotate "
-            "an attribute that is no argument by ClassVar."
+            f"{component.__name__}: {unlisted[0]!r} is annotated as a body, but bodies is "
+            f"{bodies!r}{'' if stated else ', the default'}. Write bodies = {tuple(dict.fromkeys(wanted))!r}; "
+            "annotate other attributes with ClassVar."
         )
 
 
 def _is_frame(kind: Any) -> bool:
-    """Return whether an annotation is that of a body, `NamedFrame`, as an object or as text."""
+    """Return whether an annotation, an object or a text, is `NamedFrame`, the type of bodies."""
     text = kind if isinstance(kind, str) else getattr(kind, "__name__", "")
     return text.strip("'\" ").rpartition(".")[2] == NamedFrame.__name__
 
 
 def require_annotated(component: type[Declared]) -> None:
-    """Raise `uqmbd.StudyError` unless type checkers see the arguments of a class as they are declared.
+    """Raise `uqmbd.StudyError` if type checkers would see other arguments of a class than declared.
 
-    They do not if a body or parameter has no annotation, something else has one, or the order differs.
+    The error occurs if a body or parameter lacks an annotation, if another attribute has one, or if the order differs.
     """
     name, parameters = component.__name__, component.parameters()
     seen: dict[str, Any] = {}
@@ -98,23 +98,23 @@ def require_annotated(component: type[Declared]) -> None:
     for key in expected[1:]:
         kind = f"uqmbd.Parameter[...] = {parameters[key]!r}" if key in parameters else "uqmbd.extend.NamedFrame"
         if key not in seen:
-            raise StudyError(f"{name}: {key!r} has no annotation, so that checkers of types pass it by: {key}: {kind}")
+            raise StudyError(f"{name}: {key!r} has no type annotation, so type checkers ignore it. Write {key}: {kind}")
     if component.grounded:
         raise StudyError(
-            f"{name}: a body that may be left out is no field of a uqmbd.extend.TypedComponent; derive from "
-            "uqmbd.Component, and state __init__ for checkers of types."
+            f"{name}: a uqmbd.extend.TypedComponent cannot have an optional body as a field. Derive from "
+            "uqmbd.Component, and declare __init__ for type checkers."
         )
     if list(seen) != expected:
         raise StudyError(
-            f"{name}: checkers of types see the arguments ({', '.join(seen)}); expected ({', '.join(expected)}): "
-            "name, bodies, parameters. Give them in this order; annotate what is none of them by ClassVar."
+            f"{name}: type checkers see the arguments ({', '.join(seen)}); expected ({', '.join(expected)}). Declare "
+            "name, bodies and parameters in this order, and annotate other attributes with ClassVar."
         )
     late = ""
     for key, parameter in parameters.items():
         if late and parameter.required and not parameter.left_out:
             raise StudyError(
-                f"{name}: {key!r} has no default and follows {late!r}, which has one; "
-                "put it first, or give it a default (of a turning_axis: default=())."
+                f"{name}: {key!r} has no default, but follows {late!r}, which has a default. Reverse their order, or "
+                "give it a default (for a turning_axis: default=())."
             )
         late = late if parameter.required and not parameter.left_out else key
 
@@ -129,7 +129,7 @@ def _annotations(kind: type) -> Mapping[str, Any]:
 
 
 def _signature(component: type[Declared]) -> inspect.Signature:
-    """Return the arguments of a class of components; the annotation of a parameter is its declaration."""
+    """Return the signature of a component class; the annotation of each parameter argument is its `Parameter`."""
     grounded, empty = component.grounded, inspect.Parameter.empty
     anywhere, by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     parts = [inspect.Parameter("name", anywhere, annotation=str)]
@@ -138,7 +138,7 @@ def _signature(component: type[Declared]) -> inspect.Signature:
     for key, parameter in component.parameters().items():
         default = () if parameter.kind == "turning_axis" else empty if parameter.required else parameter.default
         defaulted = defaulted or default is not empty
-        # a signature has no argument by position that is required behind one that is not: by name it can be given
+        # a required argument after an optional one must be a keyword argument in a signature
         kind = by_name if (defaulted and default is empty) or parts[-1].kind is by_name else anywhere
         parts.append(inspect.Parameter(key, kind, default=default, annotation=parameter))
     optional = dict.fromkeys(grounded, NamedFrame) | _in_world(component)
@@ -147,7 +147,7 @@ def _signature(component: type[Declared]) -> inspect.Signature:
 
 
 def _in_world(component: type[Declared]) -> dict[str, Any]:
-    """Return the arguments that may be given in the world frame, as declarations."""
+    """Return declarations of the arguments ``at`` and ``axis``, which are poses in the world frame."""
     return {
         word: Parameter(
             "m" if word == "at" else "1",
@@ -161,12 +161,12 @@ def _in_world(component: type[Declared]) -> dict[str, Any]:
 
 
 def _described(component: type[Declared], text: str) -> str:
-    """Return a docstring with a section on the parameters, if it has none."""
+    """Return a docstring with a section on the parameters; add the section if it is missing."""
     if re.search(r"^Parameters\n-{3,}$", text, re.MULTILINE):
         return text
     lines = ["Parameters", "----------", "name : str", "    Unique in its mechanism."]
     for body in component.bodies:
-        ground = "; left out: the ground" if body in component.grounded else ""
+        ground = "; if omitted: the ground" if body in component.grounded else ""
         lines += [f"{body} : body of the mechanism, or its ground{ground}"]
     for key, parameter in {**component.parameters(), **_in_world(component)}.items():
         lines += [f"{key} : {_in_words(parameter)}", *_indented(_sentence(parameter))]
@@ -176,7 +176,7 @@ def _described(component: type[Declared], text: str) -> str:
 
 
 def _in_words(parameter: Parameter) -> str:
-    """Return type, units and default."""
+    """Return type, units and default of a parameter as text."""
     words = ", ".join(x.__name__ if isinstance(x, type) else repr(x) for x in parameter.choices)
     kind = f"{{{words}}}" if words else KINDS.get(parameter.kind, parameter.kind)
     units = f" [{parameter.units}]" if parameter.units else ""
@@ -184,7 +184,7 @@ def _in_words(parameter: Parameter) -> str:
 
 
 def _sentence(parameter: Parameter) -> str:
-    """Return description and range."""
+    """Return description and range of a parameter as text."""
     words = parameter.description[:1].upper() + parameter.description[1:]
     return words + (f"; {parameter.range_text}." if parameter.ranged else "." * bool(words))
 

@@ -1,4 +1,4 @@
-"""Parameters without an effect: a value that only matters with other options than those chosen is refused."""
+"""Check for parameter values that have no effect with the chosen options of a component."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__ = ["effective_parameters", "known_effects", "no_effect", "require_effect
 
 
 def require_effects(where: str, component: Component, space: Space, known: dict[Hashable, frozenset[str]]) -> None:
-    """Raise where an optional parameter has a value that has an effect with other options only.
+    """Raise if the value of an optional parameter has an effect only with other options.
 
-    The `uqmbd.StudyError` names the parameter, and the options with which it has an effect.  Components without options
-    are checked by `uqmbd.testing.check_component`.  The dict `known` stores the effective parameters of earlier
-    components by class, options and bodies; those of this component are added.
+    The `uqmbd.StudyError` names the parameter and the options for which it has an effect.  The function skips
+    components without options, which `uqmbd.testing.check_component` checks.  The function adds the effective
+    parameters of this component to the dict `known`, whose keys contain class, options and bodies.
     """
     declared = component.parameters()
     stated = [parameter for parameter in declared.values() if _is_stated(component, parameter)]
@@ -33,11 +33,11 @@ def require_effects(where: str, component: Component, space: Space, known: dict[
     for parameter in stated:
         if parameter.name not in effective and _options_with(component, space, parameter):
             given = f"{parameter.name} is {shown(component.given[parameter.name])}"
-            raise StudyError(f"{where}: {given}; it has {no_effect(component, space, parameter)}.")
+            raise StudyError(f"{where}: {given}, but it has {no_effect(component, space, parameter)}.")
 
 
 def known_effects(component: Component, space: Space, known: dict[Hashable, frozenset[str]]) -> frozenset[str]:
-    """Return the effective parameters of a component, looked up in `known` where one like it has been seen."""
+    """Return the effective parameters of a component; use the entry of an equal component in `known`, if any."""
     key = _key(component)
     if key is None:
         return effective_parameters(component, space)
@@ -49,10 +49,11 @@ def known_effects(component: Component, space: Space, known: dict[Hashable, froz
 def effective_parameters(
     component: Component, space: Space, options: Mapping[str, Any] | None = None
 ) -> frozenset[str]:
-    """Return the names of the parameters that enter a term, a reaction, the motion that it returns, or a drawing.
+    """Return the names of the parameters that enter a term, a reaction, a motion quantity or a drawing.
 
-    All numbers are symbols here: none is without effect only because another one is zero.  `options` replace those
-    that the component has.  Where its terms raise an error, all are returned: that error is reported elsewhere.
+    Symbols replace all numbers, so that a zero cannot hide the effect of another parameter.  `options` replace options
+    of the component.  If its method `terms` raises an error, the function returns all parameters; the derivation of the
+    equations reports the error.
     """
     declared = component.parameters()
     points = {name for name, parameter in declared.items() if parameter.kind == "point"}
@@ -66,7 +67,7 @@ def effective_parameters(
         component.motion()
         asked = component.read | local.asked
         read_alone = component.read & set(declared)
-    except Exception:  # of the author of the component, who learns of it when the equations are made
+    except Exception:  # the derivation of the equations reports errors in the code of a component
         return frozenset(declared)
     finally:
         component.read = read
@@ -74,13 +75,13 @@ def effective_parameters(
     entered = {name for name, own in symbols_of.items() if used & own}
     is_option = {name for name, parameter in declared.items() if parameter.kind == "option"}
     found |= entered | read_alone | (is_option & (asked | component.prepared_from))
-    if entered - set(declared):  # a value that prepare() made of them
+    if entered - set(declared):  # prepare() computed one of the values from the parameters
         found |= component.prepared_from
     return frozenset(found)
 
 
 class _Watched(Local):
-    """A `Local` that records the names that are read."""
+    """`Local` that records the names of the attributes that the terms read."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -93,7 +94,7 @@ class _Watched(Local):
 
 
 def _is_stated(component: Component, parameter: Parameter) -> bool:
-    """Return whether a parameter that may be left out was given a value other than 0, None and its default."""
+    """Return whether an optional parameter has a value other than 0, None and its default."""
     if parameter.required or parameter.name not in component.given:
         return False
     value = component.values.get(parameter.name)
@@ -106,7 +107,7 @@ def _is_stated(component: Component, parameter: Parameter) -> bool:
 
 
 def _identity(option: Any) -> Hashable:
-    """Return the identity of an option: plain words and numbers by value, others by the object."""
+    """Return a key of an option: words and numbers by value, other objects by identity."""
     plain = isinstance(option, (str, bool, int, float))
     return (type(option), option) if plain else id(option)
 
@@ -117,7 +118,7 @@ def _is_equal(one: Any, other: Any) -> bool:
 
 
 def _key(component: Component) -> Hashable | None:
-    """Return the key of the effects of a component; None if an option is no plain word or number."""
+    """Return the key of a component in `known`; None if an option is neither a word nor a number."""
     parts: list[Any] = [type(component), *(body.is_ground for body in component.attached.values())]
     for name, parameter in component.parameters().items():
         value = component.values.get(name)
@@ -131,7 +132,7 @@ def _key(component: Component) -> Hashable | None:
 
 
 def _symbolic(component: Component, options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, set[sympy.Dummy]]]:
-    """Return values of parameters in which each number is a separate symbol, and the symbols by name."""
+    """Return parameter values with a separate symbol for each number, and these symbols by parameter name."""
     declared = component.parameters()
     values: dict[str, Any] = {}
     symbols: dict[str, set[sympy.Dummy]] = {}
@@ -146,7 +147,7 @@ def _symbolic(component: Component, options: Mapping[str, Any]) -> tuple[dict[st
 
 
 def _expressions(part: Any) -> Iterator[Any]:
-    """Yield the expressions of terms; of work, the power."""
+    """Yield the expressions of terms; for virtual work, the power."""
     if isinstance(part, VirtualWork):
         yield from (as_symbolic(f) * v for f, v in zip(flatten(part.force), flatten(part.velocity), strict=False))
     elif is_dataclass(part):
@@ -160,22 +161,22 @@ def _expressions(part: Any) -> Iterator[Any]:
 
 
 def no_effect(component: Component, space: Space, parameter: Parameter) -> str:
-    """Return the end of a sentence on a parameter without an effect: the options that cause this, and advice."""
+    """Return the end of a message on a parameter without an effect: the options that cause it, and advice."""
     others = _options_with(component, space, parameter)
     having = " and ".join(f"{key}={_word(component.values[key])}" for key in _chosen(component, parameter))
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
     where = f"with {having}" if having else f"in {type(space).__name__} space"
-    return f"no effect {where}, so leave it out{f', or choose {_choice(others)}' if others else ''} ({hint})"
+    return f"no effect {where}, so omit it{f', or choose {_choice(others)}' if others else ''} ({hint})"
 
 
 def _chosen(component: Component, parameter: Parameter) -> dict[str, Parameter]:
-    """Return the other parameters that are one of some words."""
+    """Return the other parameters whose choices are words."""
     declared = component.parameters()
     return {key: p for key, p in declared.items() if p.words and key in component.values and key != parameter.name}
 
 
 def _options_with(component: Component, space: Space, parameter: Parameter) -> list[str]:
-    """Return the options, as ``law='linear'``, with which a parameter has an effect."""
+    """Return the options, in the form ``law='linear'``, for which a parameter has an effect."""
     return [
         f"{key}={word!r}"
         for key, p in _chosen(component, parameter).items()

@@ -1,6 +1,6 @@
-"""Motions of components: angles counted over any number of turns, displacements, and their rates.
+"""Motion quantities of components: angles counted over any number of turns, displacements, and their rates.
 
-Length: what is public has examples, which need a component each.
+Length: each public name has an example, and each example needs a component.
 """
 
 from __future__ import annotations
@@ -44,39 +44,41 @@ __all__ = [
 ]
 
 VOCABULARY = ("angle", "speed", "displacement", "sliding_speed")
-"""Names that joints with one angle and one displacement use."""
+"""Names of the motion quantities of joints with one angle and one displacement."""
 
 HALF_TURN = 1e-9
-"""Angle over a turn by which a joint that is drawn at half a turn may miss it by rounding: it starts at +pi."""
+"""Rounding error, in turns, of an angle drawn at half a turn; within this error the angle starts at +pi."""
 
 
 @typechecked
 @dataclass(frozen=True)
 class JointAngle:
-    """An angle between bodies, which a pair of expressions determines up to whole turns.
+    """Angle between bodies, determined up to whole turns by a pair of expressions.
 
     Parameters
     ----------
     cosine, sine : expression
-        Of the angle, or of half of it, both times one positive number; in coordinates of the component's bodies (as
-        ``self.attached["body_i"].direction(...)`` has them) and random variables.
+        Cosine and sine of the angle or half the angle, up to a common positive factor. The expressions are in random
+        variables and coordinates of the bodies, as from ``self.attached["body_i"].direction(...)``.
     half : bool
-        Whether they are those of half the angle, as in quaternions.
+        Whether `cosine` and `sine` belong to half the angle, as in quaternions.
     signed : bool
-        Of half angles: whether their common sign means something, as in the plane, where it tells odd turns from even.
+        Whether the common sign of a half-angle pair has a meaning. In the plane, the sign distinguishes odd from even
+        numbers of turns.
     near : expression
-        The angle at the start is the one that is nearest to this, rad; a number, or an expression in random variables.
+        Angle near the initial angle, rad, as a number or an expression in random variables. It selects the turn of the
+        initial angle.
     rate : expression, optional
-        Rate of the angle, rad/s, in coordinates and velocities; None: derived from cosine and sine.
+        Rate of the angle, rad/s, in coordinates and velocities. None: derived from cosine and sine.
     speed : str
-        Name of the rate.
+        Name of the rate of the angle.
     constants : mapping
-        Symbols in cosine, sine and rate that stand for expressions in random variables, which are computed once for
-        each realisation.
+        Expression in random variables for each further symbol in cosine, sine and rate. The expressions are evaluated
+        once for each realisation.
 
     Examples
     --------
-    The angle of a pin's body in a slot:
+    Angle of a body with a pin in a slot:
 
     >>> import uqmbd
     >>> class PinInSlot(uqmbd.Component):
@@ -108,82 +110,82 @@ class JointAngle:
 
     @property
     def parts(self) -> int:
-        """Ratio of this angle to the angle of the pair."""
+        """Ratio of this angle to the angle whose cosine and sine are given: 2 for half angles, else 1."""
         return 2 if self.half else 1
 
     @property
     def period(self) -> sympy.Expr:
-        """Change of the angle that leaves the pair unchanged, rad."""
+        """Change of the angle, rad, between equivalent pairs of cosine and sine: two turns if the sign matters."""
         return 4 * sympy.pi if self.half and self.signed else 2 * sympy.pi
 
     def at_start(self, cosine: Any, sine: Any, near: Any) -> sympy.Expr:
-        """Return the angle nearest to a value, from cosine and sine; smooth in its neighbourhood.
+        """Return the angle nearest to `near`, from cosine and sine; the result is smooth close to `near`.
 
         Parameters
         ----------
         cosine, sine : expression
-            Of the angle, or of its half where the angle is known by that.
+            Cosine and sine of the angle, or of half of it.
         near : expression
-            Angle, rad.
+            Angle near the result, rad.
 
         Returns
         -------
         expression
-            rad.
+            Angle, rad.
         """
         return angle_at_start(cosine, sine, near, half=self.half, signed=self.signed)
 
     def continued(self, counted: Any, cosine: Any, sine: Any) -> sympy.Expr:
-        """Return the angle nearest to a counted one, from cosine and sine; smooth for any number of turns.
+        """Return the angle nearest to `counted`, from cosine and sine; the result is smooth for any number of turns.
 
         Parameters
         ----------
         counted : expression
-            Angle, rad, any number of turns.
+            Counted angle, rad, with any number of turns.
         cosine, sine : expression
-            Of the angle, or of its half where the angle is known by that.
+            Cosine and sine of the angle, or of half of it.
 
         Returns
         -------
         expression
-            rad.
+            Angle, rad.
         """
         return continued(counted, cosine, sine, half=self.half)
 
     def nearest(self, angle: Any, cosine: Any, sine: Any) -> sympy.Expr:
-        """Angle nearest to another, of values of cosine and sine: the same by rounding, for values alone.
+        """Return the angle nearest to `angle`, from numeric cosine and sine; equal to `continued` up to rounding.
 
         Parameters
         ----------
         angle : expression
-            rad, any number of turns.
+            Angle near the result, rad, with any number of turns.
         cosine, sine : expression
-            Of the angle, or of its half where the angle is known by that.
+            Cosine and sine of the angle, or of half of it.
 
         Returns
         -------
         expression
-            rad.
+            Angle, rad.
         """
         raw = self.parts * sympy.atan2(sine, cosine)
         return raw + self.period * sympy.floor((angle - raw) / self.period + sympy.Rational(1, 2))
 
     def whole(self, expression: Any) -> sympy.Expr:
-        """Insert the definitions of the constants."""
+        """Replace the constants in an expression by their definitions."""
         return as_symbolic(expression).xreplace({k: as_symbolic(x) for k, x in self.constants.items()})
 
 
 @typechecked
 @dataclass(frozen=True)
 class JointDisplacement:
-    """A displacement between bodies.
+    """Displacement between bodies along a line or an axis.
 
     Parameters
     ----------
     expression : expression
-        m, in coordinates of the component's bodies and random variables.
+        Displacement, m, in coordinates of the bodies of the component and random variables.
     speed : str
-        Name of its rate.
+        Name of the rate of the displacement.
 
     Examples
     --------
@@ -213,10 +215,10 @@ class JointDisplacement:
 def angle_between(
     i: Frame, j: Frame, axes: Sequence[Sequence[Any]], start: Sequence[Any], drawn: Any, speed: str
 ) -> JointAngle:
-    """Return the angle of frame j relative to frame i about a common axis: zero where the joint frames coincide.
+    """Return the angle of frame j relative to frame i about a common axis; it is zero if the joint frames coincide.
 
-    The unit vectors `axes` of both frames are empty in the plane; `start` is the relative quaternion as drawn.  In the
-    plane `drawn` is the angle as drawn, rad; in space the angle at the start is the one within half a turn of zero.
+    `axes` contains one unit vector for each frame, and is empty in the plane; `start` is the drawn relative quaternion.
+    In the plane, `drawn` is the drawn angle, rad.  In space, the initial angle is within half a turn of zero.
     """
     if i.space.dimension == 2:
         cosine, sine = relative_quaternion(i.quaternion, j.quaternion)
@@ -235,9 +237,9 @@ def angle_between(
 
 
 def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[Any], speed: str) -> JointAngle:
-    """Angle by which frame j has turned relative to frame i about an axis fixed in frame j since it was drawn.
+    """Return the rotation angle of frame j relative to frame i since the drawn pose, about an axis fixed in frame j.
 
-    Its rate is derived: what holds the axis in frame i are other joints, if any.
+    The rate follows from cosine and sine, because this component need not fix the axis in frame i.
     """
     held = sympy.symbols("_k0:7", real=True)
     r = relative_quaternion(i.attitude(held[: len(start)]), j.quaternion)
@@ -249,14 +251,14 @@ def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[
 
 
 def _spin(frame: Frame) -> sympy.Matrix:
-    """Return the angular velocity in coordinates, a column; in the plane it is a symbol."""
+    """Return the angular velocity in coordinates and rates, as a column, also in the plane."""
     return frame.space.angular_velocity(frame.quaternion, frame.quaternion_rate)
 
 
 class AngleSymbol(Symbolic, Symbol):
-    """An angle that is counted over any number of turns, in outputs, parameters and laws.
+    """Symbol of an angle in outputs, parameters and laws, counted over any number of turns.
 
-    `owner` is the body or the component that it is of, `angle` what it is.
+    `owner` is the body or component of the angle.
     """
 
     owner: Any
@@ -276,20 +278,20 @@ class AngleSymbol(Symbolic, Symbol):
 
     @property
     def states(self) -> set[sympy.Symbol]:
-        """Coordinates and velocities that the angle and its rate depend on."""
+        """Coordinates and velocities in the angle and its rate."""
         angle = self.angle
         found = {s for x in (angle.cosine, angle.sine, angle.rate) for s in as_symbolic(x).free_symbols}
         return {s for s in found - set(angle.constants) if not isinstance(s, RandomVariable)}
 
 
 def angles_in(values: Iterable[Any]) -> list[AngleSymbol]:
-    """Return the counted angles that occur in values, by name."""
+    """Return the counted angles in values, ordered by name."""
     symbols = {s for value in values for part in flatten(value) for s in getattr(part, "free_symbols", ())}
     return sorted((s for s in symbols if isinstance(s, AngleSymbol)), key=str)
 
 
 class HasMotion(Protocol):
-    """A component, as far as its motion quantities are concerned."""
+    """Component, with the attributes that motion quantities need."""
 
     name: str
     settled: int
@@ -301,9 +303,9 @@ class HasMotion(Protocol):
 
 
 def motion_quantities(component: HasMotion) -> dict[str, tuple[sympy.Expr, str]]:
-    """Return the motion quantities of a component in a mechanism: expressions and their units by name.
+    """Return the motion quantities of an added component: (expression, units) by name.
 
-    Raises `uqmbd.StudyError` if its `motion` fails or returns an invalid value.
+    Raises `uqmbd.StudyError` if the method `motion` fails or returns an invalid value.
     """
     found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_quantities")
     if found is None:
@@ -314,8 +316,8 @@ def motion_quantities(component: HasMotion) -> dict[str, tuple[sympy.Expr, str]]
             raise StudyError(f"{where}: {error}") from None
         except Exception as error:
             raise StudyError(
-                f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. It is to return "
-                "uqmbd.extend.JointAngle and uqmbd.extend.JointDisplacement by name."
+                f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. Expected a mapping from "
+                "names to uqmbd.extend.JointAngle or uqmbd.extend.JointDisplacement."
             ) from error
         found = vars(component)["_quantities"] = motion_values(component, where, motion, component.attached.values())
     return found
@@ -324,8 +326,8 @@ def motion_quantities(component: HasMotion) -> dict[str, tuple[sympy.Expr, str]]
 def motion_quantity(component: HasMotion, name: str) -> sympy.Expr:
     """Return the expression of a motion quantity of a component by name.
 
-    Raises AttributeError, with the known names, if there is no such quantity. Raises `uqmbd.StudyError` if the
-    component has not been added to a mechanism, or its `motion` is invalid.
+    Raises AttributeError, with the known names, if the quantity does not exist. Raises `uqmbd.StudyError` if the
+    component has not been added to a mechanism, or if its method `motion` is invalid.
     """
     kind = type(component).__name__
     found = motion_quantities(component) if component.settled else {}
@@ -336,8 +338,8 @@ def motion_quantity(component: HasMotion, name: str) -> sympy.Expr:
         raise AttributeError(f"{kind!r} object has no attribute {name!r}{near}", obj=component)
     if not component.settled:
         raise StudyError(
-            f"{kind} {component.name!r}: .{name} is used before it was added to a mechanism; call "
-            "mechanism.add(...) with it first."
+            f"{kind} {component.name!r}: .{name} is used before the joint was added to a mechanism; call "
+            "mechanism.add(...) with the joint first."
         )
     raise AttributeError(f"{kind} {component.name!r} has no .{name}: {in_words(found)}.")
 
@@ -348,10 +350,10 @@ def motion_values(
     motion: Mapping[str, JointAngle | JointDisplacement | None],
     frames: Iterable[NamedFrame],
 ) -> dict[str, tuple[sympy.Expr, str]]:
-    """Return the motion quantities of a component, for each name an expression and its units.
+    """Return an expression and its units for each motion quantity of a component, by name.
 
-    Raises `uqmbd.StudyError` if a symbol of an expression is neither random nor a coordinate of one of the bodies
-    `frames`. Raises it also if two quantities have one name.
+    Raises `uqmbd.StudyError` if two quantities have the same name. Raises it also if an expression contains a symbol
+    that is neither random nor a coordinate of one of the bodies `frames`.
     """
     flow = {x: dx for frame in frames for x, dx in zip(frame.q, frame.v, strict=True) if x.is_Symbol}
 
@@ -373,7 +375,9 @@ def motion_values(
 
     def put(name: str, value: sympy.Expr, units: str) -> None:
         if name in found:
-            raise StudyError(f"{where}: motion() states {name!r} twice; give each motion and each speed its own name.")
+            raise StudyError(
+                f"{where}: motion() returns {name!r} twice; give each motion and each speed a different name."
+            )
         found[name] = value, units
 
     for name, told in motion.items():
@@ -404,6 +408,6 @@ def motion_values(
 def in_words(found: Mapping[str, tuple[sympy.Expr, str]]) -> str:
     """List the motion quantities of a component, as the end of a sentence."""
     if not found:
-        return "it states no motion quantities"
+        return "the component defines no motion quantities"
     words = [f".{name} ({units})" for name, (_, units) in found.items()]
-    return f"it has {' and '.join(filter(None, (', '.join(words[:-1]), words[-1])))}"
+    return f"its motion quantities are {' and '.join(filter(None, (', '.join(words[:-1]), words[-1])))}"

@@ -1,4 +1,4 @@
-"""The arguments of terms: frames of bodies, symbols of parameters, states, and named quantities."""
+"""Argument of `Component.terms`: frames of bodies, symbols of parameters, states, and named quantities."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RESERVED = frozenset({"insert", "let", "rate_of", "space", "state", "states", "t
 
 
 class QuantitySymbol(sympy.Dummy):
-    """Symbol of a named quantity, see `Local.let`; SymPy must not differentiate past it."""
+    """Symbol of a named quantity, see `Local.let`; SymPy must not treat the symbol as constant in derivatives."""
 
     contains: frozenset[sympy.Symbol] = frozenset()
 
@@ -33,25 +33,26 @@ class QuantitySymbol(sympy.Dummy):
         if s not in self.contains:
             return super()._eval_derivative_n_times(s, n)
         raise StudyError(
-            f"{self.name!r} is a quantity made by let(), whose derivative is not known here; use rate_of() "
-            "for its rate in time, or differentiate the expression before it is given to let()."
+            f"{self.name!r} is a quantity of let(), so its derivative is unknown in terms(). Use rate_of() for its "
+            "time derivative, or differentiate the expression before the call of let()."
         )
 
 
 class Local:
-    """The argument of `Component.terms`: frames for bodies, symbols for parameters, and the time.
+    """Argument of `Component.terms`: frames for bodies, symbols for parameters, and the time.
 
-    Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
-    (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
+    The attributes are named after the body arguments, the parameters and the prepared values of the component.  A body
+    argument is a `Frame`; a parameter or prepared value is an expression or a column of expressions.  Symbols replace
+    numbers, so that one derivation of the equations is valid for all instances and values.
 
     Parameters
     ----------
     space : Space
-        Of the mechanism.
+        Space of the mechanism.
     frames : mapping of str to Frame
-        By the names of the body arguments.
+        Frame of each body, by name of the body argument.
     values : mapping of str to object
-        Symbols of parameters and prepared values, and options as they are.
+        Symbols of parameters and prepared values, and values of options.
     time : symbol
         `uqmbd.t`, s.
 
@@ -90,26 +91,26 @@ class Local:
             names = sorted(self.__dict__.get("_names", ()))
             near = "; the time is p.time." if name == "t" else did_you_mean(name, names) or "."
             there = ", ".join([*names, "time", "space", "let", "rate_of", "state"])
-            raise AttributeError(f"nothing named {name!r} here{near} There are {there}") from None
+            raise AttributeError(f"p has no attribute {name!r}{near} Available are {there}") from None
 
     @typechecked
     def state(self, name: str, units: str = "") -> sympy.Symbol:
-        """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well.
+        """Return the symbol of an auxiliary differential state; the method `terms` must also yield its `Auxiliary`.
 
-        Studies record it as ``component.state(name)``.
+        Outputs contain the state as ``component.state(name)``.
 
         Parameters
         ----------
         name : str
-            Of the state, within the component.
+            Name of the state, unique within the component.
         units : str
-            Of the state, as ``"Pa"``; outputs and `uqmbd.testing.check_component` compare them with its uses. Empty:
-            unknown.
+            Units of the state, such as ``"Pa"``. Outputs and `uqmbd.testing.check_component` compare these units with
+            the units of expressions that contain the state. Empty: unknown.
 
         Raises
         ------
         uqmbd.StudyError
-            If the name is not a text, or the units have no meaning.
+            If the name is not a text, or the units are unknown.
         """
         if units or name not in self.units:
             self.units[name] = check_units(units, f"state({name!r})")
@@ -124,36 +125,37 @@ class Local:
             }
 
     def let(self, name: str, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
-        """Name an intermediate quantity (a gap, a normal), so that its definition is derived and computed once.
+        """Name an intermediate quantity (a gap, a normal), so that its definition is derived and computed only once.
 
-        Terms that hold one long expression many times over take long to derive; with a name for it they do not.
+        The derivation of the equations is slow if terms contain a long expression many times. A named quantity instead
+        of the expression makes the derivation faster.
 
         Parameters
         ----------
         name : str
-            For messages.
-        expression : expression, or vector of them
-            In coordinates, velocities, states, time, parameters and other quantities.
+            Name of the quantity, for messages.
+        expression : expression, or vector of expressions
+            Definition, in coordinates, velocities, states, time, parameters and other named quantities.
 
         Returns
         -------
-        symbol, or column of them
-            Stands for the expression in terms; differentiated wherever the terms are.  Numbers and symbols are returned
-            as they are.
+        symbol, or column of symbols
+            Symbol of the quantity, whose definition is included in derivatives of terms. Numbers and symbols are
+            returned unchanged.
         """
         return self._named(name, expression, "value")
 
     def rate_of(self, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
-        """Rate in time of an expression, or of a vector of them, in coordinates, states, time and quantities.
+        """Return the time derivative of an expression or vector in coordinates, states, time and named quantities.
 
         Returns
         -------
-        symbol, or column of them
-            Stands for ``d expression / d q . v + d expression / d t`` (and the same for states).
+        symbol, or column of symbols
+            Placeholder for ``d expression / d q . v + d expression / d t``, plus the corresponding term for states.
         """
         return self._named("rate", expression, "rate")
 
-    def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401 - as for let and rate_of
+    def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401 - same types as in let and rate_of
         if isinstance(expression, (list, tuple, sympy.MatrixBase)):
             return sympy.Matrix([self._named(name, x, kind) for x in flatten(expression)])
         value = as_symbolic(expression)

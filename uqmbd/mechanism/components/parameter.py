@@ -1,4 +1,4 @@
-"""Parameters: the numbers, vectors and options that a component declares, with their units and ranges."""
+"""Parameters of components: declared numbers, vectors and options with units and ranges."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ else:
 
 
 MOST = 10_000
-"""Most numbers of a default."""
+"""Largest number of entries of a default."""
 
 
 class _Required:
-    """The default of a parameter that has none."""
+    """Marker for a parameter without a default."""
 
     def __repr__(self) -> str:
         return "required"
@@ -42,7 +42,7 @@ Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "r
 
 
 class _Owner(Protocol):
-    """Owner of values of parameters: a component."""
+    """Object with parameter values: a component."""
 
     name: str
     stating: bool
@@ -53,59 +53,60 @@ class _Owner(Protocol):
 @typechecked
 @dataclass(frozen=True, repr=False)
 class Parameter(Generic[Given]):
-    """A declared number, vector or option of a component.
+    """Declaration of a number, vector or option of a component.
 
-    ``x: uqmbd.Parameter[Quantity] = uqmbd.Parameter(...)`` in a `uqmbd.extend.TypedComponent` tells editors and
-    checkers of types what is given for it; to a program it is the same without an annotation.
+    ``x: uqmbd.Parameter[Quantity] = uqmbd.Parameter(...)`` in a `uqmbd.extend.TypedComponent` declares the type of
+    the argument for editors and type checkers; the annotation has no effect at run time.
 
     Parameters
     ----------
     units : str
         Units of the value.
     description : str
-        What it is, for people.
+        Meaning of the parameter, for help and messages.
     kind : str
-        ``scalar``; ``point``, ``axis``, ``vector`` (as many numbers as the space has dimensions);
-        ``turning_axis`` (three numbers in space, left out in the plane); ``moment`` (three numbers in space, one in the
-        plane); ``rotation`` (quaternion or matrix); ``numbers`` (a row of as many as are given); ``option`` (anything
-        that is no number, handed through as it is).
+        Kind of the value. ``scalar``: one number. ``point``, ``axis`` or ``vector``: one number for each dimension of
+        the space. ``turning_axis``: three numbers in space, omitted in the plane. ``moment``: three numbers in space,
+        one in the plane. ``rotation``: quaternion or matrix. ``numbers``: a row of any length. ``option``: an object
+        that is not a number and is not converted.
     default : object
-        Value when left out; required without it.  Of a ``turning_axis`` ``default=()`` says to checkers of types that
-        it may be left out, which is so in the plane; in space it is required all the same.
+        Default value. A parameter without a default is required. For a ``turning_axis``, ``default=()`` makes the axis
+        optional for type checkers, because it is omitted in the plane; in space it is still required.
     choices : tuple
-        Allowed values of an option; a type stands for all its objects.
+        Allowed values of an option. A type in the tuple allows all objects of this type.
     example : object
-        A value to try the component with, where any numbers will not do; `uqmbd.testing.check_component` uses it.
+        Value with which `uqmbd.testing.check_component` tests the component, if arbitrary numbers are unsuitable.
     minimum, maximum : float
-        Range of the number, or of each of its numbers, in its units.  A constant outside is an error when the component
-        is added, as is an expression in random variables that is outside at their means; a realisation in which it is
-        outside has failed.  Values that depend on time or motion are not looked at.
+        Range of each number, in the units of the parameter. `Mechanism.add` raises an error for a constant outside the
+        range. It also raises an error for an expression that is outside the range at the means of its random variables.
+        A realisation with a value outside the range fails. uqmbd does not check values that depend on time or motion.
     exclusive : bool
-        Whether the ends of the range do not belong to it.
+        Whether the range excludes its ends.
     one_sign : bool
-        Whether a random number is expected to have the sign that it has at the means in all realisations, as a
-        stiffness: others run, and studies warn of them.
+        Whether a random number, such as a stiffness, should have the same sign in all realisations as at the means.
+        Realisations with the opposite sign still run, and the study warns about them.
     body : str
-        Body argument in whose frame a point or an axis is given; empty: the one whose name ends alike (`point_i` is in
-        the frame of `body_i`), else the first.
+        Name of the body argument in whose frame a point or an axis is given. Default: the body argument with the same
+        ending (`point_i` is in the frame of `body_i`), otherwise the first body argument.
     about : str
-        Name of the point about which the number is the radius of a sphere or wheel, as figures draw it; empty: that of
-        no point. However, if no parameter of the component states one, `radius_i` is about `point_i`, and `radius`
-        about the points of the last body.
+        Name of the point at the centre of a sphere or wheel with this radius, for figures. Default: none. If no
+        parameter of the component has `about`, `radius_i` is about `point_i`, and `radius` is about the points of the
+        last body.
     axes : str
-        Axes of a vector or a moment: ``world`` or ``body``.
+        Axes in which a vector or a moment is given: ``world`` or ``body``.
     dimensions : int
-        How many the space must have for it to make sense, as friction across a normal takes two; in spaces of fewer it
-        stays at its default, and another value is an error.
+        Smallest dimension of a space in which the parameter has an effect, such as 2 for friction, which needs a
+        tangential direction. In spaces of lower dimension, every value other than the default is an error.
     registered : str
-        Hook of plugins whose names are choices of an option as well: ``contact_laws``; empty: none.
+        Plugin hook, such as ``contact_laws``. The names that plugins register with it are further choices of an option.
+        Default: none.
     name : str
-        Set by the class that declares it.
+        Name of the parameter, set by the class that declares it.
 
     Raises
     ------
     uqmbd.StudyError
-        If the range is empty, or makes no sense for the kind; if no default is given where some spaces need one.
+        If the range is empty or does not suit the kind, or if a required default is missing.
 
     Examples
     --------
@@ -135,8 +136,8 @@ class Parameter(Generic[Given]):
     def __post_init__(self) -> None:
         if self.dimensions > 1 and self.required:
             raise StudyError(
-                f"Parameter({self.units!r}, {self.description!r}): it makes sense from dimensions={self.dimensions} on "
-                "and has no default for spaces of fewer; give it one."
+                f"Parameter({self.units!r}, {self.description!r}): the parameter applies only to spaces of "
+                f"{self.dimensions} or more dimensions, so it needs a default for the other spaces; give default=."
             )
         for key in ("default", "example") if self.kind != "option" else ():
             if not _usable(value := getattr(self, key)):
@@ -146,24 +147,24 @@ class Parameter(Generic[Given]):
                 )
         if not self.minimum < self.maximum:
             raise StudyError(
-                f"Parameter({self.units!r}, {self.description!r}): its range is from minimum={self.minimum!r} to "
-                f"maximum={self.maximum!r}; expected a minimum below the maximum."
+                f"Parameter({self.units!r}, {self.description!r}): minimum is {self.minimum!r}, and maximum is "
+                f"{self.maximum!r}; expected a minimum below the maximum."
             )
         if self.ranged and self.kind in ("option", "rotation", "axis", "turning_axis"):
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): a parameter of kind {self.kind!r} has no range; "
-                "leave minimum= and maximum= out."
+                "omit minimum= and maximum=."
             )
 
         if self.one_sign and self.kind != "scalar":
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): a parameter of kind {self.kind!r} has no sign; "
-                "leave one_sign= out."
+                "omit one_sign=."
             )
         if self.axes == "body" and self.kind not in ("vector", "moment"):
             raise StudyError(
-                f"Parameter({self.units!r}, {self.description!r}): axes='body' is for vectors and moments; a "
-                f"parameter of kind {self.kind!r} is in the frame of a body by itself."
+                f"Parameter({self.units!r}, {self.description!r}): axes='body' applies only to vectors and moments; "
+                f"a parameter of kind {self.kind!r} is always in the frame of a body."
             )
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -184,46 +185,46 @@ class Parameter(Generic[Given]):
             return self
         if instance.stating and self.kind != "option":
             raise StudyError(
-                f"terms() uses self.{self.name}; write p.{self.name}: the terms of one type of component are stated "
-                "once, in symbols, for all its objects and values."
+                f"terms() uses self.{self.name}; use p.{self.name} instead. The terms of a component class are "
+                "derived once, in symbols, for all objects and values."
             )
         instance.read.add(self.name)
         return instance.values[self.name]
 
     def __set__(self, instance: _Owner, value: Given) -> NoReturn:
-        """Raise `uqmbd.StudyError`, always: a value that is given later would not reach the equations."""
+        """Raise `uqmbd.StudyError` always: a later value would not reach the equations."""
         raise StudyError(
-            f"{type(instance).__name__} {instance.name!r}: {self.name} is given when the component is made and stays; "
-            "make another component, or give an expression in random variables or in uqmbd.t."
+            f"{type(instance).__name__} {instance.name!r}: {self.name} cannot be changed after the creation of the "
+            "component. Create another component, or use an expression in random variables or in uqmbd.t."
         )
 
     @property
     def required(self) -> bool:
-        """Whether the argument has no default although it is applicable."""
+        """Whether an argument must be given: it is applicable and has no default."""
         return self.default is _REQUIRED or self.left_out
 
     @property
     def left_out(self) -> bool:
-        """Whether type checkers accept its omission, which is an error in space: a turning axis with ``()``."""
+        """Whether type checkers accept an omitted argument: a turning axis with default ``()``, required in space."""
         return self.kind == "turning_axis" and isinstance(self.default, tuple) and not self.default
 
     @property
     def ranged(self) -> bool:
-        """Whether its numbers have a range."""
+        """Whether the numbers of the parameter have a range."""
         return self.minimum > -math.inf or self.maximum < math.inf
 
     @property
     def range_text(self) -> str:
-        """The range in words, for messages."""
+        """Range in words, for messages."""
         return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
 
     @property
     def words(self) -> tuple[Any, ...]:
-        """The choices of an option that are values, no types."""
+        """Choices of an option that are values, without the choices that are types."""
         return tuple(x for x in self.choices if not isinstance(x, type))
 
     def offers(self, value: Any) -> bool:
-        """Return whether an option can have a value."""
+        """Return whether a value is allowed for an option."""
         types = tuple(x for x in self.choices if isinstance(x, type))
         same = any(isinstance(value, type(x)) and value == x for x in self.words)
         if not self.choices or same or isinstance(value, types):
@@ -231,7 +232,7 @@ class Parameter(Generic[Given]):
         return isinstance(value, str) and value in self.names_of_plugins()
 
     def names_of_plugins(self) -> tuple[str, ...]:
-        """Return the names that installed plugins add to the choices; they are loaded to know them."""
+        """Load the installed plugins, and return the choices that they add."""
         return tuple(sorted(set(contact_laws()) - set(self.words))) if self.registered else ()
 
     def allows(self, value: float) -> bool:
@@ -241,11 +242,11 @@ class Parameter(Generic[Given]):
         return self.minimum <= value <= self.maximum
 
     def fits(self, space: Space) -> bool:
-        """Return whether the parameter makes sense in a space."""
+        """Return whether the parameter has an effect in a space."""
         return space.dimension >= self.dimensions
 
     def size(self, space: Space) -> int:
-        """Return how many numbers the parameter has in a space."""
+        """Return the number of entries of the parameter in a space."""
         if self.kind in ("point", "axis", "vector"):
             return space.dimension
         if self.kind in ("turning_axis", "moment"):
@@ -254,7 +255,7 @@ class Parameter(Generic[Given]):
 
 
 def _usable(value: Any) -> bool:
-    """Return whether a default may stand for numbers: None, finite numbers and expressions, and rows of these."""
+    """Return whether a default is valid for numbers: None, a finite number, an expression, or a row of such values."""
     if value is None or value is _REQUIRED:
         return True
     if isinstance(value, np.ndarray):
@@ -269,7 +270,7 @@ def _usable(value: Any) -> bool:
 
 
 def range_text(minimum: float, maximum: float, *, exclusive: bool = False) -> str:
-    """Return a range in words, for a message after "expected".
+    """Return a range as text that follows "expected" in messages.
 
     >>> range_text(0, math.inf), range_text(0, 1), range_text(-math.inf, 2, exclusive=True)
     ('0 or more', '0 to 1', 'less than 2')

@@ -1,6 +1,6 @@
-"""Values of a component's parameters, checked and in one form.
+"""Values of a component's parameters: checks, and conversion to a common form.
 
-Numbers of components that are 1, or 2: a product with one of them, or half of it, shows nothing of it.
+The module also finds numbers that equal 1 or 2: such a number is invisible in a product, or in half a product.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from uqmbd.units import Dimension, read_units, without_quantities
 __all__ = ["settle", "stated_in_bodies", "unseen_in"]
 
 VANISHING = (1, -1, 2, -2, sympy.Rational(1, 2), sympy.Rational(-1, 2))
-"""Numbers that leave a product, alone or with the half of an energy; 2.0 stays as 1.0."""
+"""Numbers that vanish from a product, alone or with the factor 1/2 of an energy; 2.0 remains as 1.0."""
 
 
 def unseen_in(components: Iterable[Component]) -> Callable[[], set[Dimension]]:
-    """Return a function that returns the dimensions of the values that vanish from products; see `check_dimensions`.
+    """Return a function that returns dimensions of values invisible in products; see `check_dimensions`.
 
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
@@ -49,11 +49,11 @@ def unseen_in(components: Iterable[Component]) -> Callable[[], set[Dimension]]:
 
 
 def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
-    """Return the values of a component: its parameters, then those that its `prepare` adds.
+    """Return the values of a component: its parameters, then the values from its method `prepare`.
 
-    A scalar is an expression, a vector a tuple of them; an option is returned as given.  The ``values`` of the
-    component are filled meanwhile, for `prepare`.  Raises `uqmbd.StudyError` if a parameter is missing, or its value
-    contradicts its declaration.
+    A scalar becomes an expression, a vector becomes a tuple of expressions, and an option remains unchanged.  The
+    function fills ``values`` of the component before it calls `prepare`.  It raises `uqmbd.StudyError` if a parameter
+    is missing, or if a value contradicts the declaration of its parameter.
     """
     given = localised(where, component, space)
     unseen = unseen_in([component, *_holders(component)])
@@ -65,13 +65,13 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
             raise StudyError(
                 f"{where}: {key!r} is missing ({parameter.description}{units}). "
                 f"Usage: {type(component).__name__}{component.signature()}"
-                + (f", or {other[0]}= in world axes, as drawn." if other else ".")
+                + (f", or {other[0]}= in world axes, for the drawn pose." if other else ".")
             )
         value = given.get(key, None if parameter.required else parameter.default)
         try:
             component.values[key] = _value(where, key, parameter, value, space, unseen, stated=key in given)
         except StudyError as error:
-            # helpers on axes and rotations do not know whom they work for
+            # functions for axes and rotations cannot add the component's name to their messages
             raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None
     known = [(x, set(x.read)) for x in (component, *_holders(component))]
     component.read = set()
@@ -81,24 +81,24 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
     finally:
-        for holder, read in known:  # what `prepare` reads is computed again whenever it changes
+        for holder, read in known:  # exclude values that `prepare` reads, because it runs again when they change
             holder.read = read
     for key, value in prepared.items():
         component.values[key] = _prepared(where, key, value)
     component.settled += 1
-    vars(component).pop("_quantities", None)  # its motion quantities hold the values that it had
+    vars(component).pop("_quantities", None)  # stored motion quantities contain the old values
     return component.values
 
 
 def _holders(component: Component) -> list[Component]:
-    """Return the objects that contain the numbers of the bodies of a component."""
+    """Return the body terms of a component's bodies; they contain the numbers of the bodies."""
     return [
         terms for body in component.attached.values() if isinstance(terms := getattr(body, "terms", None), Component)
     ]
 
 
 def stated_in_bodies(component: Component, key: str) -> None:
-    """Convert a parameter that was given by a pose in the world, and its companions, to the frames of bodies."""
+    """Convert all parameters given by the same keyword (``at`` or ``axis``) as the parameter `key` to body frames."""
     for word in [word for word in component.world_pose if key in replaced(type(component), word)]:
         component.given.update({name: component.values[name] for name in replaced(type(component), word)})
         del component.world_pose[word]
@@ -120,8 +120,8 @@ def _value(
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
     if stated and not parameter.fits(space) and not (isinstance(value, (int, float)) and value == parameter.default):
         raise StudyError(
-            f"{where}: {key} is {shown(value)}; it has no effect in {type(space).__name__} space, which has "
-            f"{space.dimension} dimension{'s' * (space.dimension != 1)}, so leave it out ({hint})."
+            f"{where}: {key} is {shown(value)}, but it has no effect in {type(space).__name__} space, which has "
+            f"{space.dimension} dimension{'s' * (space.dimension != 1)}; omit it ({hint})."
         )
     if parameter.kind == "option":
         if not parameter.offers(value):
@@ -134,9 +134,7 @@ def _value(
         return value
     if parameter.kind == "turning_axis" and size == 0:
         if stated and value is not None and flatten(value):
-            raise StudyError(
-                f"{where}: {key} is given; in the plane everything turns about the same axis, so leave it out."
-            )
+            raise StudyError(f"{where}: {key} is given, but in the plane all rotations have the same axis; omit it.")
         return ()
     if value is None and not parameter.required and parameter.default is None:
         return None
@@ -155,13 +153,13 @@ def _value(
 
 
 def _require_range(what: str, parameter: Parameter, entries: list[sympy.Expr], hint: str) -> None:
-    """Raise unless numbers, and expressions in random variables at their means, lie in the range of a parameter."""
+    """Raise if a number, or an expression at the means of random variables, is outside the range of a parameter."""
     for entry in entries:
         if not all(isinstance(s, RandomVariable) for s in entry.free_symbols):
             continue
         try:
             value = nominal(entry)
-        except StudyError:  # no finite number at the means: reported with all others when the mechanism is assembled
+        except StudyError:  # the assembly reports numbers that are not finite at the means
             continue
         if not parameter.allows(value):
             at_means = "" if entry.is_number else f" at the means of the random variables ({shown(entry)})"
@@ -171,9 +169,7 @@ def _require_range(what: str, parameter: Parameter, entries: list[sympy.Expr], h
 def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tuple[sympy.Expr, ...]:
     """Return the quaternion of a relative rotation; a half-angle pair in the plane."""
     if not space.turns:
-        raise StudyError(
-            f"{where}: {key} is given, but bodies in {type(space).__name__} space do not turn; leave it out."
-        )
+        raise StudyError(f"{where}: {key} is given, but bodies in {type(space).__name__} space do not rotate; omit it.")
     parts = flatten(value)
     if space.dimension == 2:
         angle = numbers(where, key, value, 1, f"{hint}: the angle in rad")[0]
@@ -189,7 +185,7 @@ def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tupl
 
 
 def _require_usable(where: str, key: str, value: Any) -> None:
-    """Raise if expressions of an option contain a non-number, or cannot be computed."""
+    """Raise if an option contains an expression that is not a number or cannot be computed."""
     for part in flatten(value):
         if isinstance(part, (sympy.Expr, int, float, complex)) and not isinstance(part, bool):
             numbers(where, key, part, 1)

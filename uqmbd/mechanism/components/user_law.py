@@ -1,4 +1,4 @@
-"""Laws that a user states: expressions in the symbols that a component declares for them."""
+"""User-defined laws: expressions in symbols that a component declares."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ __all__ = ["law_at", "law_values"]
 
 
 NO_NUMBERS = (sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I)
-"""Values that no law may contain: its values are finite and real."""
+"""Values that a law must not contain, because its values are finite and real."""
 
 
 @typechecked
 def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str = "") -> dict[str, sympy.Symbol]:
-    """Return what a law of a user contains beside its symbols, for `uqmbd.Component.prepare`.
+    """Return the quantities in a user-defined law other than its arguments, for `uqmbd.Component.prepare`.
 
-    Random variables and the time in a law become numbers of each realisation like the parameters of the component.
+    Random variables and the time in a law become numbers in each realisation, like parameters of the component.
 
     Parameters
     ----------
     law : expression
-        As the user gave it, in `symbols`, `uqmbd.t` and random variables.
+        Law from the user, in `symbols`, `uqmbd.t` and random variables.
     *symbols : sympy.Symbol
-        What it is a function of, such as the length of a spring.
+        Arguments of the law, such as the length of a spring.
     what : str
-        Name of the parameter, for messages; laws of one component have different names.
+        Name of the parameter, for messages; laws of the same component have different names.
     package : str
-        The package that offers the symbols, for messages.
+        Package that provides the symbols, for messages.
 
     Raises
     ------
     uqmbd.StudyError
-        If the law is no finite expression, or contains a symbol that nobody knows.
+        If the law is not a finite expression, or contains an unknown symbol.
 
     Warns
     -----
     uqmbd.StudyWarning
-        If the law is a table over time, with none of its symbols in it: most likely the table was not called.
+        If the law is a spline over time and contains none of `symbols`: the spline should probably be called with one.
 
     Examples
     --------
@@ -74,10 +74,11 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
         raise StudyError(f"{what} is {law!r}; {expected}.")
     others = sorted(value.free_symbols - set(symbols), key=str)
     if strangers := [x for x in others if type(x) is sympy.Symbol and x != t]:
-        raise StudyError(f"{what} is {law!r}, with the unknown symbol {str(strangers[0])!r} in it; {expected}.")
+        raise StudyError(f"{what} is {law!r}, which contains the unknown symbol {str(strangers[0])!r}; {expected}.")
     if not value.free_symbols & set(symbols) and any(x.argument == t for x in value.atoms(Spline)):
         warnings.warn(
-            f"{what} is {law!r}, a table over time, with neither {' nor '.join(names)} in it; if it is one over "
+            f"{what} is {law!r}, a table over time, which contains neither {' nor '.join(names)}. If it is a table "
+            "over "
             f"{symbols[0]}, call it: uqmbd.spline(...)({names[0]}).",
             StudyWarning,
             stacklevel=5,
@@ -94,29 +95,29 @@ def law_at(
     what: str = "law",
     by: sympy.Symbol | None = None,
 ) -> sympy.Expr:
-    """Return a law of a user with values for its symbols, for `uqmbd.Component.terms`.
+    """Return a user-defined law with values inserted for its symbols, for `uqmbd.Component.terms`.
 
     Parameters
     ----------
     p : uqmbd.extend.Local
-        What `terms` works with; it holds what `law_values` returned to `prepare`.
+        Argument of `terms`; it contains the values that `law_values` returned to `prepare`.
     law : expression
-        As the user gave it.
+        Law from the user.
     values : mapping
-        An expression for each of its symbols.
+        Expression for each symbol of the law.
     what : str
-        As for `law_values`.
+        Name of the parameter, as for `law_values`.
     by : sympy.Symbol, optional
-        The derivative by this symbol instead of the law itself.
+        Symbol with respect to which the function differentiates the law. Default: no differentiation.
 
     Raises
     ------
     uqmbd.StudyError
-        If `by` is no symbol, or as for `law_values`.
+        If `by` is not a symbol, or if the law is invalid as in `law_values`.
 
     Examples
     --------
-    A spring whose law the user writes in the length:
+    A spring with a user-defined law in its length:
 
     >>> import sympy
     >>> import uqmbd
@@ -137,14 +138,14 @@ def law_at(
     -1.0
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StudyWarning)  # `prepare` warned
+        warnings.simplefilter("ignore", StudyWarning)  # `prepare` has already warned
         beside = law_values(law, *values, what=what)
     if by is not None and not isinstance(by, sympy.Symbol):
         raise StudyError(f"law_at: by is {shown(by)}; expected one of the symbols of the law.")
     if missing := [str(symbol) for name, symbol in beside.items() if not hasattr(p, name)]:
         raise StudyError(
-            f"law_at: {what} is {shown(law)}, with {missing[0]} in it, which the component did not prepare; return "
-            f"law_values(law, ..., what={what!r}) from its prepare()."
+            f"law_at: {what} is {shown(law)} and contains {missing[0]}, which prepare() of the component did not "
+            f"return. Return law_values(law, ..., what={what!r}) from prepare()."
         )
     known = {symbol: getattr(p, name) for name, symbol in beside.items()}
     expression = as_symbolic(law)

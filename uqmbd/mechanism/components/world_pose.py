@@ -1,4 +1,4 @@
-"""Joints given by a pose in the world, as drawn, instead of points and axes in the frames of two bodies."""
+"""Definition of joints by one point or axis in the world frame instead of points and axes in two body frames."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uqmbd.units import without_quantities
 __all__ = ["KEYWORDS", "Declared", "localised", "replaced"]
 
 KEYWORDS = {"at": "point", "axis": "axis"}
-"""Argument of a component -> beginning of the names of the parameters that it replaces."""
+"""Argument of a component -> beginning of the names of the replaced parameters."""
 
 KINDS = {"at": ("point",), "axis": ("axis", "turning_axis")}
 
@@ -26,7 +26,7 @@ ROUNDING = 1e-15
 
 
 class Declared(Protocol):
-    """Declarations of a class of components."""
+    """Component class, with its declarations."""
 
     bodies: ClassVar[tuple[str, ...]]
     grounded: ClassVar[tuple[str, ...]]
@@ -40,7 +40,7 @@ class Declared(Protocol):
 
 
 class _Drawn(Declared, Protocol):
-    """A component whose arguments may be given in the world frame."""
+    """Component whose arguments may be given in the world frame."""
 
     given: dict[str, Any]
     world_pose: dict[str, Any]
@@ -55,7 +55,7 @@ class _Drawn(Declared, Protocol):
 
 
 def replaced(component: type[Declared], keyword: str) -> list[str]:
-    """Return the parameters that a pose in the world replaces; none where a component does not accept one.
+    """Return the parameters that ``at`` or ``axis`` replaces; empty if the component does not accept the keyword.
 
     >>> import uqmbd
     >>> class Pin(uqmbd.Component):
@@ -69,15 +69,15 @@ def replaced(component: type[Declared], keyword: str) -> list[str]:
         return []
     names = [f"{KEYWORDS[keyword]}_{end}" for end in "ij"]
     found = [x for x in names if x in declared and declared[x].kind in KINDS[keyword]]
-    # one point alone would leave the other one open
+    # a single point would leave the other point undefined
     return [] if keyword == "at" and len(found) < 2 else found
 
 
 def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
-    """Return the arguments of a component, with poses in the world converted to points and axes of the bodies.
+    """Return the arguments of a component, with points and axes converted from the world frame to body frames.
 
-    Raises `uqmbd.StudyError` if a point or axis is given in both ways, is not a number, or a body is drawn in a random
-    pose.
+    Raises `uqmbd.StudyError` if a point or axis is given in both frames or contains a non-number. Raises it also if a
+    body is drawn in a random pose.
     """
     given = dict(component.given)
     declared = component.parameters()
@@ -86,16 +86,16 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
         twice = [name for name in names if name in given]
         if twice:
             raise StudyError(
-                f"{where}: both {keyword} and {twice[0]} are given; give {keyword} in world axes as drawn, "
-                f"or {' and '.join(names)} in the frames of the bodies."
+                f"{where}: both {keyword} and {twice[0]} are given. Give either {keyword} in world axes, for the "
+                f"drawn pose, or {' and '.join(names)} in the frames of the bodies."
             )
         size = max(declared[name].size(space) for name in names)
         if size == 0:
             raise StudyError(
-                f"{where}: {keyword} is given; in the plane everything turns about the same axis, so leave it out."
+                f"{where}: {keyword} is given, but in the plane all rotations have the same axis; omit it."
             )
         value = without_quantities(f"{where}: {keyword}", value, declared[names[0]].units)
-        entries = numbers(where, keyword, value, size, "world axes, as drawn")
+        entries = numbers(where, keyword, value, size, "world axes, drawn pose")
         _require_fixed(f"{where}: {keyword} is {shown(value)}, which", entries, names)
         for name in names:
             given[name] = _seen_from(where, component, keyword, name, entries)
@@ -103,12 +103,12 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
 
 
 def _seen_from(where: str, component: _Drawn, keyword: str, name: str, entries: list[sympy.Expr]) -> list[float]:
-    """Point or axis in the frame of the body it belongs to, as drawn."""
+    """Convert a point or an axis from the world frame to the drawn frame of its body."""
     role = component.body_of(name)
     frame = component.drawn_frame(role)
     body = f"{role} {getattr(component.attached[role], 'name', '')!r}"
     used = (*frame.q[: frame.space.dimension], *frame.quaternion) if keyword == "at" else frame.quaternion
-    _require_fixed(f"{where}: {keyword} is given, but the pose of {body} as drawn", list(used), [name])
+    _require_fixed(f"{where}: {keyword} is given, but the drawn pose of {body}", list(used), [name])
     vector = sympy.Matrix(entries) - (frame.position if keyword == "at" else sympy.zeros(len(entries), 1))
     found = [float(x) for x in frame.rotation.T * vector]
     size = max(1.0, *map(abs, found))
@@ -119,6 +119,6 @@ def _require_fixed(what: str, entries: list[sympy.Expr], names: list[str]) -> No
     strangers = sorted({str(s) for x in entries for s in x.free_symbols})
     if strangers:
         raise StudyError(
-            f"{what} depends on {', '.join(strangers)}; a joint is given in the world only where its geometry is not "
-            f"random and does not move. Give {' and '.join(names)} in the frames of the bodies."
+            f"{what} depends on {', '.join(strangers)}; a joint can be defined in world axes only if its geometry is "
+            f"neither random nor time-dependent. Give {' and '.join(names)} in the frames of the bodies."
         )

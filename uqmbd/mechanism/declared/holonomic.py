@@ -1,4 +1,4 @@
-"""Constraints and potentials contain no velocities: values of a user that contain some are refused at once."""
+"""Check that velocities in parameter values do not occur in constraints or potential energies."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ RATES = ("v", "angular_velocity")
 
 
 def require_holonomic(where: str, component: Component, space: Space) -> None:
-    """Raise where a velocity among the values of a component enters a constraint or a potential energy.
+    """Raise if a velocity in the parameter values of a component occurs in a constraint or a potential energy.
 
-    The `uqmbd.StudyError` names the arguments that contain velocities.  Velocities belong to forces: a constraint that
-    contains them is not holonomic, and an energy that contains them is no potential.  The terms are evaluated only if
-    there are velocities among the values.
+    The `uqmbd.StudyError` names the arguments that contain velocities.  Velocities are allowed in forces. A constraint
+    with velocities is not holonomic, and an energy with velocities is not a potential energy.  The terms are evaluated
+    only if the values contain velocities.
     """
     guilty = {
         key: sorted(map(str, rates))
@@ -32,19 +32,19 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
         return
     try:
         found = _place(component, space)
-    except Exception:  # errors of the terms are reported completely when the terms are derived
+    except Exception:  # the derivation of the equations reports errors of the terms with all details
         return
     if found:
         told = " and ".join(f"{key}, which contains {', '.join(rates)}," for key, rates in guilty.items())
         raise StudyError(
-            f"{where}: {told} enters {found}; there a number may depend on random variables, positions and time, not "
-            "on velocities. To prescribe a speed, use a driver; a force may depend on velocities. An equation that is "
-            "linear in velocities is a uqmbd.extend.VelocityConstraint, a term of a component."
+            f"{where}: {found} depends on {told} but it may depend only on random variables, positions and time, not "
+            "on velocities. To prescribe a speed, use a driver. For an equation that is linear in velocities, "
+            "define a component with a uqmbd.extend.VelocityConstraint."
         )
 
 
 def _place(component: Component, space: Space) -> str:
-    """Return where a velocity occurs: in a constraint, a potential energy, or neither (empty)."""
+    """Return the term that contains a velocity as text: "a constraint" or "a potential energy", or empty if none."""
     frames = {
         role: Frame(space, body.q, body.v) if isinstance(body, Body) else Frame(space)
         for role, body in component.attached.items()
@@ -63,7 +63,7 @@ def _place(component: Component, space: Space) -> str:
 
 
 def _rates(*values: object, named: Local | None = None) -> set[sympy.Symbol]:
-    """Return the velocities that expressions contain, those within named quantities included."""
+    """Return the velocities in expressions, including velocities in named quantities."""
     found: set[sympy.Symbol] = set()
     for value in values:
         for symbol in value.free_symbols if isinstance(value, sympy.Basic) else ():

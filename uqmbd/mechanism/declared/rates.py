@@ -1,4 +1,4 @@
-"""Rates of quantities of the pose, over time and in modes, as expressions for outputs."""
+"""Time derivatives and mode shapes of quantities of the pose, as expressions for outputs."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def time_derivative(expression: Any) -> sympy.Expr:
     Parameters
     ----------
     expression : sympy.Expr
-        As of an output of a mechanism.
+        Expression as in an output of a mechanism.
 
     Returns
     -------
     sympy.Expr
-        For an output, in the units of the expression over s.
+        Time derivative for an output, in the units of the expression divided by s.
 
     Raises
     ------
     uqmbd.StudyError
-        If it contains what has no rate that is known: an acceleration, a reaction, a command of a controller.
+        If the expression contains quantities without a known rate: accelerations, reactions, commands of a controller.
 
     Examples
     --------
@@ -56,43 +56,44 @@ def time_derivative(expression: Any) -> sympy.Expr:
 
 @checked
 def mode_shape(number: int, quantity: Any, over: Any, at: At = "equilibrium", part: Part = "real") -> sympy.Expr:
-    r"""Return the shape of a mode, as the ratio of how far two quantities move in it, for use in an output.
+    r"""Return the shape of a mode as the ratio of the amplitudes of two quantities, for use in an output.
 
-    In a mode of small motions of the constrained mechanism the coordinates change by :math:`\Delta q`, within the
-    constraints and up to a factor.  A quantity :math:`g` of the pose changes by :math:`\nabla g \cdot \Delta q`, and
-    the factor leaves the ratio of two of them: of positions, angles, distances.  An output with it has one value per
-    realisation and no time.
+    In a mode of small motions of the constrained mechanism, the coordinates change by :math:`\Delta q`. This change
+    satisfies the constraints and is known up to a factor.  A quantity :math:`g` of the pose, such as a position, an
+    angle or a distance, changes by :math:`\nabla g \cdot \Delta q`. The factor cancels in the ratio of two quantities.
+    The output has one value per realisation and no time.
 
-    *Numbering* is that of `uqmbd.eigenfrequency`, and belongs to the place in the order of frequencies: if two modes
-    exchange places within the range of the inputs, the ratio jumps from one mode to the other. No polynomial follows
-    that. Where frequencies are equal any mix of their modes is a mode: if another frequency comes within a
-    ten-millionth of this one, the ratio is not determined. The realisation has then failed, with a status and the
-    reason. So has one in whose mode the reference does not move.
+    *Numbering*: modes are numbered as in `uqmbd.eigenfrequency`, by the rank of the frequency. If two modes exchange
+    ranks within the range of the inputs, the ratio jumps from one mode to the other. No polynomial represents such a
+    jump. If several frequencies are equal, every linear combination of their modes is also a mode, and the ratio is
+    undetermined. A realisation therefore fails, with a status and the reason, if the relative difference to another
+    frequency is below 1e-7. A realisation also fails if the reference quantity does not change in the mode.
 
-    *Damping*: with none, or in proportion to mass and stiffness, the ratio is a real number.  Otherwise the quantities
-    pass their extremes one after the other, and the ratio is complex: its real part is what moves in phase with the
-    reference, its imaginary part what moves a quarter of a period ahead.
+    *Damping*: without damping, or with damping in proportion to mass and stiffness, the ratio is real.  Otherwise the
+    quantities reach their extremes at different times, and the ratio is complex. The real part of the ratio is in phase
+    with the reference quantity. The imaginary part leads the reference quantity by a quarter of a period.
 
     Parameters
     ----------
     number : int
-        Of the mode, from 1.
+        Number of the mode, from 1.
     quantity, over : SymPy expression
-        What moves, and the reference, in positions, angles, time (which is held) and random variables.
+        Quantity of interest and reference quantity, in positions, angles, time and random variables. Time is held
+        constant.
     at : {"equilibrium", "start", "steady"}
-        About which pose, or motion, as of `uqmbd.eigenfrequency`.  About a steady motion quantities have to be such
-        that the ratio stays the same on the way; a realisation in which it changes has failed.
+        State about which the motion is linearised, as for `uqmbd.eigenfrequency`. About a steady motion the ratio must
+        be constant in time; otherwise the realisation fails.
     part : {"real", "imaginary"}
-        Which part of the ratio.
+        Part of the complex ratio.
 
     Raises
     ------
     uqmbd.StudyError
-        If there cannot be such a mode, or a quantity is not one of the pose.
+        If the number is invalid, or a quantity depends on more than the pose.
 
     Examples
     --------
-    Two masses in a row: the outer one moves 1.618 times as far as the inner one in the first mode.
+    In the first mode of two masses in a row, the outer mass moves 1.618 times as far as the inner mass.
 
     >>> import uqmbd
     >>> from uqmbd_springs import SpringDamper
@@ -113,7 +114,7 @@ def mode_shape(number: int, quantity: Any, over: Any, at: At = "equilibrium", pa
             what = f"it contains {late[0]}" if late else "it does not depend on the pose"
             raise StudyError(
                 f"mode_shape: {name} is {shown(value)}, and {what}; expected an expression in positions and angles, "
-                "such as body.position[0], whose change in the mode is meant."
+                "such as body.position[0]."
             )
     return shape
 
@@ -132,6 +133,6 @@ def _rate(symbol: Any, whole: sympy.Expr) -> sympy.Expr:
         if symbol.quantity == "angular_velocity":
             return as_symbolic(owner.angular_acceleration)
     raise StudyError(
-        f"time_derivative(): the expression is {sympy.sstr(whole)[:200]}, and the rate of {symbol} is not known; "
+        f"time_derivative(): the expression is {sympy.sstr(whole)[:200]}, but the rate of {symbol} is unknown; "
         "expected positions, velocities, angles, uqmbd.t and random variables."
     )

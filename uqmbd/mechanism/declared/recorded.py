@@ -1,4 +1,4 @@
-"""Recorded quantities: an expression, its units, and their properties."""
+"""Recorded quantities: expressions, units and properties of outputs."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ __all__ = ["output_of", "require_recordable"]
 
 
 def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, angle: Any, over: Any) -> Output:
-    """Return an output of a mechanism, or raise where something is wrong with it; see `Mechanism.output`."""
+    """Return an output of a mechanism, or raise if an argument is invalid; see `Mechanism.output`."""
     where = f"output {check_name(name, 'output')!r}"
     if name in mechanism.outputs or name in mechanism.scalars:
-        raise StudyError(f"{where}: there is an output of that name already; every output needs its own.")
+        raise StudyError(f"{where}: an output with this name exists already; choose another name.")
     value = require_recordable(where, expression)
     if not value.free_symbols:
         raise StudyError(
-            f"{where}: the expression is the constant {value}; it depends on nothing. "
-            "Use a body's position, velocity, a reaction, ..."
+            f"{where}: the expression is the constant {value}. Expected an expression in quantities of the "
+            "mechanism, such as a position, a velocity or a reaction."
         )
     require_known(mechanism, where, value, "output")
     if not isinstance(angle, bool):
         raise StudyError(f"{where}: angle is {shown(angle)}; expected True or False.")
     if angle and not (isinstance(units, str) and units in TURNS):
         raise StudyError(
-            f"{where}: it is declared an angle, and its units are {units!r}; expected 'rad' or 'deg', which say "
-            "how long a turn is. State the units, or leave angle=True out."
+            f"{where}: the output is declared as an angle, but its units are {units!r}; expected 'rad' or 'deg'. "
+            "Correct the units, or omit angle=True."
         )
     units = check_units(units, where)
     if is_scalar(value):
@@ -43,16 +43,16 @@ def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, a
     check_dimensions(where, value, units, unseen_numbers(mechanism))
     if is_scalar(value):
         if angle:
-            raise StudyError(f"{where}: it has no time over which to unwrap an angle; leave angle=True out.")
+            raise StudyError(f"{where}: a scalar output cannot be unwrapped over time; omit angle=True.")
         if over is not None:
-            raise StudyError(f"{where}: it has no time, and is no curve over another output; leave over= out.")
+            raise StudyError(f"{where}: a scalar output is not a curve over another output; omit over=.")
         return Output(name, value, units)
     beside = "" if over is None else drawn_over(where, over, mechanism.outputs, mechanism.scalars)
     return Output(name, value, units, TURNS[units] if angle else 0.0, beside)
 
 
 def require_recordable(where: str, expression: Any) -> sympy.Expr:
-    """Return a recordable expression, or raise with a replacement."""
+    """Return an expression that an output can record; otherwise raise an error that suggests a replacement."""
     if isinstance(expression, Frame):
         name = getattr(expression, "name", "body")
         raise StudyError(
@@ -61,8 +61,8 @@ def require_recordable(where: str, expression: Any) -> sympy.Expr:
         )
     if isinstance(expression, Component):
         raise StudyError(
-            f"{where}: the expression is {shown(expression)} itself; record a reaction of it, "
-            f"e.g. {expression.name}.reaction_force[0]."
+            f"{where}: the expression is {shown(expression)} itself; record one of its reactions, e.g. "
+            f"{expression.name}.reaction_force[0]."
         )
     if callable(expression) and not isinstance(expression, sympy.Basic):
         name = getattr(expression, "__name__", "it")
@@ -70,7 +70,10 @@ def require_recordable(where: str, expression: Any) -> sympy.Expr:
             f"{where}: the expression is the function {name}; record its result, e.g. body.{name}(...)[0]."
         )
     if isinstance(expression, sympy.logic.boolalg.Boolean) and not isinstance(expression, sympy.Expr):
-        raise StudyError(f"{where}: the expression {expression} is true or false; expected one that is a number.")
+        raise StudyError(
+            f"{where}: the expression {expression} is a relation or condition; expected an expression "
+            "with numeric values."
+        )
     parts = flatten(expression)
     if len(parts) > 1:
         raise StudyError(
@@ -80,14 +83,14 @@ def require_recordable(where: str, expression: Any) -> sympy.Expr:
 
 
 def drawn_over(where: str, over: Any, outputs: Mapping[str, Output], scalars: Mapping[str, Output]) -> str:
-    """Return the name of the output that is the abscissa of another one; raise if it cannot be."""
+    """Return the name of the output on the horizontal axis of another output's plot; raise if it is invalid."""
     if isinstance(over, str) and over in outputs:
         return over
     if isinstance(over, str) and over in scalars:
-        raise StudyError(f"{where}: over={over!r} is an output without a time; nothing is a curve over one number.")
-    known = ", ".join(map(repr, outputs)) or "none so far"
+        raise StudyError(f"{where}: over={over!r} is a scalar output; expected an output over time for a curve.")
+    known = ", ".join(map(repr, outputs)) or "none"
     near = did_you_mean(over, outputs) if isinstance(over, str) else ""
     raise StudyError(
-        f"{where}: over is {shown(over)}{f'{near} Expected' if near else '; expected'} the name of an output that is "
-        f"recorded already, to be drawn over: {known}."
+        f"{where}: over is {shown(over)}{f'{near} Expected' if near else '; expected'} the name of an existing "
+        f"output for the horizontal axis: {known}."
     )

@@ -1,4 +1,4 @@
-"""Requirements: relations that a mechanism has to satisfy, and their margins."""
+"""Requirements of a mechanism (relations of expressions), and their margins."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ ABOVE = (sympy.GreaterThan, sympy.StrictGreaterThan)
 @typechecked
 @dataclass(frozen=True)
 class Requirement:
-    """A limit that a mechanism has to stay within.
+    """Requirement: a relation that a mechanism must satisfy.
 
     Attributes
     ----------
     name, description : str
-        As the user wrote them.
+        Name and description, as declared.
     relation : str
-        As it reads.
+        Relation, as text.
     over_time : bool
-        Whether it has to hold at all times; else it is one statement on a realisation.
+        True: the relation must be true at all times. False: the relation is one condition for each realisation.
     at_the_end : bool
-        Whether that is made at the end of the motion only, as of an integral.
+        Whether the condition is evaluated only at the end of the motion, as for an integral.
     open : {-1, 0, 1}
-        If a first time or event does not occur, the margin exceeds that at the end of the motion (1), or is below it
-        (-1).
+        Bound of the margin if its first time or event does not occur during the motion. The margin is then above (1) or
+        below (-1) the margin for an occurrence at the end of the motion.
 
     Examples
     --------
@@ -74,24 +74,24 @@ class Requirement:
 
     @property
     def words(self) -> str:
-        """The description, or the relation."""
+        """Description, or the relation if there is no description."""
         return self.description or self.relation
 
 
 def requirement_of(mechanism: Described, name: str, relation: Any, description: Any) -> tuple[Requirement, Output]:
-    """Return a requirement of a mechanism and its margin, or raise where something is wrong; see `Mechanism.require`.
+    """Return a requirement of a mechanism and its margin, or raise if an argument is invalid; see `Mechanism.require`.
 
-    The margin is the difference of its sides: the requirement is violated where it is below zero.
+    The margin is the difference of the two sides of the relation; a negative margin violates the requirement.
     """
     where = f"requirement {check_name(name, 'requirement')!r}"
     if name == ANY:
-        raise StudyError(f"{where}: that name belongs to the event that any requirement is violated; choose another.")
+        raise StudyError(f"{where}: this name is reserved for the violation of any requirement; choose another name.")
     if name in mechanism.requirements:
-        raise StudyError(f"{where}: there is a requirement of that name already; every requirement needs its own.")
+        raise StudyError(f"{where}: a requirement with this name exists already; choose another name.")
     if not isinstance(description, str):
         raise StudyError(f"{where}: the description is {shown(description)}; expected a text.")
     if mark := unwritable(description):
-        raise StudyError(f"{where}: the description is {shown(description)}; it cannot contain {mark}.")
+        raise StudyError(f"{where}: the description is {shown(description)}; a description must not contain {mark}.")
     margin = _over_time(_margin(where, relation))
     value = require_recordable(where, margin)
     if not value.free_symbols:
@@ -100,8 +100,8 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
         )
     if value.free_symbols == {t}:
         raise StudyError(
-            f"{where}: the relation {relation} contains time alone, so the mechanism has no effect on it; expected "
-            "one of a quantity of the mechanism, or of a random variable."
+            f"{where}: the relation {relation} depends only on time, not on the mechanism; expected a relation with "
+            "a quantity of the mechanism or a random variable."
         )
     require_known(mechanism, where, value, "output")
     timeless = is_scalar(value) or not value.free_symbols - random_variables(value)
@@ -113,7 +113,7 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
 
 
 def _margin(where: str, relation: Any) -> sympy.Expr:
-    """Return the difference of the sides of a relation, positive where it is satisfied."""
+    """Return the difference of the two sides of a relation; it is positive if the relation is true."""
     expected = "expected a relation such as slider.position[0] <= 0.47 or uqmbd.eigenfrequency(1) >= 2"
     if isinstance(relation, np.ndarray):
         raise StudyError(f"{where}: the relation is {shown(relation)}; {expected}.")
@@ -122,23 +122,23 @@ def _margin(where: str, relation: Any) -> sympy.Expr:
         raise StudyError(f"{where}: the relation is {always} satisfied, for every motion; {expected}.")
     if isinstance(relation, (sympy.Equality, sympy.Unequality)):
         raise StudyError(
-            f"{where}: the relation is {relation}, and a random quantity equals a value with probability zero; "
+            f"{where}: the relation is {relation}, but a random quantity equals a value with probability zero; "
             f"{expected}, or two requirements for a band."
         )
     if isinstance(relation, (sympy.And, sympy.Or, sympy.Not)):
         raise StudyError(
-            f"{where}: it consists of several relations, {shown(relation)}; state a requirement for each of them. The "
-            "probability that any of them is violated is a result, too."
+            f"{where}: the argument contains several relations, {shown(relation)}. Define a separate requirement for "
+            "each of them; the results also contain the probability that any requirement is violated."
         )
     if not isinstance(relation, (*BELOW, *ABOVE)):
-        raise StudyError(f"{where}: it was given {shown(relation)}; {expected}.")
+        raise StudyError(f"{where}: the relation is {shown(relation)}; {expected}.")
     return relation.rhs - relation.lhs if isinstance(relation, BELOW) else relation.lhs - relation.rhs
 
 
 def _over_time(margin: sympy.Expr) -> sympy.Expr:
-    """Return a margin over time, where it is that of the largest or smallest value alone: the same at all times.
+    """Convert the margin of a largest or smallest value to the equivalent margin over time.
 
-    That ``maximum(x) <= c`` is that ``x <= c`` at all times, which tells until when it held, too.
+    ``maximum(x) <= c`` means ``x <= c`` at all times; the latter form also yields the time of the first violation.
     """
     extremes = sorted(margin.atoms(Maximum, Minimum), key=str)
     if len(extremes) != 1:
@@ -153,9 +153,9 @@ def _over_time(margin: sympy.Expr) -> sympy.Expr:
 
 
 def _bounds(margin: sympy.Expr) -> int:
-    """Return which side a margin is known to be on where a time in it is later than the motion: 1 above, -1 below.
+    """Return the bound of a margin if its first time or event does not occur: 1 (margin above) or -1 (below).
 
-    0: it has several, or is not linear in the one that it has.
+    Returns 0 if the margin contains several times, or is not linear in its only time.
     """
     firsts = sorted(margin.atoms(EventTime, FirstTime), key=str)
     slope = _linear(margin, firsts[0])[0] if len(firsts) == 1 else sympy.Integer(0)
@@ -163,7 +163,7 @@ def _bounds(margin: sympy.Expr) -> int:
 
 
 def _linear(margin: sympy.Expr, part: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
-    """Return the slope of a margin over a part of it, and its remainder without that part."""
+    """Return the slope of a margin with respect to one part of the margin, and the margin without this part."""
     held = sympy.Dummy(real=True)
     inner = margin.xreplace({part: held})
     return inner.diff(held), inner.xreplace({held: sympy.Integer(0)})

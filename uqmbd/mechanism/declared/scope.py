@@ -1,4 +1,4 @@
-"""Symbols that an expression may contain: random variables anywhere, time and states in laws, reactions in outputs."""
+"""Allowed symbols of expressions: random variables in all, time and states in laws, reactions in outputs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uqmbd.mechanism.components import (
 )
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.declared.output import Output
-from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t, unknown_symbol
+from uqmbd.mechanism.expressions import ExcitationSymbol, ScalarSymbol, flatten, is_scalar, t, unknown_symbol
 from uqmbd.mechanism.geometry import Space
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import Dimension
@@ -34,13 +34,13 @@ __all__ = [
 ]
 
 Scope = Literal["number", "law", "start", "output"]
-"""A number knows random variables; a law time, positions, angles and velocities as well; an output everything.
+"""A number may contain random variables; a law also time, positions, angles and velocities; an output all symbols.
 
-A start condition knows what a law does; the message about what it must not contain is its own."""
+A start condition may contain the same symbols as a law, but has a separate error message."""
 
 
 class Described(Protocol):
-    """A mechanism, as far as it matters here."""
+    """Mechanism, with the attributes that this package uses."""
 
     name: str
     bodies: dict[str, Body]
@@ -61,38 +61,47 @@ LAW_QUANTITIES = ("q", "v", "angular_velocity")
 
 
 def require_known(mechanism: Described, where: str, value: Any, scope: Scope) -> None:
-    """Raise `uqmbd.StudyError`, which names the symbol, unless every symbol in a value is allowed in its scope.
+    """Raise `uqmbd.StudyError`, which names the symbol, if a value contains a symbol outside its allowed scope.
 
     The value is an expression or a vector of expressions; other values contain no symbols.
     """
     for part in flatten(value) if scope in ("number", "law") else ():
         if is_scalar(part):
             raise StudyError(
-                f"{where}: it contains {part}, which is computed from the mechanism; it can only be an output."
+                f"{where}: the expression contains {part}, which is computed from the mechanism and is only "
+                "permitted in outputs."
             )
     symbols = {s for part in flatten(value) if isinstance(part, sympy.Basic) for s in part.free_symbols}
     for symbol in sorted(symbols, key=str):
         if isinstance(symbol, (RandomVariable, ScalarSymbol)):
             continue
+        if isinstance(symbol, ExcitationSymbol):
+            _require_scope(where, symbol, scope)
+            continue
         if isinstance(symbol, StateSymbol):
-            _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: it contains {symbol}")
+            _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: the expression contains {symbol}")
         elif isinstance(symbol, AngleSymbol):
             members = mechanism.bodies if isinstance(symbol.owner, Body) else mechanism.components
-            _require_member(members, symbol.owner, mechanism, f"{where}: it contains {symbol}")
+            _require_member(members, symbol.owner, mechanism, f"{where}: the expression contains {symbol}")
         elif isinstance(symbol, (ReactionSymbol, AuxiliarySymbol)):
-            _require_member(mechanism.components, symbol.component, mechanism, f"{where}: it contains {symbol}")
+            _require_member(
+                mechanism.components, symbol.component, mechanism, f"{where}: the expression contains {symbol}"
+            )
         elif isinstance(symbol, HeldSymbol):
-            # it may be added later
+            # the controller may be added later
             known = mechanism.controllers.get(symbol.owner.name)
             if known is not None and known is not symbol.owner:
                 raise StudyError(
-                    f"{where}: it contains {symbol}, but the controller {symbol.owner.name!r} of mechanism "
-                    f"{mechanism.name!r} is another one."
+                    f"{where}: the expression contains {symbol}, but the controller {symbol.owner.name!r} of "
+                    f"mechanism {mechanism.name!r} is a different object."
                 )
             if scope == "start":
-                raise StudyError(f"{where}: it contains {symbol}, and controllers command nothing before the start.")
+                raise StudyError(
+                    f"{where}: the expression contains {symbol}, but commands of a controller are not defined before "
+                    "the start; use a position or velocity of a body."
+                )
         elif symbol != t:
-            raise StudyError(f"{where}: it contains {unknown_symbol(symbol)}")
+            raise StudyError(f"{where}: the expression contains {unknown_symbol(symbol)}")
         _require_scope(where, symbol, scope)
 
 
@@ -102,17 +111,20 @@ def unseen_numbers(mechanism: Described) -> Callable[[], set[Dimension]]:
 
 
 def require_free(mechanism: Described, name: str, where: str) -> None:
-    """Raise where bodies and components have a name already."""
+    """Raise if a body or component already has this name."""
     if name == "ground":
-        raise StudyError(f"{where}: that name belongs to the ground; choose another.")
+        raise StudyError(f"{where}: the name 'ground' is reserved; choose another name.")
     taken = mechanism.bodies.get(name) or mechanism.components.get(name) or mechanism.controllers.get(name)
     if taken is not None:
         kind = "body" if isinstance(taken, Body) else type(taken).__name__
-        raise StudyError(f"{where}: the name belongs to {kind} {name!r}; bodies and components need different names.")
+        raise StudyError(
+            f"{where}: the {kind} {name!r} has the same name; choose another name, because names of bodies and "
+            "components must be unique."
+        )
 
 
 def require_measured(mechanism: Described, controller: Controller) -> None:
-    """Raise unless every expression that a controller measures means something."""
+    """Raise if a controller measures an invalid expression."""
     for k, entry in enumerate(controller.measured):
         if not isinstance(entry, str):
             require_known(mechanism, f"{controller.where}: measured[{k}]", entry, "output")
@@ -121,15 +133,15 @@ def require_measured(mechanism: Described, controller: Controller) -> None:
 def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
     if scope == "number":
         raise StudyError(
-            f"{where}: it contains {symbol}, which changes while the mechanism moves; "
-            "only numbers and random variables are possible here."
+            f"{where}: the expression contains {symbol}, which changes during the motion; expected only numbers and "
+            "random variables."
         )
     late = isinstance(symbol, ReactionSymbol) or (
         isinstance(symbol, StateSymbol) and symbol.quantity not in LAW_QUANTITIES
     )
     if scope == "law" and late:
         raise StudyError(
-            f"{where}: it depends on {symbol}; parameters may depend on random variables, positions, "
+            f"{where}: the expression depends on {symbol}; parameters may depend on random variables, positions, "
             "angles, velocities, angular velocities, auxiliary states, and time."
         )
 
@@ -139,13 +151,13 @@ def _require_member(
 ) -> None:
     if members.get(owner.name) is owner:
         return
-    # a component that was never added belongs to none
+    # a component that was never added has no mechanism
     added = isinstance(owner, Body) or bool(getattr(owner, "settled", 0))
     kind = "body" if isinstance(owner, Body) else type(owner).__name__
     if owner.name in members and added:
         raise StudyError(
-            f"{what}, but {kind} {owner.name!r} is not in mechanism {mechanism.name!r}, which has another one of that "
-            "name: the one given belongs to another mechanism."
+            f"{what}, but this {kind} {owner.name!r} belongs to another mechanism than {mechanism.name!r}, which has "
+            "a different object with the same name."
         )
     if not isinstance(owner, Body):
         raise StudyError(

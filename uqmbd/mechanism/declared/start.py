@@ -1,4 +1,4 @@
-"""Start conditions: equations of positions and velocities at the start of a motion only."""
+"""Start conditions: equations in positions or velocities that apply only at the start of a motion."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ __all__ = ["StartCondition", "start_condition"]
 
 USAGE = "write mechanism.start(expression, value), or mechanism.start(sympy.Eq(expression, value))"
 LONG = 60
-"""Characters of a condition that messages show."""
+"""Largest number of characters of a condition in messages."""
 
 
 @dataclass(frozen=True)
 class StartCondition:
-    """``expression = value`` at the start of every realisation."""
+    """Condition ``expression = value`` at the start of every realisation."""
 
-    text: str  # its name in messages
-    stated: sympy.Expr  # left side less right side
-    of_velocities: bool  # whether it is one of velocities (linear in them), else of positions
+    text: str  # name of the condition in messages
+    stated: sympy.Expr  # left side minus right side
+    of_velocities: bool  # True: condition in velocities, linear in velocities; False: condition in positions
     space: Space
 
     @property
     def residual(self) -> sympy.Expr:
-        """Zero where the condition is met; auxiliary states have their initial values, as parameters are now."""
+        """Residual of the condition; the current parameter values give the initial values of auxiliary states."""
         return at_initial_values(self.stated, self.space)
 
     @property
     def kind(self) -> str:
-        """Whether it is a condition of positions or of velocities."""
+        """Kind of the condition, as text: in positions or in velocities."""
         return "velocity" if self.of_velocities else "position"
 
 
 def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCondition:
-    """Return a start condition from arguments of a user; raise if they are invalid."""
+    """Return a start condition from the arguments of `Mechanism.start`; raise if they are invalid."""
     where = f"mechanism {mechanism.name!r}: start"
     left, right = _sides(where, condition, value)
     text = f"{_short(left)} = {_short(right)}"
@@ -55,8 +55,9 @@ def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCo
         late = sorted((s for s in side.free_symbols if _late(s)), key=str)
         if late or is_scalar(side):
             raise StudyError(
-                f"{where}: it contains {late[0] if late else side}, which follows from how the mechanism starts; a "
-                "start condition may contain positions, angles, velocities, angular velocities and random variables."
+                f"{where}: the condition contains {late[0] if late else side}, which is a result of "
+                "the initial state. A start condition may contain positions, angles, velocities, "
+                "angular velocities and random variables."
             )
         require_known(mechanism, where, side, "start")
     stated = left - right
@@ -66,16 +67,19 @@ def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCo
     rates = [s for s in states if _is_rate(s)]
     if not any(isinstance(s, (StateSymbol, AngleSymbol)) for s in states):
         raise StudyError(
-            f"{where}: it contains neither a position nor a velocity, so that nothing depends on it; "
-            "give e.g. joint.angle, body.position[0] or body.velocity[0] as the expression."
+            f"{where}: the condition contains neither a position nor a velocity, so it has no effect. Use an "
+            "expression such as joint.angle, body.position[0] or body.velocity[0]."
         )
     if rates and any(sympy.diff(residual, a).free_symbols & set(rates) for a in rates):
-        raise StudyError(f"{where}: it is not linear in the velocities; expected one that is, as body.velocity[0] - 3.")
+        raise StudyError(
+            f"{where}: the condition is not linear in the velocities; expected a linear expression, e.g. "
+            "body.velocity[0] - 3."
+        )
     return StartCondition(text, stated, bool(rates), mechanism.space)
 
 
 def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Expr]:
-    """Return left and right side."""
+    """Return the left and the right side of a condition."""
     if isinstance(condition, (bool, sympy.logic.boolalg.BooleanAtom)):
         given = "" if value is None else f" and {shown(value)}"
         raise StudyError(
@@ -85,19 +89,19 @@ def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Ex
         )
     if isinstance(condition, sympy.Equality):
         if value is not None:
-            raise StudyError(f"{where} was given an equation and the value {shown(value)} as well; {USAGE}.")
+            raise StudyError(f"{where}: both an equation and the value {shown(value)} are given; {USAGE}.")
         left, right = condition.lhs, condition.rhs
     elif isinstance(condition, sympy.logic.boolalg.Boolean) and not isinstance(condition, sympy.Expr):
-        raise StudyError(f"{where} was given {shown(condition)}; expected an equation: {USAGE}.")
+        raise StudyError(f"{where}: the condition is {shown(condition)}; expected an equation: {USAGE}.")
     else:
         if value is None:
-            raise StudyError(f"{where} was given {shown(condition)} without a value; {USAGE}.")
+            raise StudyError(f"{where}: the condition is {shown(condition)}, without a value; {USAGE}.")
         left, right = condition, value
     expression = require_recordable(where, left)
     right = without_quantities(f"{where}: the value", right, units_of(expression))
     if len(flatten(right)) != 1:
         raise StudyError(
-            f"{where}: the value is {shown(right)}; expected one number, or expression in random variables."
+            f"{where}: the value is {shown(right)}; expected one number, or one expression in random variables."
         )
     return expression, numbers(where, "the value", right, 1, "or an expression in random variables")[0]
 

@@ -1,11 +1,14 @@
-"""Expressions of time, inputs and quantities without a time, and values of users."""
+"""Functions for expressions (time, splines, summaries, scalar quantities), and conversion and checks of user values."""
 
 from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, describe_foreign_part, foreign_part
 from uqmbd.mechanism.expressions.cubic_spline import Spline, spline
+from uqmbd.mechanism.expressions.custom_summaries import CustomSummary, DeclaredSummary, summary
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
+from uqmbd.mechanism.expressions.excitations import ORDERS, Excitation, ExcitationSymbol, excitation
+from uqmbd.mechanism.expressions.linear_outputs import DeclaredLinearOutput, LinearOutput, linear_output
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
     Final,
@@ -57,6 +60,16 @@ from uqmbd.mechanism.expressions.user_values import (
 )
 
 __all__ = [
+    "CustomSummary",
+    "DeclaredSummary",
+    "DeclaredLinearOutput",
+    "Excitation",
+    "ExcitationSymbol",
+    "LinearOutput",
+    "ORDERS",
+    "excitation",
+    "linear_output",
+    "summary",
     "LARGEST",
     "LOOKED_UP",
     "WITHOUT_DERIVATIVE",

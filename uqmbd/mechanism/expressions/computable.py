@@ -1,8 +1,8 @@
-"""Contents of expressions: operations and functions that can be compiled and differentiated."""
+"""Operations and functions that expressions may contain, because they can be compiled and differentiated."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import sympy
 from sympy.core.function import AppliedUndef
@@ -31,19 +31,22 @@ FUNCTIONS: tuple[type[sympy.Basic], ...] = (
 """Functions that expressions may contain."""
 
 WITHOUT_DERIVATIVE: tuple[type[sympy.Basic], ...] = (sympy.floor, sympy.ceiling, sympy.gamma, sympy.loggamma)
-"""Functions among them whose derivative cannot be computed."""
+"""Functions in `FUNCTIONS` whose derivative cannot be computed."""
 
 
 class Placeholder:
-    """Base of functions that represent separately computed quantities, such as a value at equilibrium."""
+    """Base class of functions that represent separately computed quantities, such as a value at equilibrium."""
 
 
 class OwnFunction(sympy.Function):
-    """Base of functions that SymPy does not have: they write themselves out in those that it has, or have a table."""
+    """Base class of functions missing from SymPy; a subclass expands into SymPy functions or has a table."""
+
+    named: ClassVar[bool] = True
+    """Whether users write its name in expressions."""
 
 
 class FunctionData(sympy.AtomicExpr):
-    """Base of atoms that are no numbers, but data of an `OwnFunction`."""
+    """Base class of atoms that contain the data of an `OwnFunction`."""
 
 
 _OPERATIONS: tuple[type[sympy.Basic], ...] = (
@@ -81,31 +84,34 @@ def foreign_part(expression: Any) -> sympy.Basic | None:
 
 
 def describe_foreign_part(part: sympy.Basic) -> str:
-    """Return, as the end of a sentence, why a part found by `foreign_part` is invalid, and what to write instead.
+    """Return the end of a message: why a part found by `foreign_part` is invalid, and its replacement.
 
     >>> print(describe_foreign_part(sympy.Function("f")(sympy.Symbol("x"))))
-    it contains f(x), and the function f is not defined; write the expression that it stands for.
+    the expression contains f(x), but the function f is not defined. Insert the expression of the function.
     """
     text = str(part)
     text = text if len(text) <= 80 else text[:77] + "..."
     kind = type(part).__name__
     if isinstance(part, AppliedUndef):
-        return f"it contains {text}, and the function {kind} is not defined; write the expression that it stands for."
-    if isinstance(part, sympy.Derivative):
-        # .doit() would be wrong: to SymPy positions do not depend on time
         return (
-            f"it contains {text}, and SymPy does not know how bodies move. Write rates as body.velocity, "
-            "body.acceleration, body.angular_velocity or body.point_velocity(local). The rate of an expression is the "
-            "sum of its derivatives by positions times their velocities."
+            f"the expression contains {text}, but the function {kind} is not defined. Insert the "
+            "expression of the function."
+        )
+    if isinstance(part, sympy.Derivative):
+        # advising .doit() would be wrong: SymPy treats positions as independent of time
+        return (
+            f"the expression contains {text}, but SymPy cannot differentiate the motion of bodies. Write rates as "
+            "body.velocity, body.acceleration, body.angular_velocity or body.point_velocity(local). For the rate of "
+            "another expression, use the chain rule over the positions."
         )
     if isinstance(part, UNEVALUATED):
         return (
-            f"it contains {text}, which is not evaluated. Call .doit() on it, or write an equivalent: a spline through "
-            "samples, or an auxiliary variable of a custom component, whose rate is known."
+            f"the expression contains {text}, which is not evaluated. Call .doit() on it, or replace it, e.g. by a "
+            "spline through samples or by an auxiliary state of a custom component."
         )
     if isinstance(part, sympy.Function):
-        # a class of its own is written in small letters
-        names = {f.__name__ for f in FUNCTIONS} | {f.__name__.lower() for f in OwnFunction.__subclasses__()}
+        # users write functions of uqmbd in lower-case letters
+        names = {f.__name__ for f in FUNCTIONS} | {f.__name__.lower() for f in OwnFunction.__subclasses__() if f.named}
         listed = ", ".join(sorted(names))
-        return f"it contains {text}, and {kind} cannot be computed; write it with the functions that can: {listed}."
-    return f"it contains {text}, which is a {kind} and no number."
+        return f"the expression contains {text}, but {kind} is not supported. Use the supported functions: {listed}."
+    return f"the expression contains {text}, which is a {kind}, not a number."

@@ -1,17 +1,23 @@
-"""Dimensions of expressions: sums of metres and newtons, and numbers that are in other units than they are taken for.
+"""Check dimensions of expressions: find sums of metres and newtons, and numbers in wrong units.
 
-What is decided is decided for sure, but for one thing: a number in an expression may have any unit, and the number 1
-does not stay in a product.  So
+Findings are certain, with an exception for numbers without units.  A number in an expression may have any unit, and
+SymPy removes the number 1 from a product.  The check therefore uses these rules:
 
-- a number that is added fits everything, as in ``position - 0.3``;
-- a product with another number than 1 and -1 has an unknown dimension, as ``9.81 * height``. The same number in two
+- a number in a sum fits every dimension, as in ``position - 0.3``;
+- a product with a number other than 1 and -1 has an unknown dimension, as ``9.81 * height``. The same number in two
   terms of a sum has the same dimension, unless it is 1.0;
-- values of sine, exponential and other functions count as numbers, quaternions as unknown: before them radii of 1 m
-  stand unseen, and a rate of 1/s before the time;
-- where a mechanism has numbers that are 1, such as a mass, one of them may have been in a product.
+- values of sine, exponential and other functions count as numbers, and quaternions as unknown. The reason is that an
+  invisible radius of 1 m may multiply such a value. An invisible rate of 1/s may multiply the time;
+- if quantities of a mechanism equal 1, such as a mass, each of them may be an invisible factor of a product.
 
-pint has no expressions to walk. SymPy's units know neither free constants nor symbols of other classes: its check of a
-sum raises at the first constant. So the walk is written here; the algebra of units is that of `uqmbd.units`.
+The terms of a component have stricter rules, because units belong to its parameters: exact numbers, multiples of pi and
+small fractions, such as 0.5, are pure numbers (`exact=True`).
+
+pint cannot process SymPy expressions. SymPy's units support neither constants without units nor symbols of other
+classes: the check of a sum raises an error at the first constant. This module therefore traverses expressions, and uses
+the unit algebra of `uqmbd.units`.
+
+Length: one traversal, with its messages and both sets of rules for numbers.
 """
 
 from __future__ import annotations
@@ -26,6 +32,8 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import FUNCTIONS
+from uqmbd.mechanism.expressions.excitations import Excitation
+from uqmbd.mechanism.expressions.linear_outputs import LinearOutput
 from uqmbd.mechanism.expressions.measures import (
     SAME,
     Measure,
@@ -57,11 +65,18 @@ Unseen = Iterable[Dimension]
 
 __all__ = ["Mismatch", "check_dimensions", "mismatches", "units_of"]
 
-SEEN = "A factor that has units is written even where it is 1: 1.0 * (...)."
+SEEN = "If a factor with units has the value 1, write it explicitly, e.g. 1.0 * (...)."
 """Sentence on how to confirm a correct expression."""
 
+DECLARE = "If a number of the term has units, declare a parameter for it."
+"""Sentence on how to confirm a correct term of a component."""
+
+_NUMERATORS, _DENOMINATORS = (1, 2, 3, 4), (1, 2, 3, 4, 6, 8, 12)
+_SMALL_FRACTIONS = tuple({n / d for n in _NUMERATORS for d in _DENOMINATORS} - {1.0})
+"""Floats that are pure numbers in terms of a component; 1.0 marks a number with units."""
+
 _SHOWN = 60
-"""Characters of a term that a message shows."""
+"""Largest number of characters of a term in a message."""
 
 _KEEPING = (sympy.Abs, sympy.floor, sympy.ceiling, Maximum, Minimum, RootMeanSquare, Final, AtEquilibrium, AtSteady)
 _TIMES = (TimeOfMaximum, TimeOfMinimum, FirstTime)
@@ -75,25 +90,25 @@ class Mismatch:
     """An error in the units of an expression."""
 
     text: str  # where, what was given, what was expected, what to try
-    # wrong by the factor between two units of one quantity; else dimensions differ, perhaps by a 1 with a unit
+    # True: wrong by the factor between two units of one quantity; False: dimensions differ, perhaps by a 1 with a unit
     certain: bool = False
 
 
 def check_dimensions(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> None:
-    """Raise where numbers of an expression are in other units than stated; warn where its dimensions do not fit.
+    """Raise if the values of an expression are in other units than stated; warn if its dimensions do not fit.
 
-    Symbols have an attribute `units`; empty `units` accept any dimension.  The function `unseen` returns the dimensions
-    of numbers that are 1, which products may contain invisibly; it is called only if dimensions do not fit.  Raises
-    `uqmbd.StudyError` if numbers are wrong by the factor between two units, as metres that are stated to be
-    millimetres; warns with `uqmbd.UnitsWarning` if dimensions do not fit.
+    Symbols have an attribute `units`; empty `units` accept any dimension.  The argument `unseen` is a function that
+    returns the dimensions of numbers that equal 1, which products may contain invisibly.  `unseen` is called only if
+    dimensions do not fit.  `check_dimensions` raises `uqmbd.StudyError` if values are wrong by the factor between two
+    units, such as metres declared as millimetres.  It warns with `uqmbd.UnitsWarning` if dimensions do not fit.
 
     >>> import chaospy, uqmbd
     >>> gap = uqmbd.RandomVariable("gap", chaospy.Uniform(1, 2), units="mm")
     >>> check_dimensions("output 'gap'", gap / 1000, "m")
     >>> check_dimensions("output 'gap'", gap, "m")
     Traceback (most recent call last):
-    uqmbd.errors.StudyError: output 'gap': gap is in mm, and its units are to be m, so that its numbers are wrong by a
-    factor of 1000; write gap/1000, or state the units that it is in.
+    uqmbd.errors.StudyError: output 'gap': gap is in mm, but its declared units are m, so its values are wrong by
+    a factor of 1000. Write gap/1000, or declare the actual units.
     """
     for found in mismatches(where, expression, units, unseen):
         if found.certain:
@@ -101,11 +116,21 @@ def check_dimensions(where: str, expression: Any, units: str = "", unseen: Calla
         warn(found.text)
 
 
-def mismatches(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> list[Mismatch]:
-    """Return findings on the units of an expression; see `check_dimensions`."""
+def mismatches(
+    where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple, *, exact: bool = False
+) -> list[Mismatch]:
+    """Return findings on the units of an expression; see `check_dimensions`.
+
+    With `exact`, exact numbers, multiples of pi and small fractions are pure numbers.
+
+    >>> import uqmbd
+    >>> stone = uqmbd.Mechanism("fall", uqmbd.Line()).body("stone", mass=2)
+    >>> [len(mismatches("x", stone.position[0] * 3 / 2, "J", exact=exact)) for exact in (False, True)]
+    [0, 1]
+    """
     if not isinstance(expression, sympy.Basic) or isinstance(expression, sympy.Number) or not expression.free_symbols:
         return []
-    walk = _Walk(where, unseen)
+    walk = _Walk(where, unseen, exact)
     found = walk.measure(expression)
     declared = read_units(units)
     if declared is not None and isinstance(found, MeasuredProduct):
@@ -113,15 +138,15 @@ def mismatches(where: str, expression: Any, units: str = "", unseen: Callable[[]
     return walk.found
 
 
-def units_of(expression: sympy.Expr) -> str:
-    """Return the SI units of an expression; empty where they are unknown.
+def units_of(expression: sympy.Expr, *, exact: bool = False) -> str:
+    """Return the SI units of an expression; empty if the units are unknown. `exact` is that of `mismatches`.
 
     >>> import uqmbd
     >>> stone = uqmbd.Mechanism("fall", uqmbd.Line()).body("stone", mass=2)
     >>> units_of(stone.position[0] - 3), units_of(9.81 * stone.position[0])
     ('m', '')
     """
-    found = _Walk("", tuple).measure(expression)
+    found = _Walk("", tuple, exact).measure(expression)
     if not isinstance(found, MeasuredProduct) or found.free or not math.isclose(found.unit.factor, 1.0, rel_tol=SAME):
         return ""
     return "1" if found.unit.dimension == PURE else in_words(found.unit.dimension)
@@ -129,10 +154,11 @@ def units_of(expression: sympy.Expr) -> str:
 
 @dataclass
 class _Walk:
-    """Goes through an expression, each part once."""
+    """Traversal of an expression that visits each part once."""
 
     where: str
     unseen: Callable[[], Unseen]
+    exact: bool
     found: list[Mismatch] = field(default_factory=list)
     known: dict[Any, Measure] = field(default_factory=dict)
 
@@ -147,14 +173,14 @@ class _Walk:
             unit = read_units(getattr(part, "units", ""))
             return None if unit is None or part == t else MeasuredProduct(unit)
         if not part.free_symbols:
-            return _number(part)
+            return _number(part, self.exact)
         if part.is_Mul:
             return self._product(part.args)
         if part.is_Add:
             return self._sum(part, part.args)
         if part.is_Pow:
             return self._power(part)
-        if isinstance(part, sympy.exp):  # in SymPy a kind of its own
+        if isinstance(part, sympy.exp):  # in SymPy, the exponential is not a `Pow`
             return self._of_numbers(part)
         if isinstance(part, IntegralOverTime):
             return product(self.measure(part.args[0]), MeasuredProduct(Unit(_SECOND)))
@@ -171,6 +197,11 @@ class _Walk:
             return MeasuredProduct(Unit()) if isinstance(part, sympy.atan2) else alike
         if isinstance(part, ModeShape):
             return product(self.measure(part.args[0]), raised(self.measure(part.args[1]), Fraction(-1)))
+        if isinstance(part, LinearOutput):
+            return self._linear(part)
+        if isinstance(part, Excitation):
+            unit = read_units(part.args[1].source.units) if part.args[2] == 0 else None
+            return None if unit is None else MeasuredProduct(unit)
         if isinstance(part, step):
             self._sum(part, [part.args[k] for k in (0, 1, 3)])
             return self._sum(part, [part.args[k] for k in (2, 4)])
@@ -184,6 +215,13 @@ class _Walk:
             if isinstance(inner, sympy.Expr):
                 self.measure(inner)
         return None
+
+    def _linear(self, part: LinearOutput) -> Measure:
+        inner, power, unit = self.measure(part.seen), part.declared.power, part.declared.unit
+        if power is None or unit is None:
+            return None
+        # the units of the expression do not matter for a rate
+        return product(raised(inner, Fraction(power)), MeasuredProduct(unit)) if power else MeasuredProduct(unit)
 
     def _relations(self, condition: Any) -> None:
         if isinstance(condition, sympy.core.relational.Relational):
@@ -209,19 +247,23 @@ class _Walk:
     def _of_numbers(self, part: Any) -> Measure:
         for inner in part.args:
             self._pure(inner, self.measure(inner), type(part).__name__)
-        return None if part.has(t) else Number()  # cos(t) has a frequency of 1 rad/s, which its rate has as a factor
+        return None if part.has(t) else Number()  # the rate of cos(t) contains its frequency of 1 rad/s as a factor
 
     def _pure(self, part: Any, measure: Measure, function: str = "") -> None:
         """Check a part that must be a pure number, or an angle in radians."""
         if not isinstance(measure, MeasuredProduct):
             return
-        what = f"{function} is a function of numbers and of angles in rad" if function else "a power takes pure numbers"
+        what = (
+            f"the argument of {function} must be a pure number or an angle in rad"
+            if function
+            else "an exponent must be a pure number"
+        )
         if measure.unit.dimension == PURE:
             if is_off(measure, Unit()):
                 ratio = measure.unit.factor
                 self.found.append(
                     Mismatch(
-                        f"{self.where}: {what}, and {_short(part)} is in {_own(part, measure.unit)}; multiply it by "
+                        f"{self.where}: {what}, but {_short(part)} is in {_own(part, measure.unit)}; multiply it by "
                         f"{factor_in_words(ratio)}.",
                         certain=True,
                     )
@@ -229,13 +271,13 @@ class _Walk:
         elif not measure.free and not self._explained([measure.unit.dimension, PURE]):
             self.found.append(
                 Mismatch(
-                    f"{self.where}: {what}, and {_short(part)} is in {in_words(measure.unit.dimension)}; divide it by "
-                    f"what it is to be compared with, or look at the units of what is in it. {SEEN}"
+                    f"{self.where}: {what}, but {_short(part)} is in {in_words(measure.unit.dimension)}. Divide it "
+                    f"by a reference value in the same units, or check the units of its terms. {self._advice()}"
                 )
             )
 
     def _sum(self, whole: Any, terms: Any) -> Measure:
-        """Return the measure of a sum, and check that its terms have one."""
+        """Return the measure of a sum, and check that the measures of its terms agree."""
         pairs = [(term, self.measure(term)) for term in terms]
         known = [(term, measure) for term, measure in pairs if isinstance(measure, MeasuredProduct)]
         if not known:
@@ -245,11 +287,11 @@ class _Walk:
         for term, measure in known:
             for group in groups:
                 one = group[0][1]
-                stated = one.free and math.isclose(one.constant, 1.0, rel_tol=SAME)  # 1.0 is written to say so
+                stated = one.free and math.isclose(one.constant, 1.0, rel_tol=SAME)  # 1.0 may differ in dimension
                 if (
                     one.free == measure.free
                     and not stated
-                    and math.isclose(one.constant, measure.constant, rel_tol=SAME)
+                    and (not one.free or math.isclose(one.constant, measure.constant, rel_tol=SAME))
                 ):
                     group.append((term, measure))
                     break
@@ -271,20 +313,23 @@ class _Walk:
         self.found.append(
             Mismatch(
                 f"{self.where}: {_short(whole)} {verb} {_short(one[0])}, which is in {words[0]}, and "
-                f"{_short(other[0])}, which is in {words[1]}; look at both, and at the units of what is random. "
-                f"{SEEN}"
+                f"{_short(other[0])}, which is in {words[1]}; check both, and the units of random variables. "
+                f"{self._advice()}"
             )
         )
 
+    def _advice(self) -> str:
+        return DECLARE if self.exact else SEEN
+
     def _explained(self, dimensions: list[Dimension]) -> bool:
-        """Return whether numbers that are 1, and are not seen, may make dimensions alike."""
+        """Return whether dimensions are equal after multiplication by invisible factors that equal 1."""
         ones = {PURE, *self.unseen()}
         products = {_sum_of(one, other) for one in ones for other in ones}
         reached = [{_sum_of(dimension, one) for one in products} for dimension in dimensions]
         return bool(set.intersection(*reached))
 
     def _apart(self, one: tuple[Any, MeasuredProduct], other: tuple[Any, MeasuredProduct]) -> bool:
-        """Report terms of one dimension whose numbers have different units."""
+        """Report two terms of the same dimension with values in different units; return whether they differ."""
         a, b = one[1], other[1]
         if a.unit.dimension != b.unit.dimension:
             return False
@@ -307,17 +352,18 @@ class _Walk:
             if not found.free and not self._explained([found.unit.dimension, declared.dimension]):
                 self.found.append(
                     Mismatch(
-                        f"{self.where}: {text} is in {_own(expression, found.unit)}, and its units are to be {units}; "
-                        f"look at both, and at the units of what is random. {SEEN}"
+                        f"{self.where}: {text} is in {_own(expression, found.unit)}, but its declared units are "
+                        f"{units}; "
+                        f"check both, and the units of random variables. {self._advice()}"
                     )
                 )
         elif is_off(found, declared):
             ratio = found.unit.factor / declared.factor
             self.found.append(
                 Mismatch(
-                    f"{self.where}: {text} is in {_own(expression, found.unit)}, and its units are to be {units}, so "
-                    f"that its numbers are wrong by a factor of {_size(ratio)}; write {_scaled(expression, ratio)}, or "
-                    "state the units that it is in.",
+                    f"{self.where}: {text} is in {_own(expression, found.unit)}, but its declared units are {units}, "
+                    f"so its values are wrong by a factor of {_size(ratio)}. Write {_scaled(expression, ratio)}, or "
+                    "declare the actual units.",
                     certain=True,
                 )
             )
@@ -330,18 +376,27 @@ def _sum_of(one: Dimension, other: Dimension) -> Dimension:
 _SECOND: Dimension = TABLE["s"].dimension
 
 
-def _number(part: Any) -> Measure:
+def _number(part: Any, exact: bool) -> Measure:
     try:
         size = abs(float(part))
     except (TypeError, ValueError, OverflowError):
         return None
-    return Number(size, seen=bool(size) and (part.is_Float or part not in (1, -1))) if math.isfinite(size) else None
+    seen = not _is_pure(part, size) if exact else part.is_Float or part not in (1, -1)
+    return Number(size, seen=bool(size) and seen) if math.isfinite(size) else None
+
+
+def _is_pure(part: Any, size: float) -> bool:
+    """Return whether a number is exact, a small fraction, or a multiple of pi."""
+    if not part.has(sympy.Float):
+        return True
+    turns = Fraction(size / math.pi).limit_denominator(360)
+    return any(math.isclose(size, x, rel_tol=1e-14) for x in (*_SMALL_FRACTIONS, float(turns) * math.pi))
 
 
 def _pairs(
     known: list[tuple[Any, MeasuredProduct]],
 ) -> Iterator[tuple[tuple[Any, MeasuredProduct], tuple[Any, MeasuredProduct]]]:
-    """Each term with the first of its dimension, with one that has no number in front where there is one."""
+    """Yield, for each dimension, a reference term, without a numerical factor if possible, with every other term."""
     firsts: dict[Dimension, tuple[Any, MeasuredProduct]] = {}
     for one in sorted(known, key=lambda pair: pair[1].free):
         first = firsts.setdefault(one[1].unit.dimension, one)
@@ -355,7 +410,7 @@ def _short(expression: Any) -> str:
 
 
 def _own(expression: Any, unit: Unit) -> str:
-    """Name the units of an expression: those of a symbol in it, where it has them."""
+    """Return a name for the units of an expression: the units of one of its symbols, if they are equal."""
     named = sorted(text for s in expression.free_symbols if read_units(text := getattr(s, "units", "")) == unit)
     if named:
         return named[0]

@@ -1,4 +1,4 @@
-"""Quantities without a time that sum a motion up: extremes and when they are, integrals, last values, first times."""
+"""Scalar outputs that summarise a motion: extremes, times of extremes, integrals, last values, first times."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ __all__ = [
 
 
 class Summary(Placeholder, sympy.Function):
-    """Base of summaries of the values of an expression over the whole motion of a realisation."""
+    """Base class of summaries: scalars computed from an expression over the whole motion of a realisation."""
 
-    nargs = 1
+    nargs: ClassVar[int | None] = 1
     is_real = True
     kind: ClassVar[str] = ""
 
     @property
     def summed(self) -> sympy.Expr:
-        """The expression over time."""
+        """Expression that is summarised over time."""
         found: sympy.Expr = self.args[0]
         return found
 
@@ -63,13 +63,13 @@ class Minimum(Summary):
 
 
 class TimeOfMaximum(Summary):
-    """When an expression is largest."""
+    """Time at which an expression is largest."""
 
     kind = "time_of_maximum"
 
 
 class TimeOfMinimum(Summary):
-    """When an expression is smallest."""
+    """Time at which an expression is smallest."""
 
     kind = "time_of_minimum"
 
@@ -81,7 +81,7 @@ class RootMeanSquare(Summary):
 
     @property
     def summed(self) -> sympy.Expr:
-        """The square."""
+        """Square of the expression."""
         found: sympy.Expr = self.args[0] ** 2
         return found
 
@@ -99,7 +99,7 @@ class Final(Summary):
 
 
 class FirstTime(Summary):
-    """When an expression is zero or above for the first time."""
+    """First time at which an expression is zero or above."""
 
     kind = "first_time"
 
@@ -111,24 +111,25 @@ class FirstTime(Summary):
 def maximum(expression: Any) -> sympy.Expr:
     """Return the largest value of an expression over the motion of a realisation, for use in an output.
 
-    The whole motion counts, from the first output time to the last, not the output times alone: the largest value is
-    located on the steps of the integrator, by evaluating the expression at interpolated states, and is as accurate as
-    these.  Where the expression jumps, as a velocity in an impact, both sides count.  What it does for less than the
-    300th part of the time may be missed, unless the steps are that short.  An output with it has one value per
-    realisation and no time.  Such quantities can be combined, as in ``maximum(x) - minimum(x)``.
+    The search covers the whole motion from the first output time to the last, and not only the output times.  uqmbd
+    evaluates the expression at interpolated states on the steps of the integrator; the maximum is as accurate as these
+    states. At a jump, such as the jump of a velocity at an impact, the values on both sides count.  The search may miss
+    behaviour that is shorter than 1/300 of the whole time, unless the integration steps are equally short.  An
+    output of a maximum has one value per realisation and no time.  Summaries can be combined, as in
+    ``maximum(x) - minimum(x)``.
 
-    Where two peaks compete within the range of the inputs the largest value has a kink, which polynomials follow
-    slowly, and `time_of_maximum` jumps.
+    If two peaks exchange their order within the range of the inputs, the maximum has a kink over the inputs, and
+    `time_of_maximum` jumps. Polynomials converge slowly to a kink.
 
     Parameters
     ----------
     expression : SymPy expression
-        In whatever an output may contain: positions, reactions, random variables, time ...
+        Scalar expression in quantities that an output may contain: positions, reactions, random variables, time ...
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -151,17 +152,17 @@ def maximum(expression: Any) -> sympy.Expr:
 def minimum(expression: Any) -> sympy.Expr:
     """Return the smallest value of an expression over the motion of a realisation, for use in an output.
 
-    It is found as `uqmbd.maximum` is.
+    See `uqmbd.maximum`.
 
     Parameters
     ----------
     expression : SymPy expression
-        As for `uqmbd.maximum`.
+        Scalar expression, as for `uqmbd.maximum`.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -175,21 +176,21 @@ def minimum(expression: Any) -> sympy.Expr:
 
 @checked
 def time_of_maximum(expression: Any) -> sympy.Expr:
-    """Return when an expression is largest in the motion of a realisation, in s, for use in an output.
+    """Return the time at which an expression is largest in the motion of a realisation, in s, for use in an output.
 
-    If several peaks are equal within ten times the tolerance of the integration (`rtol`), relative to the largest
-    value, it is the first. Where another peak becomes the largest one within the range of the inputs, the time jumps: a
-    surrogate of it has a discontinuity there.
+    Peaks count as equal if they differ by less than ten times the tolerance of the integration (`rtol`), relative to
+    the largest value. The result is the time of the first of several equal peaks. If another peak becomes the largest
+    within the range of the inputs, the time jumps, and a surrogate of the time must represent a discontinuity.
 
     Parameters
     ----------
     expression : SymPy expression
-        As for `uqmbd.maximum`.
+        Scalar expression, as for `uqmbd.maximum`.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -208,19 +209,19 @@ def time_of_maximum(expression: Any) -> sympy.Expr:
 
 @checked
 def time_of_minimum(expression: Any) -> sympy.Expr:
-    """Return when an expression is smallest in the motion of a realisation, in s, for use in an output.
+    """Return the time at which an expression is smallest in the motion of a realisation, in s, for use in an output.
 
     See `uqmbd.time_of_maximum`.
 
     Parameters
     ----------
     expression : SymPy expression
-        As for `uqmbd.maximum`.
+        Scalar expression, as for `uqmbd.maximum`.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -239,12 +240,12 @@ def root_mean_square(expression: Any) -> sympy.Expr:
     Parameters
     ----------
     expression : SymPy expression
-        As for `uqmbd.maximum`.
+        Scalar expression, as for `uqmbd.maximum`.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -263,17 +264,17 @@ def root_mean_square(expression: Any) -> sympy.Expr:
 def integral(expression: Any) -> sympy.Expr:
     """Return the integral of an expression over the motion of a realisation, for use in an output.
 
-    In units of the expression times seconds, from the first output time to the last.
+    The integral has the units of the expression times s, and extends from the first output time to the last.
 
     Parameters
     ----------
     expression : SymPy expression
-        As for `uqmbd.maximum`.
+        Scalar expression, as for `uqmbd.maximum`.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -295,12 +296,12 @@ def final(expression: Any) -> sympy.Expr:
     Parameters
     ----------
     expression : SymPy expression
-        As for `uqmbd.maximum`.
+        Scalar expression, as for `uqmbd.maximum`.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, is a number, or contains a quantity without a time already.
+        If `expression` is not a single expression, is a number, or already contains a scalar output.
 
     Examples
     --------
@@ -317,22 +318,22 @@ def final(expression: Any) -> sympy.Expr:
 
 @checked
 def first_time(relation: Any) -> sympy.Expr:
-    """Return when a relation holds for the first time in the motion of a realisation, in s, for use in an output.
+    """Return the time at which a relation is first true in the motion of a realisation, in s, for use in an output.
 
-    Where that does not happen until the last output time, the value is *censored*: the realisation has not failed, and
-    has no such value.  Statistics are those of the realisations in which it happens; results say in which share it does
-    not (`censored`).  A surrogate is fitted only if it happens in every realisation that the surrogate is made of.
+    If the relation is false until the last output time, the value is *censored*: the realisation has not failed,
+    but has no value.  Statistics use the uncensored realisations, and the results contain the fraction of censored
+    realisations (`censored`). A surrogate is fitted only if none of its training realisations is censored.
 
     Parameters
     ----------
     relation : SymPy relation
-        As ``x >= level``; both sides in whatever an output may contain.  Where it holds at the start, the value is the
-        first output time.
+        Relation such as ``x >= level``, in quantities that an output may contain. If the relation is true at the start,
+        the value is the first output time.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no relation with ``<=``, ``<``, ``>=`` or ``>``, or contains a quantity without a time already.
+        If `relation` is not a relation with ``<=``, ``<``, ``>=`` or ``>``, or already contains a scalar output.
 
     Examples
     --------
@@ -351,7 +352,7 @@ def first_time(relation: Any) -> sympy.Expr:
         always = isinstance(relation, (bool, sympy.logic.boolalg.BooleanAtom))
         why = ", which is the same at all times" if always else ""
         raise StudyError(
-            f"first_time was given {shown(relation)}{why}; expected a relation, e.g. "
+            f"first_time: the argument is {shown(relation)}{why}; expected a relation, e.g. "
             "uqmbd.first_time(body.position[0] >= 0.5)."
         )
     found: sympy.Expr = FirstTime(single("first_time", difference))

@@ -1,4 +1,4 @@
-"""Time, and functions of it that enter expressions."""
+"""Symbol for time and functions of time for use in expressions."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ t = _Time()
 """Time in seconds: a SymPy symbol for drivers, forces and outputs."""
 
 
-class step(OwnFunction):  # noqa: N801 - it is written as a function in expressions
-    """The cubic step from `y0` at `x0` to `y1` at `x1`: constant outside, ``3 s^2 - 2 s^3`` between.
+class step(OwnFunction):  # noqa: N801 - expressions contain the class like a function
+    """Cubic step from `y0` at `x0` to `y1` at `x1`: constant outside, ``3 s^2 - 2 s^3`` between.
 
-    Its second derivative jumps at both ends, so the integrator is restarted there where `x` is the time.
+    The second derivative of the step jumps at both ends. If `x` is the time, the integrator is restarted at the ends.
 
     Parameters
     ----------
     x, x0, y0, x1, y1 : number or expression
-        Independent variable, and the two corners; ``x0 < x1``.
+        Independent variable, and coordinates of the two corners; ``x0 < x1``.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class step(OwnFunction):  # noqa: N801 - it is written as a function in expressi
     nargs = 5
 
     def __new__(cls, *arguments: Any, **options: Any) -> Any:
-        """Refuse an argument that is no number or expression, before SymPy fails on it."""
+        """Raise, before SymPy fails, for an argument that is neither a number nor an expression."""
         if len(arguments) != 5:
             raise StudyError(f"step: {len(arguments)} arguments are given; expected step(x, x0, y0, x1, y1).")
         named = zip(("x", "x0", "y0", "x1", "y1"), arguments, strict=True)
@@ -61,15 +61,15 @@ class step(OwnFunction):  # noqa: N801 - it is written as a function in expressi
 
     @classmethod
     def eval(cls, x: Any, x0: Any, y0: Any, x1: Any, y1: Any) -> None:
-        """Refuse corners in the wrong order; nothing is evaluated."""
+        """Raise if the corners are in the wrong order; evaluate nothing."""
         if x0.is_number and x1.is_number and not x0 < x1:
             raise StudyError(
-                f"step({x}, {x0}, {y0}, {x1}, {y1}): the corners are at {x0} and {x1}; "
-                "expected step(x, x0, y0, x1, y1) with x0 < x1: from y0 at x0 to y1 at x1."
+                f"step({x}, {x0}, {y0}, {x1}, {y1}): x0 is {x0}, and x1 is {x1}; expected step(x, x0, y0, x1, y1) "
+                "with x0 < x1, for a step from y0 at x0 to y1 at x1."
             )
 
     def doit(self, **hints: Any) -> sympy.Expr:
-        """Write it out as a piecewise polynomial."""
+        """Return the step as a piecewise polynomial."""
         x, x0, y0, x1, y1 = self.args
         s = (x - x0) / (x1 - x0)
         return sympy.Piecewise((y0, x <= x0), (y1, x >= x1), (y0 + (y1 - y0) * s * s * (3 - 2 * s), True))

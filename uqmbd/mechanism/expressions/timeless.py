@@ -1,4 +1,4 @@
-"""Quantities without a time in output expressions: properties of modes, values at rest and in motion."""
+"""Scalar quantities in output expressions: properties of modes, values at equilibrium and in steady motion."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 
 class ScalarSymbol(Symbolic, Symbol):
-    """A single number of a realisation, for any output times; equal names are one symbol.
+    """Symbol of a scalar quantity of a realisation, independent of output times; symbols with equal names are equal.
 
-    `quantity` says what it is (``frequency`` or ``damping_ratio`` of a mode), `number` of which mode, `at` about which
-    pose it is linearised.
+    `quantity` is ``frequency`` or ``damping_ratio``, `number` is the number of the mode, and `at` is the pose of the
+    linearisation.
     """
 
     quantity: str
@@ -63,18 +63,18 @@ class ScalarSymbol(Symbolic, Symbol):
 
 
 class MotionSymbol(ScalarSymbol):
-    """A number that the integration of a motion yields in addition to its states, as the time of an event.
+    """Symbol of a scalar result of an integration in addition to its states, such as the time of an event.
 
-    Integrators give it in ``Trajectories.scalars`` under its name.
+    Integrators return the scalar in ``Trajectories.scalars`` under the name of the symbol.
     """
 
     def __new__(cls, name: str) -> Self:
-        """Name it."""
+        """Make a symbol with this name."""
         return super().__new__(cls, name, "motion")
 
 
 def event_name(component: str, label: str, number: int) -> str:
-    """Name of the time of an event among the results of a motion."""
+    """Return the name under which the results of a motion contain the time of an event."""
     return f"{component}: {label} {number}"
 
 
@@ -127,7 +127,7 @@ class ModeShape(Placeholder, sympy.Function):
 
     @property
     def at(self) -> At:
-        """About which pose."""
+        """Pose of the linearisation."""
         return AT[int(self.args[3])]
 
     @property
@@ -155,32 +155,34 @@ def shape_of_mode(number: Any, quantity: Any, over: Any, at: Any, part: Any) -> 
 def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     """Return the natural frequency of a mode, in Hz, for use in an output.
 
-    That of small motions of the constrained mechanism, ``|eigenvalue| / 2 pi``: with proportional damping that of the
-    undamped motion, with other damping not quite; see `uqmbd.eigenfrequencies`.
-    An output with it has one value per realisation and no time.
+    The frequency of small motions of the constrained mechanism is ``|eigenvalue| / 2 pi``; see
+    `uqmbd.eigenfrequencies`.  With proportional damping, this frequency equals the undamped frequency; with other
+    damping, it equals the undamped frequency only approximately.  An output of a natural frequency has one value per
+    realisation and no time.
 
-    *Numbering*: by ascending frequency, from 1, of the modes that oscillate; rigid-body modes, at zero frequency, and
-    modes that decay or grow without oscillation have no number.  A realisation with fewer modes has failed, with a
-    status and a reason.  The number belongs to the place in this order, not to the shape of the mode: where two modes
-    exchange places within the range of the inputs, each of the two frequencies has a kink, which polynomials follow
-    slowly.
+    *Numbering*: oscillating modes are numbered from 1 by ascending frequency.  Rigid-body modes, which have zero
+    frequency, and modes that decay or grow without oscillation have no number.  A realisation with fewer than `number`
+    modes fails, with a status and a reason.  The number is the rank of the frequency and does not follow the shape of
+    the mode.  If two modes exchange ranks within the range of the inputs, both frequencies have a kink as functions of
+    the inputs, and polynomials converge slowly.
 
     Parameters
     ----------
     number : int
-        Of the mode, from 1.
+        Number of the mode, from 1.
     at : {"equilibrium", "start", "steady"}
-        About which pose, at rest, with time held at the first output time: ``equilibrium``: the realisation's own
-        static equilibrium, found from where it starts (a realisation without one has failed); ``start``: the pose in
-        which it starts, which is the assembled drawing, or the equilibrium with ``Study(start="equilibrium")``.
-        ``steady``: about the steady motion (see `uqmbd.at_steady`), in which drivers go on. Frequencies are seen from
-        the world if the coefficients of small motions are constant there (a rotor in its bearings). Otherwise they are
-        seen from the frame that turns with the bodies (a pendulum on a turning shaft).
+        State about which the motion is linearised, with time fixed at the first output time. ``equilibrium``: the
+        static equilibrium of the realisation, found from its initial pose; a realisation without an equilibrium fails.
+        ``start``: the initial pose, at rest. The initial pose is the assembled drawn pose, or the equilibrium with
+        ``Study(start="equilibrium")``. ``steady``: the steady motion (see `uqmbd.at_steady`), in which drivers
+        continue. In steady motion, frequencies refer to the world frame if the coefficients of small motions are
+        constant in this frame (a rotor in its bearings). Otherwise frequencies refer to the frame that turns with the
+        bodies (a pendulum on a turning shaft).
 
     Raises
     ------
     uqmbd.StudyError
-        If there cannot be such a mode.
+        If the number or the state is invalid.
 
     Examples
     --------
@@ -200,19 +202,19 @@ def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
 def damping_ratio(number: int, at: At = "equilibrium") -> sympy.Expr:
     """Return the damping ratio of a mode, ``-Re(eigenvalue) / |eigenvalue|``, for use in an output.
 
-    Numbers and poses are those of `uqmbd.eigenfrequency`: modes are ordered by their frequency.
+    Modes are numbered by ascending frequency, as in `uqmbd.eigenfrequency`.
 
     Parameters
     ----------
     number : int
-        Of the mode, from 1.
+        Number of the mode, from 1.
     at : {"equilibrium", "start", "steady"}
-        About which pose, or motion.
+        State about which the motion is linearised, as for `uqmbd.eigenfrequency`.
 
     Raises
     ------
     uqmbd.StudyError
-        If there cannot be such a mode.
+        If the number or the state is invalid.
 
     Examples
     --------
@@ -226,18 +228,19 @@ def damping_ratio(number: int, at: At = "equilibrium") -> sympy.Expr:
 def at_equilibrium(expression: Any) -> sympy.Expr:
     """Return the value of an expression at the static equilibrium of a realisation, for use in an output.
 
-    The equilibrium is found from where the realisation starts, at rest, with time held at the first output time, as by
-    `uqmbd.static_equilibrium`.  An output with it has one value per realisation and no time.
+    The search for the equilibrium begins at the initial pose of the realisation, at rest, as in
+    `uqmbd.static_equilibrium`.  Time is fixed at the first output time.  The output has one value per realisation and
+    no time.
 
     Parameters
     ----------
     expression : SymPy expression
-        In whatever an output may contain: positions, reactions, random variables ...
+        Expression in quantities that an output may contain: positions, reactions, random variables ...
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If `expression` is not a single expression, or already contains a scalar output.
 
     Examples
     --------
@@ -258,25 +261,26 @@ def at_equilibrium(expression: Any) -> sympy.Expr:
 def at_steady(expression: Any) -> sympy.Expr:
     """Return the value of an expression in the steady motion of a realisation, for use in an output.
 
-    In a steady motion drivers go on at constant speeds and the mechanism keeps its shape: a governor turns at the
-    angle at which its balls stay.  That shape is found from where the realisation starts, by Newton's method, with the
-    speeds of drivers, stated velocities and start conditions of velocities held; it may be an unstable one.  What else
-    moves, moves with its carrier.  A start that is a steady motion with its stated velocities, as the precession of a
-    top, is taken as it is; the whirl of an unbalanced rotor, which nothing drives round, is found only from the pose
-    and the velocities of all bodies in it.  Speeds of drivers have to be constant from the start on, and loads, too:
-    what changes within 10 s or three turns is refused.  A realisation without a steady motion has failed, with the
-    reason; so has one in which the expression changes on the way.  An output with it has one value per realisation and
-    no time.
+    In a steady motion, drivers continue at constant speeds and the mechanism keeps its shape.  An example is a governor
+    whose balls stay at a constant angle.  Newton's method finds the shape, and begins at the start of the realisation.
+    It keeps the speeds of drivers, stated velocities and start conditions of velocities.  All other bodies move with
+    their carriers.  The steady motion may be unstable.  A start that is already a steady motion with its stated
+    velocities, such as the precession of a top, is used unchanged.  The whirl of an unbalanced rotor has no driver.
+    Newton's method finds a whirl only if the start contains the pose and velocities of all bodies in it.  Speeds of
+    drivers and loads must be constant from the start; a change within 10 s or three turns is an error.  A realisation
+    fails, with a reason, if it has no steady motion or if the expression changes during the steady motion.  The output
+    has one value per realisation and no time.
 
     Parameters
     ----------
     expression : SymPy expression
-        In whatever an output may contain, of what stays the same: relative angles, heights, speeds, sizes of reactions.
+        Expression in quantities that are constant in the steady motion: relative angles, heights, speeds, magnitudes of
+        reactions.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If `expression` is not a single expression, or already contains a scalar output.
 
     Examples
     --------
@@ -300,7 +304,7 @@ def at_steady(expression: Any) -> sympy.Expr:
 
 
 def single(function: str, expression: Any, example: str = "body.position[0]") -> sympy.Expr:
-    """Return the argument of a quantity without a time: one expression that contains no such quantity."""
+    """Return the argument of a scalar quantity; raise if it is not one expression or contains scalar quantities."""
     parts = flatten(expression)
     try:
         value = as_symbolic(parts[0]) if len(parts) == 1 else None
@@ -308,23 +312,24 @@ def single(function: str, expression: Any, example: str = "body.position[0]") ->
         value = None
     if not isinstance(value, sympy.Expr):
         raise StudyError(
-            f"{function} was given {shown(expression)}; expected one expression, e.g. uqmbd.{function}({example})."
+            f"{function}: the argument is {shown(expression)}; expected one expression, e.g. "
+            f"uqmbd.{function}({example})."
         )
     if value.is_number:
         raise StudyError(
-            f"{function} was given {shown(value)}; a number has no motion and is the same in every pose. Expected an "
-            f"expression of what moves, e.g. uqmbd.{function}(body.position[0]); a number needs no {function}."
+            f"{function}: the argument is the constant {shown(value)}, which is equal in every pose. Expected an "
+            f"expression of the motion, e.g. uqmbd.{function}(body.position[0]). Write a number without {function}."
         )
     if is_scalar(value):
         raise StudyError(
-            f"{function} was given {shown(value)}, which holds a quantity without a time already; take "
-            f"{function} of positions and reactions only, and combine the results."
+            f"{function}: the argument is {shown(value)}, which already contains a scalar output. Apply {function} "
+            "to positions and reactions only, and combine the results."
         )
     return value
 
 
 def is_scalar(value: Any) -> bool:
-    """Return whether an expression contains a quantity without a time.
+    """Return whether an expression contains a scalar quantity, which is independent of time.
 
     >>> is_scalar(2 * eigenfrequency(1)), is_scalar(sympy.pi)
     (True, False)
@@ -333,7 +338,7 @@ def is_scalar(value: Any) -> bool:
 
 
 def check_scalar(where: str, value: sympy.Expr) -> None:
-    """Raise unless an expression with a quantity without a time contains nothing that changes with time."""
+    """Raise if an expression with a scalar quantity also contains a quantity that changes with time."""
     held = {e: sympy.Dummy() for e in value.atoms(Placeholder)}
     outside = value.xreplace(held).free_symbols - set(held.values())
     moving = sorted((s for s in outside if not isinstance(s, (ScalarSymbol, RandomVariable))), key=str)
@@ -341,15 +346,15 @@ def check_scalar(where: str, value: sympy.Expr) -> None:
         return
     named = "time" if moving[0] == t else str(moving[0])
     raise StudyError(
-        f"{where}: it mixes {named}, which changes while the mechanism moves, with a quantity that a realisation has "
-        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or "
-        f"uqmbd.at_steady({moving[0]}) for that in steady motion. uqmbd.maximum({moving[0]}) and "
-        f"uqmbd.final({moving[0]}) are values of the whole motion. Or declare two outputs."
+        f"{where}: the expression combines {named}, which changes during the motion, with a quantity that has one "
+        f"value per realisation. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or "
+        f"uqmbd.at_steady({moving[0]}) for the value in steady motion. uqmbd.maximum({moving[0]}) and "
+        f"uqmbd.final({moving[0]}) are values of the whole motion. Or declare separate outputs."
     )
 
 
 MOST_MODES = 10**6
-"""More modes no mechanism has that can be assembled."""
+"""Upper limit of mode numbers; every mechanism that can be assembled has fewer modes."""
 
 
 def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
@@ -359,7 +364,7 @@ def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
 
 
 def _number(function: str, number: Any, at: Any) -> int:
-    """Return the number of a mode; raise unless it and the pose make sense."""
+    """Return the number of a mode; raise if the number or the pose is invalid."""
     try:
         count = operator.index(number)
     except TypeError:

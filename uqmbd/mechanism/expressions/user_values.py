@@ -1,4 +1,4 @@
-"""Values of users for numbers: scalars, sequences, arrays, matrices, expressions in random variables."""
+"""Conversion of user values to numbers: scalars, sequences, arrays, matrices, expressions in random variables."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ __all__ = ["LARGEST", "as_symbolic", "flatten", "numbers", "random_variables", "
 
 
 LARGEST = 1e100
-"""Numbers beyond which there is no arithmetic in 64 bits: energies are products of three of them."""
+"""Largest number for 64-bit arithmetic: energies are products of three such numbers."""
 
 
 MANY = 10_000
-"""Most numbers of an array in an expression or a message."""
+"""Largest size of an array in an expression or a message."""
 
 
 def as_symbolic(value: Any) -> Any:
-    """Return a number as SymPy's, and a SymPy object unchanged; raise `uqmbd.StudyError` for texts and containers.
+    """Convert a number to SymPy, or return a SymPy object unchanged; raise `uqmbd.StudyError` for texts and containers.
 
-    Every user value passes this function before it reaches SymPy: `sympy.sympify` executes texts as Python, also those
-    inside of tuples, sets and dicts, and with ``strict=True``.
+    Convert every user value by this function before SymPy receives it: `sympy.sympify` executes texts as Python code,
+    including texts inside tuples, sets and dicts, and also with ``strict=True``.
     """
     if isinstance(value, (sympy.Basic, sympy.MatrixBase)):
         return value
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value.item()
     if isinstance(value, (str, bytes, type)) or value is None or hasattr(value, "__iter__"):
-        raise StudyError(f"{shown(value)} is no number or expression.")
+        raise StudyError(f"{shown(value)} is not a number or an expression.")
     try:
         return sympy.sympify(value, strict=True)
     except (sympy.SympifyError, TypeError, ValueError):
-        raise StudyError(f"{shown(value)} is no number or expression.") from None
+        raise StudyError(f"{shown(value)} is not a number or an expression.") from None
 
 
 def flatten(value: Any) -> list[Any]:
@@ -58,9 +58,9 @@ def flatten(value: Any) -> list[Any]:
 def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scalar: bool = False) -> list[sympy.Expr]:
     """Return `size` real numbers, or expressions that may be real.
 
-    Raises `uqmbd.StudyError` if they are missing, not numbers, not real, not finite, or of another count; the message
-    names `where` and `key`, and gives the meaning `hint`.  With `scalar` a sequence of one number is rejected;
-    otherwise it is a vector of a space of one dimension.
+    The function raises `uqmbd.StudyError` if the value is missing, not a number, not real, not finite, or does not
+    consist of `size` numbers.  The message contains `where`, `key` and the explanation `hint`.  With `scalar`, a
+    sequence of one number is an error; otherwise it is a vector of a one-dimensional space.
 
     >>> numbers("body 'rod'", "position", (1, 0.5), 2)
     [1, 0.500000000000000]
@@ -68,16 +68,16 @@ def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scal
     wanted = f"expected {'a number' if size == 1 else f'{size} numbers'}{f' ({hint})' if hint else ''}"
     if value is None:
         raise StudyError(f"{where}: {key} is missing; {wanted}.")
-    if isinstance(value, np.ndarray) and value.size > max(MANY, size):  # a list of it would take all memory
+    if isinstance(value, np.ndarray) and value.size > max(MANY, size):  # a list of so many entries may exceed memory
         raise StudyError(f"{where}: {key} is an array of the shape {value.shape}; {wanted}.")
     parts = _row(value)
     if parts is None:
-        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {wanted}, one after the other.")
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {wanted} in a flat sequence.")
     if len(parts) != size and not any(isinstance(x, (str, bytes)) for x in parts):
         count = f"{len(parts)} number{'s' * (len(parts) != 1)}"
         raise StudyError(f"{where}: {key} has {count}, expected {size}{f' ({hint})' if hint else ''}; it is {value!r}.")
     if scalar and (isinstance(value, (list, tuple, range)) or (isinstance(value, np.ndarray) and value.ndim)):
-        raise StudyError(f"{where}: {key} is {shown(value)}, which is a sequence; {wanted} by itself.")
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is a sequence; {wanted} without brackets.")
     return [_number(f"{where}: {key}", x, value, wanted) for x in parts]
 
 
@@ -106,12 +106,12 @@ def shown(value: object) -> str:
 
 
 def unknown_symbol(symbol: sympy.Symbol) -> str:
-    """Return, as the end of a sentence, that a symbol has no meaning.
+    """Return the end of a message about a symbol without a meaning.
 
     >>> unknown_symbol(sympy.Symbol("k"))
     'the symbol k, which is neither a random variable (uqmbd.RandomVariable), nor time (uqmbd.t), nor a ...'
     """
-    hint = " That is another symbol of the name t: time is uqmbd.t." if str(symbol) == "t" else ""
+    hint = " This is a different symbol with the name t: time is uqmbd.t." if str(symbol) == "t" else ""
     return (
         f"the symbol {symbol}, which is neither a random variable (uqmbd.RandomVariable), nor time (uqmbd.t), nor a "
         f"quantity of a body or component.{hint}"
@@ -121,25 +121,25 @@ def unknown_symbol(symbol: sympy.Symbol) -> str:
 def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
 
     def refused(why: str) -> StudyError:
-        # written out only here: a long expression takes long
-        given = shown(entry) if entry is value else f"{shown(value)} with {shown(entry)} in it"
+        # format the text only on errors, because the formatting of a long expression is slow
+        given = shown(entry) if entry is value else f"{shown(value)}, which contains {shown(entry)}"
         return StudyError(f"{where} is {given}{why}")
 
     if is_quantity(entry):
-        raise refused("; its units are not known here. Give a number, as quantity.m_as('m') returns.")
-    # SymPy would read a text as a formula and make symbols of its words
+        raise refused(", but uqmbd does not read units of quantities. Give a number, e.g. quantity.m_as('m').")
+    # SymPy would parse a text as a formula and convert its words to symbols, so texts are errors
     if isinstance(entry, (str, bytes, bool, type)) or entry is None:
         raise refused(f"; {wanted}.")
     try:
         number = as_symbolic(entry)
     except StudyError:
-        raise refused(f", which is no number or expression; {wanted}.") from None
+        raise refused(f", which is not a number or an expression; {wanted}.") from None
     if not isinstance(number, sympy.Expr) or number.is_commutative is False:
         raise refused(f", which is a {type(number).__name__}; {wanted}.")
     if number.has(sympy.nan, sympy.zoo) or (number.has(sympy.oo, -sympy.oo) and not number.atoms(*UNEVALUATED)):
         raise refused(f", which is not finite; {wanted}.")
     if (foreign := foreign_part(number)) is not None:
-        # a constant has a value all the same, such as that of a definite integral
+        # a constant, such as a definite integral, still has a value
         found = None if number.free_symbols else _evaluated(number)
         if found is None:
             raise refused(f": {describe_foreign_part(foreign)}")
@@ -148,35 +148,34 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
         raise refused(f", which is not real; {wanted}.")
     if number.is_number and abs(_float(number)) > LARGEST:
         raise refused(
-            ", which is too large to compute with: squares of it leave the range of numbers of 64 bits; "
-            f"{wanted}, at most {LARGEST:g}."
+            f", which is too large: its square exceeds the range of 64-bit numbers; {wanted}, at most {LARGEST:g}."
         )
     if (large := too_large(number)) is not None:
-        raise refused(f", which has {shown(large)} in it: a number of 64 bits cannot hold it; {wanted}.")
+        raise refused(f", which contains {shown(large)}; this number exceeds the range of 64-bit numbers; {wanted}.")
     return number
 
 
 def too_large(expression: sympy.Expr) -> sympy.Expr | None:
-    """Return a number in an expression that no number of 64 bits holds; None if there is none.
+    """Return a number in an expression that exceeds the range of 64-bit floats; None if there is none.
 
-    Factors of exponentials may be of any size.
+    Numerical factors of exponentials may be of any size.
 
     >>> x = sympy.Symbol("x")
     >>> too_large(x + 10**400) is None, too_large(x + 1), too_large(10**400 * sympy.exp(-x))
     (False, None, None)
     """
     products = [x for x in expression.atoms(sympy.Mul) if any(isinstance(factor, sympy.exp) for factor in x.args)]
-    # such a factor goes into the exponent before anything is computed
+    # a numerical factor of an exponential becomes a part of the exponent before the evaluation
     scales = {factor for product in products for factor in product.args if factor.is_Number}
     numbers = expression.atoms(sympy.Number) - scales
     return next((x for x in numbers if x.is_finite and math.isinf(_float(x))), None)
 
 
 def _evaluated(constant: sympy.Expr) -> sympy.Expr | None:
-    """Return the value of a constant that is not written out; None if it has no finite one."""
+    """Return the value of an unevaluated constant; None if it is not finite."""
     try:
         value = constant.doit().evalf()
-    except Exception:  # noqa: BLE001 - SymPy fails in many ways where there is no value
+    except Exception:  # noqa: BLE001 - SymPy raises many types of errors for constants without a value
         return None
     return value if isinstance(value, sympy.Number) and value.is_finite else None
 
@@ -201,7 +200,7 @@ def _parts(value: Any) -> list[Any] | None:
 
 
 def _row(value: Any) -> list[Any] | None:
-    """Return the entries of a scalar, a row or a column; None where sequences are nested in another way."""
+    """Return the entries of a scalar, a row or a column; None for other nested sequences."""
     parts = _parts(value)
     if parts is None:
         return [value]

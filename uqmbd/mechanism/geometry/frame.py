@@ -1,4 +1,4 @@
-"""A body seen as a frame: the vocabulary in which components and outputs are written."""
+"""Frames of bodies, with quantities for components and outputs."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ __all__ = ["Frame", "NamedFrame"]
 class Frame:
     """Position, rotation and velocity of a body frame, as SymPy expressions.
 
-    Component authors receive one for each body argument; `Body` is one for outputs.  Vectors are columns
-    (`sympy.Matrix`) of `space.dimension` numbers in world axes, unless said otherwise.
+    In `Component.terms`, each body argument is a frame.  Outputs use the subclass `Body`.  Vectors are columns
+    (`sympy.Matrix`) of `space.dimension` numbers in world axes, unless stated otherwise.
 
     Parameters
     ----------
     space : Space
-        The space of the mechanism.
+        Space of the mechanism.
     q, v, a : sequence of expressions, or None
-        Coordinates, their rates and their second derivatives.  None: the ground, which does not move.
+        Coordinates and their first and second time derivatives.  None: the fixed ground.
 
     Raises
     ------
     uqmbd.StudyError
-        If the number of coordinates is not that of the space.
+        If the number of coordinates does not fit the space.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class Frame:
 
     @property
     def quaternion(self) -> Matrix:
-        """The unit quaternion, body to world, scalar first, a column; in the plane the half-angle pair."""
+        """Unit quaternion, body to world, scalar first, a column; in the plane the half-angle pair."""
         return sympy.Matrix(self.q[self.space.dimension :])
 
     @property
@@ -119,7 +119,7 @@ class Frame:
 
     @checked
     def attitude(self, local: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-        """Return the quaternion, to the world, of a frame whose quaternion relative to this one is given.
+        """Return the quaternion (frame to world) of another frame, given its quaternion `local` relative to this frame.
 
         Examples
         --------
@@ -127,14 +127,14 @@ class Frame:
         >>> import uqmbd
         >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
         >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=sympy.pi / 2, angular_velocity=3)
-        >>> arm.attitude((1, 0)) == tuple(arm.quaternion)  # of a frame that is parallel to it
+        >>> arm.attitude((1, 0)) == tuple(arm.quaternion)  # a frame parallel to the arm
         True
         """
         return quaternion_product(self.quaternion, local)
 
     @checked
     def direction(self, local: Vector) -> Matrix:
-        """Turn a vector from body axes to world axes.
+        """Transform a vector from body axes to world axes.
 
         Examples
         --------
@@ -150,7 +150,7 @@ class Frame:
 
     @checked
     def point(self, local: Vector) -> Matrix:
-        """World position of a point given in the body frame.
+        """Return the world position of a point given in the body frame.
 
         Examples
         --------
@@ -168,7 +168,9 @@ class Frame:
 
     @checked
     def point_velocity(self, local: Vector) -> Matrix:
-        """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion.
+        """Return the world velocity of a point fixed in the body: ``r' + d/dt(A c)``.
+
+        ``r`` is the position, ``A`` the rotation matrix, quadratic in the quaternion, and ``c`` the argument `local`.
 
         Examples
         --------
@@ -184,7 +186,7 @@ class Frame:
 
     @checked
     def point_acceleration(self, local: Vector) -> Matrix:
-        """World acceleration of a point fixed in the body (outputs only).
+        """Return the world acceleration of a point fixed in the body (outputs only).
 
         Examples
         --------
@@ -204,8 +206,8 @@ class Frame:
         given = flatten(local)
         if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):
             raise StudyError(
-                f"{method}() needs {self.space.dimension} numbers, one for each axis of the body; its argument local "
-                f"is {shown(local)}; if it is a parameter of a component declare it with kind={kind!r}, as in "
+                f"{method}(): the argument local is {shown(local)}; expected {self.space.dimension} numbers, one for "
+                f"each axis of the body. If it is a parameter of a component, declare it with kind={kind!r}, as in "
                 f"uqmbd.Parameter(..., kind={kind!r})."
             )
         return sympy.Matrix(numbers(f"{method}()", "its argument local", given, self.space.dimension))
@@ -224,7 +226,7 @@ class NamedFrame(Frame):
 
     Examples
     --------
-    The ground is one, and what a file fixes to a body:
+    The ground is a named frame, as are links of an imported file that are fixed to a body:
 
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("empty", uqmbd.Planar())

@@ -1,4 +1,4 @@
-"""Functions of vectors and rotations whose entries may be random."""
+"""Functions of vectors and rotations with random entries."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ OPPOSITE = 1e-9
 """Versine of pi minus the angle of two vectors (4.5e-5 rad), below which the smallest rotation has a fixed axis."""
 
 PARALLEL = 1e-12
-"""Difference of two unit vectors that are parallel as drawn."""
+"""Difference up to which two unit vectors are parallel in the drawn pose."""
 
 
 def nominal(expression: Any) -> float:
-    """Value of an expression at the means of its random variables and at time zero.
+    """Return the value of an expression at the means of its random variables and at time zero.
 
     Parameters
     ----------
     expression : expression
-        In random variables and time.
+        Expression in random variables and time.
 
     Returns
     -------
     float
-        In its units.
+        Value in the units of the expression.
 
     Raises
     ------
     uqmbd.StudyError
-        If the expression contains anything else, or has no finite value there.
+        If the expression contains other symbols, or has no finite value.
 
     Examples
     --------
@@ -67,46 +67,46 @@ def nominal(expression: Any) -> float:
     except TypeError:
         strangers = ", ".join(sorted(map(str, result.free_symbols)))
         if strangers:
-            raise StudyError(
-                f"{value} contains {strangers}; only numbers and random variables have a value here."
-            ) from None
+            raise StudyError(f"{value} contains {strangers}; expected only numbers and random variables.") from None
         number = math.nan
     if not math.isfinite(number):
         raise StudyError(
             f"{value} is {result} at the means of the random variables; expected a finite real number "
-            "(look for divisions by zero, and for roots, logarithms and arcus functions outside of their range)."
+            "(look for divisions by zero, and for roots, logarithms and inverse trigonometric functions outside of "
+            "their range)."
         )
     return number
 
 
 def _entries(vector: Any, what: str = "the vector", sizes: tuple[int, ...] = ()) -> list[Any]:
-    """Return the components of a vector that a caller gives, as SymPy numbers and expressions.
+    """Return the components of a given vector as SymPy numbers and expressions.
 
-    Raises `uqmbd.StudyError` if one is neither, or is not finite, or their number is none of `sizes`.
+    Raises `uqmbd.StudyError` if a component is invalid or not finite, or if their number is not in `sizes`.
     """
     entries = [as_symbolic(x) for x in flatten(vector)]
     wrong = next((x for x in entries if not isinstance(x, sympy.Expr) or x.is_finite is False or x is sympy.nan), None)
-    # a column is a vector, rows of several lengths are none
+    # a column is a vector, but nested rows of other lengths are not a vector
     nested = isinstance(vector, (list, tuple)) and any(isinstance(x, (list, tuple)) and len(x) != 1 for x in vector)
     if wrong is not None or (sizes and (len(entries) not in sizes or (nested and sizes != (9,)))):
         expected = " or ".join(map(str, sizes)) or "finite"
-        within = "" if wrong is None else f", with {shown(wrong)} in it"
+        within = "" if wrong is None else f", which contains {shown(wrong)}"
         raise StudyError(f"{what} is {shown(vector)}{within}; expected {expected} numbers or expressions.")
     return entries
 
 
 ROTATION = (0, 2, 4)
-"""Components of a rotation: none where nothing turns, a half-angle pair in the plane, a quaternion."""
+"""Numbers of components of a rotation: none for point masses, half-angle pair in the plane, quaternion."""
 
 
 def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Scale a vector to length one; numbers stay numbers."""
+    """Return a vector scaled to length one; the components remain numbers if they are numbers."""
     entries = _entries(vector)
     length = math.sqrt(sum(nominal(x) ** 2 for x in entries))
     if length < 1e-12:
         example = (0,) * (len(entries) - 1) + (1,)
         raise StudyError(
-            f"the vector {tuple(vector)} has no length; give a vector that points somewhere, e.g. {example}."
+            f"the vector {tuple(vector)} has length zero, so it has no direction; give a non-zero vector, e.g. "
+            f"{example}."
         )
     if all(x.is_number for x in entries):
         return tuple(sympy.Float(float(x) / length) if x != 0 else sympy.S.Zero for x in entries)
@@ -115,19 +115,19 @@ def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
 
 
 def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
-    """Two unit vectors that make a right-handed frame with a unit axis of three components.
+    """Return two unit vectors that form a right-handed frame with a unit axis of three components.
 
-    The reference direction is chosen at the nominal values, so that the result is smooth in the random variables.
+    The nominal values select the reference direction, so that the result is smooth in the random variables.
 
     Parameters
     ----------
     axis : sequence
-        Three components.
+        Unit axis, three components.
 
     Returns
     -------
     tuple of two matrices, shape (3, 1)
-        The first two axes of the frame.
+        First two axes of the frame.
 
     Examples
     --------
@@ -145,7 +145,7 @@ def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
 
 
 def _row_lengths(matrix: Any) -> list[int]:
-    """Return how many entries the rows of a matrix have; -1 for a row that is none, or holds more than entries."""
+    """Return the number of entries of each row of a matrix; -1 for an object that is not a flat row."""
     if isinstance(matrix, sympy.MatrixBase):
         return [matrix.cols] * matrix.rows
     found = []
@@ -162,21 +162,21 @@ def _rows_in_words(lengths: list[int]) -> str:
 
 
 def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
-    """Return the quaternion of a 3 x 3 rotation matrix; raise `uqmbd.StudyError` if it is no proper rotation.
+    """Return the quaternion of a 3 x 3 rotation matrix; raise `uqmbd.StudyError` if it is not a proper rotation.
 
-    The largest component at the nominal values is computed first.
+    The function computes the component that is largest at the nominal values first.
     """
     entries = _entries(matrix, "the rotation matrix", (9,))
     if (lengths := _row_lengths(matrix)) != [3, 3, 3]:
         raise StudyError(
-            f"a rotation matrix has 3 rows and 3 columns of numbers; this one has {_rows_in_words(lengths)}."
+            f"the rotation matrix has {_rows_in_words(lengths)}; expected 3 rows and 3 columns of numbers."
         )
     r = sympy.Matrix(3, 3, entries)
     numbers = np.array([[nominal(x) for x in r.row(i)] for i in range(3)])
-    within = bool((np.abs(numbers) <= 2).all())  # squares of larger ones may overflow
+    within = bool((np.abs(numbers) <= 2).all())  # squares of larger numbers may overflow
     if not within or not np.allclose(numbers @ numbers.T, np.eye(3), atol=1e-8) or np.linalg.det(numbers) < 0:
         raise StudyError(
-            f"the matrix {numbers.tolist()} is no rotation: its columns must be perpendicular unit vectors "
+            f"the matrix {numbers.tolist()} is not a rotation matrix; expected perpendicular unit vectors as columns "
             "that form a right-handed set."
         )
     squares = [
@@ -199,19 +199,19 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
 
 
 def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Quaternion of frame j relative to frame i, ``conj(e_i) e_j``; half-angle pairs in the plane.
+    """Return the quaternion of frame j relative to frame i, ``conj(e_i) e_j``; half-angle pairs in the plane.
 
-    Nothing where nothing turns, as in translational space.
+    The result is empty in spaces without rotation, such as translational space.
 
     Parameters
     ----------
     e_i, e_j : sequence
-        Of both frames, to the world.
+        Quaternions of both frames, to the world.
 
     Returns
     -------
     tuple of expressions
-        As many components.
+        Relative quaternion, with the same number of components.
 
     Examples
     --------
@@ -230,17 +230,17 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
 
 
 def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Product of two quaternions (half-angle pairs in the plane): the rotation `b`, then `a`.
+    """Return the product of two quaternions (half-angle pairs in the plane): the rotation `b`, followed by `a`.
 
     Parameters
     ----------
     a, b : sequence
-        Four components each; in the plane two.
+        Quaternions of four components; half-angle pairs in the plane.
 
     Returns
     -------
     tuple of expressions
-        As many components.
+        Product, with the same number of components.
 
     Examples
     --------
@@ -258,21 +258,21 @@ def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, 
 
 
 def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Quaternion of the smallest rotation that turns one unit vector into another.
+    """Return the quaternion of the smallest rotation from one unit vector to another.
 
-    The result turns `start` into `end` to rounding, for every angle between them.  Within 4.5e-5 rad of half a turn,
-    rounding would choose the axis of the smallest rotation.  There the result is half a turn about a fixed axis, then
-    the smallest rotation from the opposite of `start` to `end`.
+    The result rotates `start` to `end` within rounding, for every angle between them.  If the angle is within 4.5e-5
+    rad of half a turn, rounding errors would determine the axis of the smallest rotation.  In this range, the result is
+    half a turn about a fixed axis, followed by the smallest rotation from ``-start`` to `end`.
 
     Parameters
     ----------
     start, end : sequence
-        Three components each.
+        Unit vectors of three components.
 
     Returns
     -------
     tuple of expressions
-        Four components.
+        Quaternion of four components.
 
     Examples
     --------
@@ -286,29 +286,29 @@ def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.E
     cosine = a.dot(b)
     if nominal(cosine) >= 0:
         return unit([1 + cosine, *a.cross(b)])
-    # the sum is exact where both are numbers, and 1 + a . b and a x b lose the digits that it keeps
+    # the sum a + b of numbers is exact and retains digits that 1 + a . b and a x b lose
     both = a + b
     square = both.dot(both)
     if nominal(square) / 2 < OPPOSITE:
         half_turn = (sympy.S.Zero, *perpendiculars(a)[0])
         return quaternion_product(smallest_rotation(-a, b), half_turn)
-    # divided first: SymPy multiplies a number and a bare sum out, which loses them as well
+    # divide first: SymPy expands the product of a number and a sum, which also loses digits
     length = sympy.sqrt(square)
     return (length / 2, *a.cross(both / length))
 
 
 def turned(turn: Sequence[Any], vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Turn a vector of three components by a unit quaternion."""
+    """Rotate a vector of three components by a unit quaternion."""
     turn = _entries(turn)
     conjugate = (turn[0], *(-x for x in turn[1:]))
     return quaternion_product(quaternion_product(turn, (0, *vector)), conjugate)[1:]
 
 
 def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
-    """Return frames fixed in two bodies whose third axes are the given ones, as quaternions relative to the bodies.
+    """Return frames fixed in two bodies with the given third axes, as quaternions relative to the bodies.
 
-    The frames are equal where the axes have equal components; else frame j is frame i turned by the smallest rotation
-    that takes `axis_i` to `axis_j`.  So the angle between them is zero where the body frames coincide.
+    The quaternions are equal if the axes have equal components.  Otherwise, the smallest rotation from `axis_i` to
+    `axis_j` rotates frame i to frame j.  The angle between the frames is therefore zero if the body frames coincide.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
     Returns
     -------
     tuple of two tuples
-        A quaternion for each body.
+        Quaternion of the frame in each body.
 
     Examples
     --------
@@ -333,19 +333,19 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
 
 
 def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Turn a relative rotation by as little as makes two axes parallel.
+    """Make two axes parallel by the smallest change of a relative rotation.
 
     Parameters
     ----------
     turn : sequence
         Quaternion of body j relative to body i (half-angle pair in the plane).
     axis_i, axis_j : sequence
-        The axes, each in its body's frame.
+        Axes, each in the frame of its body.
 
     Returns
     -------
     tuple
-        The quaternion `turn` itself where the axes are parallel already.
+        Changed quaternion; `turn` itself if the axes are already parallel.
 
     Examples
     --------
@@ -363,7 +363,7 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
     else:
         drawn = turned(turn, axis_j)
     apart = [as_symbolic(a - b) for a, b in zip(drawn, axis_i, strict=True)]
-    # random axes that are parallel at the means are not parallel in each realisation
+    # random axes that are parallel at the means may not be parallel in a realisation
     if all(x.is_number and abs(x) < PARALLEL for x in apart):
         return tuple(turn)
     left = _smallest_in_plane(drawn, axis_i) if len(turn) == 2 else smallest_rotation(drawn, axis_i)
@@ -371,7 +371,7 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
 
 
 def _smallest_in_plane(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Half-angle pair of the smallest rotation that turns one unit vector of the plane into another."""
+    """Return the half-angle pair of the smallest rotation from one unit vector of the plane to another."""
     (a, b), (c, d) = start, end
     cosine, sine = a * c + b * d, a * d - b * c
     if nominal(cosine) >= 0:

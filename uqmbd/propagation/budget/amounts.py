@@ -1,4 +1,4 @@
-"""A budget and an accuracy, as they are given: ``10min``, ``5000``, ``1%``."""
+"""Read a budget and an accuracy from their text forms: ``10min``, ``5000``, ``1%``."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 FINEST, COARSEST = 1e-9, 1.0
 
 MOST = 10**18
-"""Realisations of a budget, at most."""
+"""Maximum number of realisations of a budget."""
 
 MOST_ALLOWED = 0.5
-"""A requirement that may be violated more often than not is one that was turned round."""
+"""Upper limit of an allowed probability of violation: a larger value is probably the probability of success."""
 
 
 @dataclass(frozen=True)
 class Amount:
-    """Budget of a run, of which one amount is finite."""
+    """Budget of a run: a number of realisations or a time, s; one of both is finite."""
 
     realisations: float = math.inf
     seconds: float = math.inf
 
     @property
     def words(self) -> str:
-        """It, for people."""
+        """Return the budget as text for messages."""
         if math.isfinite(self.seconds):
             return format_duration(self.seconds)
         return f"{self.realisations:.0f} realisations"
@@ -42,7 +42,7 @@ class Amount:
 def budget_of(given: object, name: str = "budget") -> Amount | None:
     """Read a budget: a number of realisations, or a duration such as ``"30s"``, ``"10min"``, ``"2h"``.
 
-    Raise StudyError, which names the option `name`, for anything else.
+    Raise StudyError, with the name of the option, for any other value.
 
     >>> budget_of("1.5h"), budget_of("1e4")
     (Amount(realisations=inf, seconds=5400.0), Amount(realisations=10000, seconds=inf))
@@ -61,12 +61,13 @@ def budget_of(given: object, name: str = "budget") -> Amount | None:
         if not found[2] and 0 < number < math.inf and number == int(number):
             return Amount(realisations=int(number))
     raise StudyError(
-        f"{name} is {given!r}; expected a number of realisations, as 5000, or a time in s, min, h or d, as 10min."
+        f"{name} is {given!r}; expected a number of realisations such as 5000, or a time in s, min, h "
+        "or d such as 10min."
     )
 
 
 def accuracy_of(given: object, name: str = "accuracy") -> float | None:
-    """Read an accuracy: a share between 0 and 1, such as 0.01 or ``"1%"``; raise StudyError for anything else.
+    """Read an accuracy: a number between 0 and 1, such as 0.01 or ``"1%"``; raise StudyError for any other value.
 
     >>> accuracy_of("1%"), accuracy_of("0.5 %"), accuracy_of(0.02)
     (0.01, 0.005, 0.02)
@@ -76,17 +77,17 @@ def accuracy_of(given: object, name: str = "accuracy") -> float | None:
     value = _share(given)
     if not FINEST <= value < COARSEST:
         raise StudyError(
-            f"{name} is {given!r}; expected a share of the standard deviation of each output, between 0 and 1, as 0.01 "
-            "or '1%'."
+            f"{name} is {given!r}; expected a share of the standard deviation of each output between 0 and 1, such "
+            "as 0.01 or '1%'."
         )
     return value
 
 
 def allowed_of(given: object, name: str = "allowed") -> float | None:
-    """Read the probability with which a requirement may be violated, such as 0.01 or ``"1%"``.
+    """Read an allowed probability of violation, such as 0.01 or ``"1%"``.
 
-    Raise StudyError if it is no probability, and for one half and more, such as ``"99%"``: that is the probability of
-    meeting the requirement.
+    Raise StudyError if the value is not a probability. Raise StudyError also for one half and more: a value such as
+    ``"99%"`` is probably the probability that the requirement is met.
 
     >>> allowed_of("1%"), allowed_of(0.02), allowed_of("0")
     (0.01, 0.02, 0.0)
@@ -97,17 +98,21 @@ def allowed_of(given: object, name: str = "allowed") -> float | None:
     if 0 <= value < MOST_ALLOWED:
         return value
     turned = value if value <= 1 else value / 100
-    hint = f" To hold with {turned:.6g}, write {1 - turned:.6g}." if MOST_ALLOWED <= turned < 1 else ""
+    hint = (
+        f" If the requirement must be met with the probability {turned:.6g}, write {1 - turned:.6g}."
+        if MOST_ALLOWED <= turned < 1
+        else ""
+    )
     raise StudyError(
-        f"{name} is {given!r}; expected the probability with which a requirement may be violated, less than "
-        f"{MOST_ALLOWED:g}, as 0.01 or '1%'.{hint}"
+        f"{name} is {given!r}; expected the allowed probability of violation, less than {MOST_ALLOWED:g}, such as "
+        f"0.01 or '1%'.{hint}"
     )
 
 
 def _share(given: object) -> float:
-    """Return a number or a percentage as a share; NaN: it is neither."""
+    """Return a number or a percentage as a share; NaN if it is neither."""
     if not isinstance(given, bool) and isinstance(given, Real):
-        number: Any = given  # of any kind: float() refuses large whole numbers
+        number: Any = given  # of any type: float() rejects large integers
         return float(given) if abs(number) <= MOST else math.nan
     if not isinstance(given, str):
         return math.nan

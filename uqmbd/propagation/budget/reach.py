@@ -1,4 +1,4 @@
-"""Methods whose smallest size exceeds the budget: found before anything is computed."""
+"""Find methods whose smallest size exceeds the budget, before any computation."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ __all__ = ["BudgetTooSmallError", "out_of_reach"]
 
 
 class BudgetTooSmallError(StudyError):
-    """A method has no size that the budget holds: the input is to be changed, and going on does not help."""
+    """Error if the smallest size of a method exceeds the budget; to resume the run, other arguments are necessary."""
 
 
 def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSmallError]:
-    """Return errors by label of methods whose smallest size exceeds what less costly ones leave of the budget."""
+    """Return errors, by label, for methods whose smallest size exceeds the rest of the budget after cheaper methods."""
     if math.isinf(left):
         return {}
     least: dict[str, int] = {}
@@ -30,9 +30,12 @@ def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSm
         if held + cost <= left:
             held += cost
             continue
-        text = f"{label}: the budget of {left:.0f} realisations is too small: its smallest size, {named[label]}, takes "
-        text += f"{cost}" + (f", and the methods that take less {held}" if held else "")
-        text += f". Give {sum(least.values())} realisations or more"
-        text += " (for all methods), or leave methods out (--only LABEL; in Python only=)" if len(least) > 1 else ""
-        found[label] = BudgetTooSmallError(f"{text}, or a time, as 30s.")
+        text = (
+            f"{label}: the budget of {left:.0f} realisations is too small: the smallest size of this method, "
+            f"{named[label]}, needs "
+        )
+        text += f"{cost}" + (f", and the less expensive methods need {held}" if held else "")
+        text += f". Use a budget of {sum(least.values())} realisations or more"
+        text += " (for all methods), or run fewer methods (--only LABEL; in Python only=)" if len(least) > 1 else ""
+        found[label] = BudgetTooSmallError(f"{text}, or a time such as 30s.")
     return found

@@ -1,4 +1,4 @@
-"""Methods that share a budget: a pilot of each, then the sizes that it allows, and what came of it."""
+"""Share a budget among methods: pilot runs, then the sizes that the budget allows, and the outcome."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 __all__ = ["BudgetTerms", "BudgetedRun"]
 
 BEHIND = 0, 2, 8, 32
-"""Chunks that may be missing behind the last one that is finished: each is tried."""
+"""Assumed numbers of missing chunks before the last finished chunk; the run tries each of them."""
 
 RECORD = "budget.json"
-"""File of the sizes that a run has chosen, beside its finished chunks: a run that goes on chooses the same."""
+"""Name of the file with the chosen sizes of a run, next to its finished chunks; a resumed run uses the same sizes."""
 
 
 @dataclass(frozen=True)
@@ -48,23 +48,23 @@ class BudgetTerms:
 
     @classmethod
     def of(cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None) -> BudgetTerms:
-        """Read what a run asks for, at least one of them."""
+        """Read budget and accuracy; at least one of both must be given."""
         return cls(budget_of(budget, f"{where}: budget"), accuracy_of(accuracy, f"{where}: accuracy"), say)
 
     @property
     def bounds(self) -> str:
-        """Say that there is a budget; empty where there is none."""
-        return "" if self.budget is None else f"they are not part of the budget of {self.budget.words}"
+        """Describe the budget; empty if there is none."""
+        return "" if self.budget is None else f"their realisations are not part of the budget of {self.budget.words}"
 
     @property
     def asked(self) -> dict[str, Any]:
-        """What is asked for, as it is stored."""
+        """Return budget and accuracy as they are stored."""
         known = self.budget or Amount()
         about = {"realisations": known.realisations, "seconds": known.seconds, "accuracy": self.accuracy}
         return {name: value for name, value in about.items() if value is not None and math.isfinite(value)}
 
     def tell(self, sentence: str) -> None:
-        """Say a sentence."""
+        """Report a sentence."""
         if self.say is not None:
             self.say(sentence)
 
@@ -78,7 +78,7 @@ class BudgetedRun:
     executor: Executor | None
     progress: Progress
     folder: Path | None = None
-    resume: bool = False  # whether the sizes that an interrupted run has chosen are used again
+    resume: bool = False  # whether to use the sizes that an interrupted run has chosen
     nodes: dict[str, xr.DataTree] = field(default_factory=dict)
     errors: dict[str, BaseException] = field(default_factory=dict)
     about: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -89,10 +89,11 @@ class BudgetedRun:
     _earlier: float = 0.0
 
     def run(self, propagators: Sequence[Propagator]) -> None:
-        """Run methods, and leave their nodes, or errors, by their labels.
+        """Run methods, and store their nodes, or errors, by their labels.
 
-        Those that cannot be sized come first, for what they take is not to be chosen.  Then each gets its pilot, and
-        its part of what is left: the cheapest first, so that what it leaves is shared by the others.
+        Methods of fixed size run first, because their cost cannot be chosen. Then each other method runs a pilot, and
+        uses its part of the remaining budget. The cheapest method runs first, so that the other methods share the
+        budget that it does not use.
         """
         self._read()
         self._begin = self.terms.clock()
@@ -102,12 +103,12 @@ class BudgetedRun:
             found = self._asked(propagator)
             if isinstance(found, Sized):
                 sized.append(found)
-        # what a run that goes on finds may be no part of the budget
+        # the budget may not include the stored realisations of a resumed run
         if not self.resume:
             self.errors |= out_of_reach(sized, self._left(1).realisations)
             sized = [one for one in sized if one.label not in self.errors]
         for one in sized:
-            # what is left of its part is shared again
+            # all methods share the rest of this part
             if one.needs_pilot(timed=math.isfinite((self.terms.budget or Amount()).seconds)):
                 self._turn(one, self._left_for_pilot(one, len(sized)), pilot=True)
         waiting = [one for one in sized if one.label not in self.errors]
@@ -118,14 +119,14 @@ class BudgetedRun:
                 self._end(one)
 
     def _warm(self, propagators: Sequence[Propagator]) -> None:
-        """Compute the realisation at the means: what is compiled for it is no part of the cost of the others."""
+        """Compute the realisation at the means, so that the cost of other realisations excludes compilation."""
         with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             problem = first_problem(self.study, propagators[0])
             problem.realise(problem.inputs.means[None, :])
 
     def _left(self, shared_by: int) -> RemainingBudget:
-        """Return the part that the next of some methods may take."""
+        """Return the part of the budget that the next method may use."""
         budget = self.terms.budget or Amount()
         spent = sum(ledger.spent for ledger in self._ledgers.values())
         seconds = budget.seconds - self._elapsed()
@@ -133,7 +134,7 @@ class BudgetedRun:
         return RemainingBudget(math.floor(most) if math.isfinite(most) else most, max(seconds, 0.0) / shared_by)
 
     def _left_for_pilot(self, one: Sized, shared_by: int) -> RemainingBudget:
-        """Return its part, or what its smallest size takes, which there is."""
+        """Return the part of the budget of a method, but at least the cost of its smallest size."""
         left, least = self._left(shared_by), 0
         with Isolated(*ERRORS_AND_EXITS):  # the run of this size reports the error
             least = one.cost(one.sizing.least)
@@ -143,7 +144,7 @@ class BudgetedRun:
         return self.terms.clock() - self._begin + self._earlier
 
     def smallest(self, propagator: Propagator) -> Propagator:
-        """Return the smallest size of a method, or the method itself where it has none."""
+        """Return the smallest size of a method, or the method itself if it has a fixed size."""
         found = propagator
         with Isolated(*ERRORS_AND_EXITS):  # `_asked` reports the error
             if (sizing := propagator.sizing(self.study, self.terms.accuracy)) is not None:
@@ -151,7 +152,7 @@ class BudgetedRun:
         return found
 
     def _asked(self, propagator: Propagator) -> Sized | None:
-        """Ask a method for its sizes; one that has none runs as it is."""
+        """Return the possible sizes of a method; run a method of fixed size unchanged, and return None."""
         label, sizing = propagator.node_name, None
         with Isolated(*ERRORS_AND_EXITS) as asked:
             sizing = propagator.sizing(self.study, self.terms.accuracy)
@@ -168,26 +169,27 @@ class BudgetedRun:
             for stored in self._record.get(label, []):
                 self._earlier += stored.get("seconds", 0.0)
             return one
-        self.terms.tell(f"{label}: its size cannot be chosen; it runs as it is")
+        self.terms.tell(f"{label}: the method has no adjustable size, so it runs with the given options")
         left = self._left(1)
         ledger.most, ledger.until = left.realisations, math.inf
         with Isolated(*ERRORS_AND_EXITS) as work:
             estimate = propagator.estimate(self.study)
             if estimate is not None and not estimate.at_most and estimate.realisations > left.realisations:
                 raise BudgetTooSmallError(
-                    f"{label}: its size cannot be chosen, and it takes {estimate.realisations} realisations, more than "
-                    f"the budget leaves ({left.realisations:.0f}). Give a larger budget, or leave the method out "
-                    "(--only LABEL of others; in Python only=)."
+                    f"{label}: the method has no adjustable size and needs {estimate.realisations} realisations, "
+                    f"more than the remaining budget ({left.realisations:.0f}). Use a larger budget, or omit the "
+                    "method (--only LABEL of the other methods; in Python only=)."
                 )
             begin = self.terms.clock()
             try:
                 node = self._computed(propagator, ledger)
             except BudgetSpent as spent:
                 raise BudgetTooSmallError(
-                    f"{label}: its size cannot be chosen, and the budget is too small: {spent}. Give a larger one."
+                    f"{label}: the method has no adjustable size, and the budget is too small: "
+                    f"{spent}. Use a larger budget."
                 ) from None
             found = self._stated(node, "moments")
-            words = f"its size cannot be chosen; as it is it states {found.words}"
+            words = f"no adjustable size; with the given options, the stated error is {found.words}"
             self.about[label] = {"sized": False, "stated": found.value, "summary": words}
             self.about[label]["seconds"] = self.terms.clock() - begin
             node.attrs["budget_summary"] = words
@@ -203,9 +205,9 @@ class BudgetedRun:
         return stated_accuracy(node, rtol=getattr(self.study, "rtol", 0.0), of=of, usual=usual)
 
     def _turn(self, one: Sized, left: RemainingBudget, *, pilot: bool = False) -> None:
-        """Run a method at one size after the other, until it is accurate enough or has taken its part.
+        """Run a method at increasing sizes until its accuracy is sufficient or its part of the budget is spent.
 
-        One that fails at its first size has failed; at a later one it keeps what it has.
+        A method fails if its first size fails. If a later size fails, the method keeps its earlier results.
         """
         ledger, now, size, done = self._ledgers[one.label], self.terms.clock(), 0, 0
         ledger.most, ledger.until = ledger.spent + left.realisations, now + left.seconds
@@ -219,12 +221,12 @@ class BudgetedRun:
                         self._announce(one, size)
                     self._stage(one, size, ledger)
                 except BudgetSpent as spent:
-                    one.problem = f"the budget ended {one.sizing.option}={size}"
+                    one.problem = f"the budget was exhausted at {one.sizing.option}={size}"
                     self._salvage(one, size, ledger.done - done, ledger)
                     if one.node is None:
                         raise BudgetTooSmallError(
-                            f"{one.label}: the budget is too small for its smallest size, {one.sizing.option}={size}: "
-                            f"{spent}. Give a larger one."
+                            f"{one.label}: the budget is too small for the smallest size of the method, "
+                            f"{one.sizing.option}={size}: {spent}. Use a larger budget."
                         ) from None
                     return
             if work.error is not None:
@@ -238,11 +240,11 @@ class BudgetedRun:
                 return
 
     def _salvage(self, one: Sized, size: int, done: int, ledger: Ledger) -> None:
-        """Take the largest size whose realisations are all there when the budget ends another one."""
+        """Use the largest size whose realisations are complete when the budget ends the run of a larger size."""
         ledger.most, ledger.until = ledger.spent, math.inf
         del self._record[one.label][len(one.stages) :]
         for behind in BEHIND:
-            # several workers finish chunks in another order
+            # several workers may finish chunks out of order
             if (found := one.finished(size, done - behind * one.chunk(size))) is None:
                 return
             with contextlib.suppress(BudgetSpent):
@@ -254,7 +256,7 @@ class BudgetedRun:
         return RemainingBudget(ledger.most - ledger.spent, max(ledger.until - self.terms.clock(), 0.0))
 
     def _next(self, one: Sized, left: RemainingBudget) -> int | None:
-        """Choose the next size, or take the one that was chosen before the run was interrupted."""
+        """Return the next size; a resumed run uses the size that the interrupted run has chosen."""
         known = self._record.get(one.label, [])
         if len(one.stages) < len(known):
             return int(known[len(one.stages)]["size"])
@@ -263,17 +265,20 @@ class BudgetedRun:
     def _announce(self, one: Sized, size: int) -> None:
         last, wanted = one.stages[-1], one.wanted()
         stated = format_percent(last.accuracy, "no error")
-        text = f"{one.label}: {one.sizing.option}={last.size} states {stated} ({last.quantity})"
+        text = f"{one.label}: the stated error with {one.sizing.option}={last.size} is {stated} ({last.quantity})"
         if one.accuracy is not None and math.isfinite(wanted) and one.sizing.falls != "itself":
             count = one.sizing.largest(wanted)
             text += f"; {format_percent(one.accuracy, 'no error')} needs about {one.sizing.option}={count}"
-        text += f"; now {size}, {one.cost(size)} realisations, about {format_duration(one.seconds(size), rough=True)}"
+        text += (
+            f"; the next size is {size}, {one.cost(size)} realisations, about "
+            f"{format_duration(one.seconds(size), rough=True)}"
+        )
         if one.sizing.falls == "root" and math.isfinite(last.accuracy):
             text += f", for about {format_percent(last.accuracy * math.sqrt(last.size / size), 'no error')}"
         self.terms.tell(text)
 
     def _stage(self, one: Sized, size: int, ledger: Ledger, *, there: bool = False) -> None:
-        """Run a method at a size; `there`: all of its realisations are finished."""
+        """Run a method at a size; `there`: whether all realisations of this size are finished."""
         method = one.sizing.at(size)
         if method.node_name != one.label:
             method = replace(method, label=one.label)
@@ -281,7 +286,7 @@ class BudgetedRun:
         again = record[k] if k < len(record) else None
         if again is None:
             if (reason := obstacle_of(method, self.study)) is not None:
-                raise StudyError(f"{one.label}: it cannot do this study: {reason}")
+                raise StudyError(f"{one.label}: the method cannot run this study: {reason}")
             if one.stages and not there and one.fresh(size) > ledger.most - ledger.spent:
                 raise BudgetSpent(f"{one.fresh(size)} realisations")
             record.append({"size": size})
@@ -289,15 +294,15 @@ class BudgetedRun:
         begin, spent, reused, before = self.terms.clock(), ledger.spent, ledger.reused, ledger.computing
         node = self._computed(method, ledger)
         counted = int(node.attrs.get("realisations", 0))
-        # what a method solves for all together is not computed one by one
+        # a method that solves for all realisations together does not count them separately
         ledger.spent += max(counted - (ledger.spent - spent) - (ledger.reused - reused), 0)
         fresh, seconds, computing = ledger.spent - spent, self.terms.clock() - begin, ledger.computing - before
         if again is not None and "seconds" in again:
-            # what was computed before counts as it did then
+            # count realisations of the interrupted run with their recorded cost
             seconds, fresh, computing = again["seconds"], again["fresh"], again["computing"]
             ledger.spent = spent + fresh
         elif again is not None:
-            # what was finished before the interruption was computed for this budget, too
+            # realisations that were finished before the interruption belong to the same budget
             planned = one.fresh(size) if one.stages else counted
             fresh = max(fresh, planned)
             ledger.spent = spent + fresh
@@ -309,7 +314,7 @@ class BudgetedRun:
         self._write()
 
     def _computed(self, method: Propagator, ledger: Ledger) -> xr.DataTree:
-        """Run a method and store its warnings: those of the chosen size are passed on."""
+        """Run a method and store its warnings; `pass_on_warnings` issues the warnings of the chosen size."""
         with warnings.catch_warnings(record=True) as caught, explained(self.executor):
             warnings.simplefilter("always")
             problem = self.study.problem(method, self.executor, self.progress, self.folder)
@@ -318,7 +323,7 @@ class BudgetedRun:
         return node
 
     def _end(self, one: Sized) -> None:
-        """Note what was chosen, and say it."""
+        """Record and report the chosen size."""
         assert one.node is not None and one.taken is not None
         taken, asked = one.taken, one.accuracy
         about: dict[str, Any] = {
@@ -332,19 +337,20 @@ class BudgetedRun:
             "stages": [asdict(stage) for stage in one.stages],
         }
         text = (
-            f"{one.sizing.option}={taken.size} states {format_percent(taken.accuracy, 'no error')} ({taken.quantity})"
+            f"the stated error with {one.sizing.option}={taken.size} is {format_percent(taken.accuracy, 'no error')} "
+            f"({taken.quantity})"
         )
         if asked is not None:
             about["met"] = one.met
-            text += f"; {100 * asked:g} % was asked for"
-            text += "" if one.met else f" and is not reached: {one.problem or 'the budget is used'}"
+            text += f"; {100 * asked:g} % was requested"
+            text += "" if one.met else f", but not reached: {one.problem or 'the budget is used'}"
         about["summary"] = text
         one.node.attrs["budget_summary"] = text
         self.about[one.label], self.nodes[one.label] = about, one.node
         self.terms.tell(f"{one.label}: {text}")
 
     def pass_on_warnings(self, stacklevel: int) -> None:
-        """Pass on warnings of the methods at the chosen sizes; warn of a missed accuracy unless `say` reported it."""
+        """Issue the warnings of methods at the chosen sizes; warn of a missed accuracy unless `say` reported it."""
         for label, about in self.about.items():
             if about.get("met") is False and self.terms.say is None:
                 warnings.warn(f"{label}: {about['summary']}", StudyWarning, stacklevel=stacklevel + 1)
@@ -353,14 +359,14 @@ class BudgetedRun:
                 warnings.warn(one.message, one.category, stacklevel=stacklevel + 1)
 
     def attribute(self) -> dict[str, str]:
-        """Return the root attribute ``budget``, in JSON: what was asked for, and what became of it by method."""
+        """Return the root attribute ``budget`` in JSON: requested budget and accuracy, and the outcome by method."""
         about: dict[str, Any] = {"asked": self.terms.asked, "methods": self.about}
         if small := [label for label, error in self.errors.items() if isinstance(error, BudgetTooSmallError)]:
             about["too_small_for"] = small
         return {"budget": json.dumps(_plain(about), ensure_ascii=False)}
 
     def _read(self) -> None:
-        """Take the sizes that an interrupted run has chosen for the same budget and accuracy."""
+        """Read the sizes that an interrupted run chose for the same budget and accuracy."""
         if self.folder is None or not self.resume:
             return
         with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
@@ -378,7 +384,7 @@ class BudgetedRun:
 
 
 def _size(record: Any) -> dict[str, Any]:
-    """Return a size that was run, or had begun, of a record; what is damaged raises."""
+    """Return a finished or started size from a record; raise an error if the record is damaged."""
     found: dict[str, Any] = {"size": int(record["size"])}
     if "seconds" in record:
         found |= {name: float(record[name]) for name in ("seconds", "computing")} | {"fresh": int(record["fresh"])}
@@ -386,7 +392,7 @@ def _size(record: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold: what is infinite is null."""
+    """Return a value that JSON can represent: infinity becomes null."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, list):

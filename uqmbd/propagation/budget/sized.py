@@ -1,4 +1,4 @@
-"""One method whose size is chosen: sizes that were run, what they stated and took, and which one comes next."""
+"""Choose the size of one method: completed sizes, their errors and costs, and the next size."""
 
 from __future__ import annotations
 
@@ -15,49 +15,54 @@ if TYPE_CHECKING:
 __all__ = ["RemainingBudget", "Sized", "Stage"]
 
 MARGIN = 1.1
-"""Samples over those at which the stated error, extrapolated, is the accuracy."""
+"""Ratio of the next sample size to the size at which the extrapolated stated error equals the accuracy."""
 
 HEAVY = 1.8
-"""As `MARGIN`, where the usual error of the standard deviation is the largest: it follows from the kurtosis, which
-samples of a heavy tail underestimate more often than not."""
+"""Ratio with the meaning of `MARGIN`, if the usual error of the standard deviation is the largest error.
+
+The usual error is computed from the kurtosis, which most samples of a heavy tail underestimate.
+"""
 
 LEAP = 16
-"""Growth beyond which an intermediate size, the geometric mean, runs first, where the error may fall faster than the
-root of the number of samples: that of a design, or one that is widened because there are few samples."""
+"""Growth of the size above which an intermediate size, the geometric mean, runs first.
+
+An intermediate size is used if the error may decrease faster than the inverse root of the number of samples.
+Examples are errors of a design, and errors that are widened because there are few samples.
+"""
 
 GROWTH = 256
-"""By how much samples grow at most from one size to the next: a spread that few of them tell is not trusted further."""
+"""Maximum growth of the sample size per step, because few samples do not determine the spread reliably."""
 
 WORTH = 1.1
-"""By how much the next size has to be larger to be worth a run, where the accuracy is not what decides."""
+"""Minimum growth that justifies a run of the next size, if the accuracy does not determine the size."""
 
 RESERVE = 0.85
-"""Part of the time that is left which a size may take by what is known of its cost."""
+"""Part of the remaining time that a size may take according to its predicted cost."""
 
 GUESSED = 0.5
-"""The same where it takes more than `FEW` times as many realisations as were timed."""
+"""Part of the remaining time that a size of more than `FEW` times the timed realisations may take."""
 
 FEW = 10
 
 TOGETHER = 1.5
-"""Power of the number of nodes by which the time grows of methods that solve for all of them together."""
+"""Exponent of the number of nodes in the computing time of methods that solve for all nodes together."""
 
 STALLED = 0.5, 0.8
-"""Two steps that leave more than this part of the error are the last ones: without an accuracy, and with one."""
+"""Ratio of errors over two steps above which no further step runs: without and with a requested accuracy."""
 
 INTEGRATION = 10.0
-"""An error of so many tolerances of the integration is that of the integration: no step makes it smaller."""
+"""Ratio of error to integration tolerance below which integration errors dominate, so no step reduces the error."""
 
 STEPS = 30
-"""Size at which a method of steps ends in any case."""
+"""Maximum size of a method whose error decreases with steps, such as an order."""
 
 MOST = 10_000_000
-"""Samples at which a search without a budget ends: a spread that grows with the samples is never known."""
+"""Maximum number of samples without a budget, because a spread that grows with the samples does not converge."""
 
 
 @dataclass(frozen=True)
 class RemainingBudget:
-    """What a method may still take: realisations, and seconds."""
+    """Remaining budget of a method: realisations, and seconds."""
 
     realisations: float = math.inf
     seconds: float = math.inf
@@ -65,18 +70,18 @@ class RemainingBudget:
 
 @dataclass(frozen=True)
 class Stage:
-    """A size of a method that was run."""
+    """A completed size of a method."""
 
     size: int
-    cost: int  # realisations of this size alone
-    fresh: int  # realisations of it that no earlier size had computed
+    cost: int  # number of realisations of this size
+    fresh: int  # number of realisations of this size that no earlier size had computed
     seconds: float
-    computing: float  # of these seconds, those of the realisations
-    accuracy: float  # stated accuracy; infinite where none is stated
-    quantity: str  # that determines the accuracy
-    kind: str = ""  # of the quantity: ``mean``, ``std`` or ``probability``
+    computing: float  # part of the seconds for realisations
+    accuracy: float  # stated accuracy; infinite if none is stated
+    quantity: str  # name of the quantity that determines the accuracy
+    kind: str = ""  # kind of the quantity: ``mean``, ``std`` or ``probability``
     usual: float = math.nan
-    """Accuracy before it is widened for few samples, so that it falls with the root of their number; NaN: unknown."""
+    """Accuracy without the allowance for few samples, proportional to 1 / sqrt(samples); NaN: unknown."""
     usual_kind: str = ""  # the statistic that has the usual accuracy
 
 
@@ -84,49 +89,49 @@ class Stage:
 class Sized:
     """A method at several sizes."""
 
-    propagator: Propagator  # as the study has it
+    propagator: Propagator  # method of the study
     sizing: Sizing
     study: Any  # determines the cost of a size
-    accuracy: float | None  # as requested
+    accuracy: float | None  # requested accuracy
     chunk: Callable[[int], int] = lambda count: 1  # maps a number of realisations to the size of a chunk
-    joins: bool = False  # whether smaller chunks make up larger ones
-    held: float = math.inf  # most realisations that are stored between sizes
-    stages: list[Stage] = field(default_factory=list)  # in the order in which they were run
-    node: xr.DataTree | None = None  # of the chosen size
+    joins: bool = False  # whether smaller chunks can be joined to larger ones
+    held: float = math.inf  # maximum number of stored realisations between sizes
+    stages: list[Stage] = field(default_factory=list)  # sizes in the order in which they ran
+    node: xr.DataTree | None = None  # results of the chosen size
     taken: Stage | None = None
-    problem: str = ""  # reason against a larger size, or empty
+    problem: str = ""  # reason against a larger size; otherwise empty
     _costs: dict[int, int] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
-        """Of the method."""
+        """Return the label of the method."""
         return self.propagator.node_name
 
     @property
     def met(self) -> bool:
-        """Whether the accuracy is reached."""
+        """Return whether the method has reached the accuracy."""
         return self.taken is not None and self.accuracy is not None and self.taken.accuracy <= self.accuracy
 
     def add(self, stage: Stage, node: xr.DataTree) -> None:
-        """Take a size that was run, unless an order before it stated less."""
+        """Add a completed size, and choose it unless an earlier order stated a smaller error."""
         self.stages.append(stage)
         worse = self.taken is not None and stage.accuracy > self.taken.accuracy
         if not (worse and self.sizing.falls == "steps"):
             self.node, self.taken = node, stage
 
     def cost(self, size: int) -> int:
-        """Return the realisations of a size; a `uqmbd.StudyError` says that there is none."""
+        """Return the number of realisations of a size; raise `uqmbd.StudyError` if there is no such size."""
         if size not in self._costs:
             found = self.sizing.at(size).estimate(self.study)
             self._costs[size] = size if found is None else found.realisations
         return self._costs[size]
 
     def needs_pilot(self, *, timed: bool) -> bool:
-        """Whether a small size predicts the cost of a large one; for methods that end automatically, only the time."""
+        """Return whether a pilot must predict the cost; a method that ends automatically needs it only if `timed`."""
         return self.sizing.falls != "itself" or timed
 
     def expected_size(self) -> float:
-        """Return the size that the method is expected to need: methods that share a budget run in this order."""
+        """Return the expected final size; methods that share a budget run in ascending order of this size."""
         if self.sizing.falls == "steps":
             return 0.0
         bound = self.sizing.bound if self.sizing.falls == "itself" and self.accuracy is not None else None
@@ -142,7 +147,7 @@ class Sized:
         return self.sizing.largest(most if math.isfinite(most) else self.sizing.bound or least)
 
     def wanted(self) -> float:
-        """Return the size at which the accuracy will be reached, by what is known; infinite: as large as may be."""
+        """Return the predicted size for the accuracy; infinity means the largest possible size."""
         if self.accuracy is None or not self.stages:
             return math.inf
         last = self.stages[-1]
@@ -162,18 +167,18 @@ class Sized:
         return math.ceil(MARGIN * last.size * (last.accuracy / self.accuracy) ** 2)
 
     def _heavy(self, stage: Stage) -> bool:
-        """Return whether independent samples, whose standard errors come from their moments, have a heavy tail."""
+        """Return whether independent samples with standard errors from moments have a heavy tail."""
         return self.sizing.falls == "root" and self.sizing.extends and stage.usual_kind == "std"
 
     def _enough(self) -> bool:
-        """Return whether no larger size is wanted."""
+        """Return whether no larger size is needed."""
         last = self.stages[-1]
         if self.accuracy is None:
             return False
         return last.accuracy <= self.accuracy
 
     def _step(self) -> float:
-        """Return the order at which the error, which falls by a factor with each order, is the accuracy."""
+        """Return the order at which the error reaches the accuracy, extrapolated from the last orders."""
         one, *others = reversed([s for s in self.stages if 0 < s.accuracy < math.inf][-3:] or [self.stages[-1]])
         rates = [math.log(o.accuracy / one.accuracy) / (one.size - o.size) for o in others if o.accuracy > one.accuracy]
         assert self.accuracy is not None
@@ -182,7 +187,7 @@ class Sized:
         return max(self.stages[-1].size + 1, one.size + math.ceil(math.log(one.accuracy / self.accuracy) / min(rates)))
 
     def following(self, left: RemainingBudget) -> int | None:
-        """Return the next size to run, or nothing: it is accurate enough, or there is none that may be run."""
+        """Return the next size; None if the method is accurate enough or no further size is affordable."""
         last = self.stages[-1]
         if self.problem or self._enough():
             return None
@@ -205,23 +210,23 @@ class Sized:
         return size
 
     def finished(self, size: int, done: int) -> int | None:
-        """Return the size whose realisations are all there when another one ends early, having finished so many."""
+        """Return the largest size that is complete with the finished realisations of a larger size that ended early."""
         if not self.sizing.extends or done <= self.sizing.least:
             return None
-        # the last chunk is smaller, and may be finished before others: of these, whole ones count
+        # the smaller last chunk may finish before others, so only whole chunks count
         found = self.sizing.largest(done if done == size else done // self.chunk(size) * self.chunk(size))
         larger = found > (self.stages[-1].size if self.stages else 0)
         return found if larger and self.chunk(found) == self.chunk(size) and self.cost(found) <= done else None
 
     def _upwards(self, number: float) -> int:
-        """Return the smallest size from a number on."""
+        """Return the smallest size that is not less than a number."""
         size, factor = self.sizing.largest(number), 2
         while size < number and factor <= 16:
             size, factor = self.sizing.largest(factor * number), factor + 1
         return size
 
     def _affordable(self, size: int, left: RemainingBudget) -> int:
-        """Return the largest size up to one that may be run; not more than the last one if there is none."""
+        """Return the largest affordable size up to a given size; the last size if no larger one is affordable."""
         low, high = self.stages[-1].size, size
         if high <= low or self._fits(high, left):
             return high
@@ -243,11 +248,11 @@ class Sized:
         return self.seconds(size) <= share * left.seconds
 
     def fresh(self, size: int) -> int:
-        """Return the realisations of a size that are not there yet."""
+        """Return the number of realisations of a size that are not yet computed."""
         return self.cost(size) - self.reusable(size)
 
     def reusable(self, size: int) -> int:
-        """Return how many realisations of the last size are whole chunks of another one, too."""
+        """Return the number of realisations of the last size that also are in whole chunks of another size."""
         if not self.sizing.extends or not self.stages:
             return 0
         last, chunk = min(self.stages[-1].size, self.held), self.chunk(size)
@@ -257,32 +262,32 @@ class Sized:
         return int(min(last, size)) // whole * whole // chunk * chunk
 
     def _timely(self, seconds: float) -> float:
-        """Return how many realisations there is time for, by what is known of their cost."""
+        """Return the number of realisations that the remaining time allows, from their measured cost."""
 
         def count(share: float) -> float:
             return max(share * seconds - self._besides(), 0.0) / self._rate()
 
-        # some more than were timed may be trusted further than many more
+        # an extrapolation to few more realisations than were timed is more reliable than an extrapolation to many more
         return max(count(GUESSED), min(count(RESERVE), FEW * self._timed()))
 
     def _timed(self) -> int:
-        """Return the largest number of realisations that were computed at once."""
+        """Return the largest number of realisations in one call."""
         return max((stage.fresh for stage in self.stages), default=0)
 
     def _rate(self) -> float:
-        """Return seconds of a realisation: those of the largest number that was computed at once."""
+        """Return the time of a realisation, s, measured in the call with the most realisations."""
         if not self._timed():
             return 1e-12
         one = max(self.stages, key=lambda stage: stage.fresh)
         return max((one.computing or one.seconds) / one.fresh, 1e-12)
 
     def _besides(self) -> float:
-        """Return the seconds that a size takes besides its realisations."""
+        """Return the time that a size needs in addition to the time of its realisations, s."""
         last = self.stages[-1]
         return last.seconds - last.computing if last.computing else 0.0
 
     def seconds(self, size: int) -> float:
-        """Return what a size will take, by what smaller ones took."""
+        """Return the predicted time of a size, s, from the times of smaller sizes."""
         last = self.stages[-1]
         found = self.sizing.at(size).estimate(self.study) if self.sizing.falls == "steps" else None
         if found is not None and found.together:
@@ -293,19 +298,19 @@ class Sized:
         last = self.stages[-1]
         rtol = float(getattr(self.study, "rtol", 0.0))
         if last.accuracy < INTEGRATION * rtol:
-            self.problem = f"its error is about that of the integration, rtol {rtol:g}"
+            self.problem = f"the error is about as large as the integration error, rtol {rtol:g}"
             return None
         if len(self.stages) > 2 and last.accuracy > STALLED[self.accuracy is not None] * self.stages[-3].accuracy:
-            self.problem = f"its stated error hardly falls with a higher {self.sizing.option}"
+            self.problem = f"the stated error hardly decreases with a higher {self.sizing.option}"
             return None
         size = last.size + 1
         if len(self.stages) > 2 and self.accuracy is not None:
-            # one less than the extrapolated one: an order more costs less than one too many
+            # use the extrapolated order minus one: a further step costs less than an order that is too high
             size = max(size, min(int(min(self.wanted(), STEPS)) - 1, 2 * last.size))
         while size > last.size + 1 and not self._fits(size, left):
             size -= 1
         if size > STEPS:
-            self.problem = f"{self.sizing.option}={last.size} is the highest that is tried"
+            self.problem = f"{self.sizing.option}={last.size} is the highest allowed value"
             return None
         if not self._fits(size, left):
             self.problem = self._why(left, size)
@@ -315,7 +320,7 @@ class Sized:
     def _following_bound(self, left: RemainingBudget) -> int | None:
         last = self.stages[-1]
         if last.cost < last.size:
-            self.problem = f"it ends by itself, with {last.cost} realisations"
+            self.problem = f"the method ended with {last.cost} realisations"
             return None
         wanted = self.wanted()
         room = min(left.realisations, self._timely(left.seconds))
@@ -326,15 +331,15 @@ class Sized:
         return size
 
     def _why(self, left: RemainingBudget, size: int | None = None) -> str:
-        """Return a message that a budget ends it, and what it would take."""
+        """Return the message that the budget ends the method; the message states the cost of the next size."""
         last = self.stages[-1]
         if math.isinf(left.realisations) and math.isinf(left.seconds):
-            return f"{self.sizing.option}={last.size} is the largest that is tried"
+            return f"{self.sizing.option}={last.size} is the largest allowed value"
         if size is None and self.accuracy is not None and math.isfinite(found := self.wanted()):
             size = self._upwards(found)
         if size is None:
             return "the budget is used"
         about = "about " if self.sizing.falls == "root" else ""
         return (
-            f"{about}{self.sizing.option}={size} would take {self.cost(size)} realisations, more than the budget leaves"
+            f"{about}{self.sizing.option}={size} needs {self.cost(size)} realisations, more than the remaining budget"
         )

@@ -1,4 +1,4 @@
-"""What propagators of polynomial chaos share."""
+"""Common parts of polynomial-chaos propagators."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, r
 from uqmbd.propagation.chaos.exceedances import Exceedance, errors_over_largest, find_exceedances, varying
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
 from uqmbd.propagation.chaos.surrogate_check import warn_of_surrogates
-from uqmbd.propagation.chaos.verification import Verification, VerificationPoints
+from uqmbd.propagation.chaos.verification import Verification
+from uqmbd.propagation.chaos.verification_points import VerificationPoints
 
 __all__ = [
     "Clock",

@@ -1,4 +1,4 @@
-"""Which clock tells the phase: what may be one in a study, and what suits realisations best."""
+"""Choose the clock of a study from candidates, by their suitability for the realisations."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ __all__ = ["choose_clock", "clock_at_means", "require_clock", "require_outputs_o
 
 
 WATCHED = "angle_of_"
-"""Before the name of a body or joint whose angle is watched."""
+"""Prefix of the name of a body or joint with a watched angle."""
 
 ENOUGH = 0.5
-"""Share of realisations in which an oscillation tells the phase, at least, for it to be one of the mechanism."""
+"""Minimum share of realisations with a phase from which an angle that turns in some of them is preferred."""
 
 EVEN = 0.3
-"""Least rate of a clock, over its mean one, from which it is no worse than steadier ones."""
+"""Ratio of the smallest to the mean rate of a clock above which steadier clocks are not preferred."""
 
 
 @typechecked
 def watched_angles(mechanism: Mechanism) -> Mapping[str, Any]:
-    """Return the angles of all bodies and joints that have one, by the names of these, as expressions.
+    """Return the angles of all bodies and joints with an angle, as expressions by name.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Of the study.
+        Mechanism of the study.
 
     Examples
     --------
@@ -57,34 +57,34 @@ def watched_angles(mechanism: Mechanism) -> Mapping[str, Any]:
 
 @typechecked
 def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None) -> tuple[Clock | None, str]:
-    """Choose what tells the phase in all realisations, or as many as possible; else say why there is none.
+    """Choose the clock that is suitable in most realisations; otherwise return the reason why there is no clock.
 
-    What turns in some realisations comes first, also where it swings in others: another output that oscillates in all
-    of them changes its motion there, too.  Then what tells the phase in most realisations, angles before others, the
-    steadier, and the first of equals; one that is very unsteady comes behind.
+    An angle that turns in some realisations is preferred, although it may swing in others. An output that oscillates in
+    all realisations also changes its motion at this transition. The further criteria, in this order, are: most
+    realisations with a phase, not very unsteady, angles before other outputs, steadier, and the first of equal clocks.
 
     Parameters
     ----------
     problem : Problem
-        That of the study.
+        Problem of the study.
     found : Dense
-        Realisations, with what is watched.
+        Realisations with the watched outputs.
     end : float
         Last time of the study, s.
     wanted : str, optional
-        Name of an output, a body or a joint; default: whatever serves.
+        Name of an output, a body or a joint; default: automatic choice.
 
     Returns
     -------
     clock : Clock or None
-        None: nothing tells the phase.
+        Clock; None if no candidate has a phase.
     why : str
-        Why not, or empty.
+        Reason why there is no clock; otherwise empty.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is nothing of the wanted name.
+        If there is no output, body or joint of this name.
 
     Examples
     --------
@@ -115,34 +115,38 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
         return best.clock, ""
     others = [] if wanted is None else [_Fitness.of(clock, seen, end) for clock in known if clock.name != wanted]
     whole = [fit.clock for fit in others if fit.share == 1.0]
-    said = f"neither does {wanted!r}" if wanted else f"none of {', '.join(repr(c.name) for c in known)} does"
-    why = f"a clock turns or swings on, without standing or turning back, for a turn at least; {said}"
+    said = (
+        f"neither does {wanted!r}"
+        if wanted
+        else f"none of the quantities {', '.join(repr(c.name) for c in known)} does"
+    )
+    why = f"a clock must turn or oscillate for at least one turn, without stopping or turning back; {said}"
     if len(seen.values) > 1 and best.share:
         count = round(best.share * len(seen.values))
         why += f" (at best {best.clock.words}, in {count} of {len(seen.values)} realisations)"
-    return None, why + (f", but {whole[0].words} does so in all realisations" if whole else "")
+    return None, why + (f", but {whole[0].words} meets this condition in all realisations" if whole else "")
 
 
 @typechecked
 def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
-    """Follow the realisation at the means of the inputs, and say which clock it has, in words.
+    """Integrate the realisation at the means of the inputs, and describe its clock.
 
     Parameters
     ----------
     problem : Problem
-        That of the study.
+        Problem of the study.
     wanted : str, optional
-        Name of an output, a body or a joint; default: whatever serves.
+        Name of an output, a body or a joint; default: automatic choice.
 
     Returns
     -------
     str
-        A sentence, without its full stop.
+        Sentence without the final full stop.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is nothing of the wanted name.
+        If there is no output, body or joint of this name.
 
     Examples
     --------
@@ -164,7 +168,7 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
     end = float(problem.times[-1])
     found, told = dense(problem.watching(), problem.inputs.means[None], end, 2 * len(problem.times))
     if not told.good.all():
-        return f"no clock can be found, for the realisation at the means fails: {told.most_frequent_reason()}"
+        return f"no clock can be selected, because the realisation at the means failed: {told.most_frequent_reason()}"
     clock, why = choose_clock(problem, found, end, wanted)
     if clock is None:
         return f"no clock at the means of the inputs: {why}"
@@ -177,7 +181,7 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
 
 @dataclass(frozen=True)
 class _Fitness:
-    """How well a clock tells the phase: in which share of realisations, in which of them by turning, how steadily."""
+    """Suitability of a clock: share of realisations, share of them with full turns, steadiness."""
 
     clock: Clock
     share: float
@@ -190,33 +194,33 @@ class _Fitness:
         forwards = clock.fitted(seen)
         runs = np.stack([kind.phases(seen).running(end) for kind in forwards.kinds])
         share, turns = float(runs.any(axis=0).mean()), float(runs[:2].any(axis=0).mean()) if clock.turn else 0.0
-        # an angle that never turns is an oscillation
+        # an angle without full turns is an oscillation
         if clock.turn and not turns:
             forwards = replace(clock, turn=0.0).fitted(seen)
         return cls(forwards, share, turns, bool(clock.turn), forwards.phases(seen).steadiness(end))
 
     @property
     def rank(self) -> tuple[bool, float, bool, bool, float]:
-        # rounded: of clocks that differ by rounding the first is taken
+        # values are rounded: the first of clocks that differ only by rounding is preferred
         common, even = self.turns > 0 and self.share >= ENOUGH, self.steadiness >= EVEN
         return common, round(self.share, 3), even, self.angle, round(self.steadiness, 1)
 
 
 @typechecked
 def require_outputs_over_time(problem: Problem, option: str) -> None:
-    """Refuse an option that means nothing for outputs without a time, where a study has no others.
+    """Reject an option that has no effect on scalar outputs if a study has no other outputs.
 
     Parameters
     ----------
     problem : uqmbd.extend.Problem
-        That of the study.
+        Problem of the study.
     option : str
-        As it was given, ``alignment='phase'``.
+        Option as given, such as ``alignment='phase'``.
 
     Raises
     ------
     uqmbd.StudyError
-        If all outputs are without a time.
+        If all outputs are scalar outputs.
 
     Examples
     --------
@@ -234,12 +238,11 @@ def require_outputs_over_time(problem: Problem, option: str) -> None:
     ...     uqmbd.extend.require_outputs_over_time(problem, "alignment='phase'")
     ... except uqmbd.StudyError as error:
     ...     print(str(error)[:57])
-    collocation: alignment='phase' is about outputs over time
+    collocation: alignment='phase' applies to outputs over ti
     """
     if not problem.model.outputs.names:
         raise StudyError(
-            f"{problem.label}: {option} is about outputs over time, and the study has only such without a time; leave "
-            "it out."
+            f"{problem.label}: {option} applies to outputs over time, but the study has only scalar outputs; omit it."
         )
 
 
@@ -250,14 +253,14 @@ def require_clock(problem: Problem, wanted: str) -> Clock:
     Parameters
     ----------
     problem : Problem
-        That of the study.
+        Problem of the study.
     wanted : str
         Name of an output, a body or a joint.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is nothing of that name.
+        If there is no output, body or joint of this name.
 
     Examples
     --------
@@ -289,12 +292,12 @@ def require_clock(problem: Problem, wanted: str) -> Clock:
 
 
 def _candidates(problem: Problem) -> list[Clock]:
-    """Return whatever may be a clock: outputs, then the angles that are watched."""
+    """Return all candidates for the clock: outputs, then the watched angles."""
     outputs = problem.labels.outputs
     watched = enumerate(o.name for o in problem.watching().labels.outputs)
     return [
         *(Clock(o.name, k, _turn(o.units, o.turn)) for k, o in enumerate(outputs)),
-        # a method may watch more than angles
+        # a method may also watch other expressions than angles
         *(Clock(x.removeprefix(WATCHED), k, TURN) for k, x in watched if k >= len(outputs) and x.startswith(WATCHED)),
     ]
 

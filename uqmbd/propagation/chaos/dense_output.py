@@ -1,15 +1,15 @@
-"""Outputs of realisations between their times: splines through evenly spaced values, with their error."""
+"""Interpolate outputs of realisations over time: splines through evenly spaced values, with an error estimate."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from uqmbd.arguments import Count, NotNegativeOrInfinite, Size, typechecked
+from uqmbd.arguments import Count, NotNegativeOrInfinite, Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.propagation.problem import Problem, Realisations
 from uqmbd.typing import Array
@@ -21,28 +21,31 @@ __all__ = ["Dense", "dense", "spline_through"]
 
 
 DEGREE = 7
-"""Of the splines: their error falls with the eighth power of the distance of values."""
+"""Degree of the splines: their error is proportional to the eighth power of the time step."""
 
 RESOLVED = 1e-5
-"""Error of a spline through every second value, over the range of an output: that through all is 2^8 times better."""
+"""Error limit of a spline through every second value, relative to the range of an output.
+
+The error of the spline through all values is 2^8 times smaller.
+"""
 
 BETWEEN = 0.9
-"""Share of the times that decides where there are events."""
+"""Share of the times that must be resolved if there are events."""
 
 ACCEPTABLE = 1e-3
-"""The same, where outputs have kinks, and more times than there may be would not resolve them."""
+"""Error limit, as `RESOLVED`, for outputs with kinks that no admissible number of times resolves."""
 
 UNSEEN = 0.1
-"""Error of a spline that misses what there is: from it no order is seen."""
+"""Error above which a spline does not represent the output, so that its order of convergence is unknown."""
 
 GROWTH = 4
-"""By how much more times are tried next, at most, and at least 1.5 times as many."""
+"""Maximum factor between successive numbers of times; the minimum is 1.5."""
 
 FIRST, MOST = 1024, 1 << 17
-"""Times that are tried first, and at most."""
+"""First and maximum number of times."""
 
 NUMBERS = 1 << 26
-"""Values (8 bytes each) of all realisations that are held at once."""
+"""Maximum number of values (8 bytes each) of all realisations in memory."""
 
 
 @typechecked
@@ -53,15 +56,15 @@ class Dense:
     Attributes
     ----------
     times : array, shape (T,)
-        Evenly spaced, s.
+        Times, s, evenly spaced.
     values : array, shape (K, O, T)
-        NaN where a realisation failed.
+        Outputs; NaN for failed realisations.
     error : float
-        Estimated error of the interpolation, over the range of an output: the largest.
+        Largest estimated interpolation error, relative to the range of the output.
     asked : array, shape (K, O, N), optional
-        Outputs at other times that were asked for, computed and not interpolated.
+        Outputs at other requested times, from the integration instead of the interpolation.
     integrations : int
-        How often each realisation was integrated, at more times again.
+        Number of integrations of each realisation; each has more times than the previous one.
 
     Examples
     --------
@@ -89,14 +92,14 @@ class Dense:
         Raises
         ------
         uqmbd.StudyError
-            If there is no such realisation.
+            If an index is out of range.
         """
         self._require(rows)
         chosen = np.asarray(rows, dtype=np.intp)
         return replace(self, values=self.values[chosen], asked=None if self.asked is None else self.asked[chosen])
 
     def spline(self, k: Size) -> BSpline:
-        """Return the outputs of one realisation as a function from times (N,) to (N, O).
+        """Return the outputs of one realisation as a function that maps times (N,), s, to values (N, O).
 
         Raises
         ------
@@ -107,42 +110,67 @@ class Dense:
         return self.through(self.values[k].T)
 
     def _require(self, rows: Sequence[int]) -> None:
-        """Refuse numbers of realisations that there are not."""
+        """Reject indices of realisations that do not exist."""
         count = len(self.values)
         for k in rows:
             if not -count <= k < count:
-                raise StudyError(f"Dense: realisation {k} is asked for; expected a number from 0 to {count - 1}.")
+                raise StudyError(
+                    f"Dense: the number of the realisation is {k}; expected a number from 0 to {count - 1}."
+                )
 
     def through(self, values: Array) -> BSpline:
-        """Return the spline through values (T,) or (T, N) at the times."""
-        return spline_through(self.times, values)
+        """Return the spline through values (T,) or (T, N) at the times of the realisations.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there are too few times, if the times do not increase, or if values have another shape or are not finite.
+        """
+        times = self.times
+        if len(times) <= DEGREE or not (np.diff(times) > 0).all():
+            raise StudyError(f"Dense: times is {shown(times)}; expected at least {DEGREE + 1} increasing times.")
+        if values.ndim not in (1, 2) or len(values) != len(times) or not np.isfinite(values).all():
+            raise StudyError(
+                f"Dense.through: values is {shown(values)}; expected finite numbers of the shape ({len(times)},) or "
+                f"({len(times)}, N)."
+            )
+        return spline_through(times, values)
 
 
 @typechecked
 def dense(
-    problem: Problem, values: Array, end: float, least: Size = 0, asked: Array | None = None
+    problem: Problem,
+    values: Array,
+    end: float,
+    least: Size = 0,
+    asked: Array | None = None,
+    worth: Callable[[Dense], bool] | None = None,
 ) -> tuple[Dense, Realisations]:
-    """Compute realisations at so many times that splines through them are accurate.
+    """Compute realisations at as many times as accurate splines need.
 
     Parameters
     ----------
     problem : uqmbd.extend.Problem
-        Who computes them; from its first time on.
+        Problem that computes the realisations, starting at its first time.
     values : array, shape (K, input)
-        Inputs.
+        Inputs of the realisations.
     end : float
         Last time, s.
     least : int
-        Times that are tried first, at least.
+        Smallest number of times in the first integration.
     asked : array, shape (N,), optional
-        Further times, at which outputs are wanted as they are computed.
+        Further times, s, at which the integration provides outputs without interpolation.
+    worth : callable, optional
+        Function that returns whether more times justify their cost; the default is always true. Its arguments are
+        realisations whose splines are within 10 % of the range of an output, but not accurate.
 
     Returns
     -------
     Dense
-        With the estimated error, where it is not small too: outputs that have kinks are resolved to 0.1 % at best.
+        Realisations as functions of time, with the estimated error. The error may be large: the accuracy of outputs
+        with kinks is at best 0.1 %.
     uqmbd.extend.Realisations
-        As they were computed.
+        Realisations as computed.
 
     Examples
     --------
@@ -172,11 +200,13 @@ def dense(
         spent.update(found.counters)
         evenly = found.response[..., np.searchsorted(every, times)]
         errors = [_error(times[::step], evenly[found.good][..., ::step]) for step in (2, 1)]
-        # kinks and jumps at events are never resolved; what lies between them is, where it is so at most times
+        # splines never resolve kinks and jumps at events, so only the error at most of the times counts
         between = bool(problem.model.events) and errors[1].size > 0
         coarse, fine = (_largest(np.quantile(x, BETWEEN, axis=0) if between else x) for x in errors)
         following = _next(count, coarse, fine, most)
         if following is None:
+            break
+        if worth is not None and fine <= UNSEEN and not worth(Dense(times, evenly, fine)):
             break
         count = following
     others = None if asked is None else found.response[..., np.searchsorted(every, asked)]
@@ -197,10 +227,10 @@ def _largest(wrong: Array) -> float:
 
 
 def _next(count: int, coarser: float, error: float, most: int) -> int | None:
-    """Return how many times are tried next, after so many with their error, and that of half as many; none: enough.
+    """Return the next number of times from the current number, its error, and the error of half of it; None: enough.
 
-    Smooth outputs follow the order of the splines. Errors may fall so slowly that no admissible number of times
-    resolves them (kinks). Then the number is chosen that makes them acceptable, if any does.
+    Errors of smooth outputs follow the order of the splines. Errors at kinks may decrease so slowly that no admissible
+    number of times resolves them. The next number of times then makes the error acceptable, if possible.
     """
     if error <= RESOLVED or count >= most:
         return None
@@ -216,12 +246,12 @@ def _next(count: int, coarser: float, error: float, most: int) -> int | None:
 
 
 def _order(coarser: float, error: float) -> float:
-    """Return with which power of the distance of times an error falls, at most that of the splines."""
+    """Return the observed order of convergence with the time step, at most the order of the splines."""
     return float(np.clip(np.log2(max(coarser, 1e-300) / max(error, 1e-300)), 0.0, DEGREE + 1))
 
 
 def _error(times: Array, values: Array) -> Array:
-    """Errors of splines through every second value (K, O, T), at the others, over the range of each output: (N, KO)."""
+    """Return the errors (N, KO) of splines through every second value (K, O, T), relative to the range of outputs."""
     if not len(values):
         return np.zeros((0, 0))
     rows = values.reshape(-1, len(times)).T

@@ -1,6 +1,6 @@
-"""Which elements of the germ space to split: the rule that all methods of multi-element chaos share.
+"""Choose the elements of the germ space to split, by one rule for all methods of multi-element chaos.
 
-Length: what is public has examples, which need a mechanism each.
+Length: public names have examples, each of which needs a mechanism.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import xarray as xr
 from uqmbd.arguments import Positive, Size, returned, typechecked
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.logs import refinement
-from uqmbd.propagation.chaos.verification import FEWEST
+from uqmbd.propagation.chaos.verification_points import FEWEST
 from uqmbd.randomness import GermBox, GermSpace
 from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
@@ -30,43 +30,42 @@ Joined = TypeVar("Joined", PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos)
 OverTime = TypeVar("OverTime", AlignedChaos, QuasiPeriodicChaos)
 
 TOGETHER = 0.25
-"""Elements whose contribution to the squared error is more than this part of the largest are split together."""
+"""Ratio to the largest contribution to the squared error above which elements are split in the same round."""
 
 
 ALWAYS_ZERO = 1e-140
-"""Largest size of an output, in its units, that is always zero."""
+"""Largest magnitude, in the units of the output, of an output that counts as always zero."""
 
 WRONG = 1e6
-"""Squared error, over the variance, of what is not known."""
+"""Ratio of squared error to variance if the error is unknown."""
 
 LOST = 0.1
 """Ratio of error to local standard deviation above which the local variance selects the input to split."""
 
 
 MANY = 10**6
-"""Elements, at most."""
+"""Maximum number of elements."""
 
 
 @typechecked
 @dataclass(frozen=True)
 class ElementLimits:
-    """How many elements, and when to end.
+    """Limits on the number of elements, and stopping criteria.
 
     Parameters
     ----------
     elements : int, "adaptive" or None
-        A number that is split until it is reached, or ``"adaptive"``: until the error is below the threshold.  None:
-        nothing is split.
+        Final number of elements, or ``"adaptive"`` to split until the error is below the threshold. None: no split.
     most : int
-        Most elements of an adaptive refinement.
+        Largest number of elements of an adaptive refinement.
     threshold : float
-        Estimated error of the surrogate, root mean square over the germ space, over the largest standard deviation of
-        each output over time.
+        Limit of the estimated error of the surrogate: its root mean square over the germ space, relative to the largest
+        standard deviation of each output over time.
 
     Raises
     ------
     uqmbd.StudyError
-        If one of them cannot be used.
+        If an argument is invalid.
 
     Examples
     --------
@@ -81,7 +80,7 @@ class ElementLimits:
     threshold: float = 0.01
 
     def __post_init__(self) -> None:
-        """Check."""
+        """Check the limits."""
         whole = _whole(self.elements)
         for name, count in (("elements", whole), ("max_elements", _whole(self.most))):
             if count is not None and count > MANY:
@@ -96,46 +95,51 @@ class ElementLimits:
 
     @property
     def adaptive(self) -> bool:
-        """Whether the error decides."""
+        """Return whether the error determines the number of elements."""
         return self.elements == "adaptive"
 
     @property
     def count(self) -> int:
-        """Most elements."""
+        """Return the maximum number of elements."""
         return int(self.most if self.elements == "adaptive" else self.elements or 1)
 
     @property
     def computed(self) -> int:
-        """Most elements that are computed, those that are replaced too."""
+        """Return the maximum number of computed elements, including replaced ones."""
         return 2 * self.count - 1
 
     @property
     def uncertain(self) -> bool:
-        """Whether only the largest number of realisations is known before the elements are split."""
+        """Return whether only an upper bound of the number of realisations is known before the refinement."""
         return self.adaptive or self.count > 2
 
-    def verified(self, count: Size) -> int:
-        """Return the most verification realisations of all elements that are computed.
+    def verified(self, count: Size, space: GermSpace | None = None) -> int:
+        """Return the maximum number of verification realisations of all computed elements.
 
         Parameters
         ----------
         count : int
-            Verification realisations of the whole germ space; an element has its share, and three at least.
+            Number of verification realisations of the whole germ space. Each element has its share, at least three.
+        space : GermSpace, optional
+            Germ space of the inputs. Default: a space of continuous inputs, whose elements are split into equal halves.
 
         Returns
         -------
         int
-            Their number, if elements are split into equal halves.
+            Number of verification realisations; an upper bound for discrete inputs.
 
         Examples
         --------
         >>> ElementLimits(None).verified(16), ElementLimits(2).verified(16), ElementLimits(4).verified(16)
         (16, 32, 48)
         """
-        if not count:
-            return 0
+        if not count or self.elements is None:
+            return count
         found, left, halves = max(FEWEST, count), self.count - 1, 2
-        while left:  # the largest elements are split first: the halves of the whole, then their halves
+        if space is not None and any(germ.values is not None for germ in space.germs):
+            # upper bound for any probabilities of the halves: one half has the minimum, or rounding adds one
+            return found + left * (max(FEWEST, count) + FEWEST)
+        while left:  # the largest elements are split first: the halves of the whole space, then the quarters
             split = min(left, halves // 2)
             found += split * 2 * max(FEWEST, math.ceil(count / halves))
             left, halves = left - split, 2 * halves
@@ -144,21 +148,21 @@ class ElementLimits:
 
 @dataclass(frozen=True)
 class ElementRefinement(Generic[Joined]):
-    """Elements, and how they came about.
+    """Elements, and the history of their refinement.
 
     Attributes
     ----------
     chaos : PiecewiseChaos, AlignedChaos or QuasiPeriodicChaos
-        That of all elements together; a `PiecewiseChaos` up to the last time that all have.
+        Chaos of all elements together; a `PiecewiseChaos` ends at the last time that all elements have.
     steps : xarray.Dataset
-        Over the rounds of splitting: ``elements``, ``computed`` (all so far, replaced ones too), ``error``.  Over the
-        splits: their ``round``, the germ that was split (``split_germ``) and where (``split_at``).
+        For each round of splitting: ``elements``, ``computed`` (all elements so far, including replaced ones) and
+        ``error``. For each split: its ``round``, the split germ (``split_germ``) and the position (``split_at``).
     met : bool
         Whether the error is below the threshold.
     computed : int
-        Elements that were computed, replaced ones too.
+        Number of computed elements, including replaced ones.
     kept : tuple of int
-        Which of them, in the order of computation, are the elements.
+        Indices of the final elements, in the order of computation.
 
     Examples
     --------
@@ -195,7 +199,7 @@ class ElementRefinement(Generic[Joined]):
 
 @dataclass(frozen=True)
 class _TimedElement:
-    """An element with its chaos, and when it was computed."""
+    """Element with its chaos, and its index in the order of computation."""
 
     box: GermBox
     chaos: Expansion
@@ -212,6 +216,7 @@ def refine_elements(
     rtol: float = ...,
     affordable: Callable[[], int] | None = ...,
     lost: Callable[[int], float] | None = ...,
+    further: Callable[[PiecewiseChaos, Sequence[int]], Sequence[PolynomialChaos]] | None = ...,
 ) -> ElementRefinement[PiecewiseChaos]: ...
 
 
@@ -225,6 +230,7 @@ def refine_elements(
     rtol: float = ...,
     affordable: Callable[[], int] | None = ...,
     lost: Callable[[int], float] | None = ...,
+    further: Callable[[OverTime, Sequence[int]], Sequence[OverTime]] | None = ...,
 ) -> ElementRefinement[OverTime]: ...
 
 
@@ -238,37 +244,48 @@ def refine_elements(
     rtol: Positive = 1e-6,
     affordable: Callable[[], int] | None = None,
     lost: Callable[[int], float] | None = None,
+    further: Callable[[Any, Sequence[int]], Sequence[Any]] | None = None,
 ) -> ElementRefinement[Any]:
-    """Split the germ space where a chaos says that it is not enough.
+    """Split the germ space in regions where a chaos is not accurate enough.
 
     In each round the error of every element is estimated: at each output and time, it is the larger of the energy of
     its top order and of the mean square at its verification realisations. It is weighted by the probability of the
-    element. Those with the largest contributions are split at the median along the input that has most of the energy of
-    the top order. The local variance counts as much if the error is more than a tenth of the local standard deviation.
-    The halves replace them, and are computed from the start. The result does not depend on who computes.
+    element. Elements with the largest contributions are split at the median along the input with most energy of the
+    top order. The local variance has the same influence if the error exceeds a tenth of the local standard deviation.
+    The halves replace the elements, and new chaoses are computed for them. The result does not depend on the workers.
 
     Parameters
     ----------
     space : GermSpace
-        The whole.
+        Whole germ space.
     compute : callable
-        From boxes to their chaoses, each on its ``box.local``; one that ends before the others is split first.
+        Function that maps boxes to their chaoses, each on its ``box.local``. An element whose chaos ends before the
+        others is split first.
     limits : ElementLimits
-        When to end.
+        Stopping criteria.
     label : str
-        Of the propagator.
+        Label of the propagator.
     rtol : float
-        Relative tolerance of the integration: smaller differences have no meaning.
+        Relative tolerance of the integration: smaller differences are not significant.
     affordable : callable, optional
-        Says before each round how many elements may still be split.
+        Function that returns, before each round, the number of elements that may still be split.
     lost : callable, optional
-        Says of an element, by its number in the order of computation, which share of its realisations the chaos does
-        not follow: there it is as wrong as the largest standard deviation.
+        Function of the index of an element in the order of computation. It returns the share of realisations that the
+        chaos does not represent. The error of these realisations is set to the largest standard deviation.
+    further : callable, optional
+        Function that verifies elements at further points at the end. Its arguments are the joined chaos and the indices
+        of its elements in the order of computation. It returns the chaoses of the elements, and the error is estimated
+        again.
 
     Returns
     -------
     ElementRefinement
-        The elements together.
+        Elements and the history of their refinement.
+
+    Raises
+    ------
+    StudyError
+        If `further` does not return one chaos for each element.
 
     Warns
     -----
@@ -322,7 +339,7 @@ def refine_elements(
             break
         room = min(room, returned("refine_elements: affordable", affordable(), int)) if affordable else room
         if room < 1:
-            reason = "max_realisations does not allow more"
+            reason = "max_realisations does not allow more elements"
             break
         chosen = _chosen(parts, contributions, room)
         halves: dict[int, tuple[GermBox, GermBox]] = {}
@@ -331,7 +348,7 @@ def refine_elements(
             halves[k] = parts[k].box.split(germ)
             splits.append((len(rounds) - 1, germ, halves[k][0].upper[germ]))
         if not halves:
-            reason = "no element can be split further"
+            reason = "no element can be split any further"
             break
         boxes = [half for k in chosen for half in halves[k]]
         found = [
@@ -341,17 +358,33 @@ def refine_elements(
         computed += len(boxes)
         by_parent = {k: found[2 * n : 2 * n + 2] for n, k in enumerate(chosen)}
         parts = [p for k, part in enumerate(parts) for p in by_parent.get(k, [part])]
+    chaos, remedy = _joined(parts, label), "Raise max_elements or the order"
+    if further:
+        again = returned("refine_elements: further", further(chaos, [p.number for p in parts]), Sequence[Expansion])
+        if len(again) != len(parts):
+            raise StudyError(
+                f"refine_elements: the function 'further' returned {len(again)} polynomial chaoses for {len(parts)} "
+                "elements; expected one for each element."
+            )
+        if any(part.chaos is not verified for part, verified in zip(parts, again, strict=True)):
+            parts = [replace(part, chaos=verified) for part, verified in zip(parts, again, strict=True)]
+            error = float(np.sqrt(_contributions(parts, rtol, lost)[0].sum(axis=0).max()))
+            rounds.append((len(parts), computed, error))
+            chaos = _joined(parts, label)
+        if not reason:
+            reason, remedy = "additional verification realisations show a larger error", "Raise verify"
     met = error <= limits.threshold
     if limits.adaptive and not met:
         warnings.warn(
-            f"{label}: with {len(parts)} elements the estimated error is {error:.2g} of the largest standard "
-            f"deviation; the threshold {limits.threshold:g} was not met. Reason: {reason}. Raise max_elements or the "
-            "order.",
+            f"{label}: the estimated error with {len(parts)} elements is {error:.2g} of the largest standard "
+            f"deviation, above the threshold {limits.threshold:g}. Reason: {reason}. {remedy}.",
             stacklevel=4,
         )
     elif len(parts) < limits.count and not met:
-        warnings.warn(f"{label}: {len(parts)} elements instead of {limits.count}. Reason: {reason}.", stacklevel=4)
-    chaos = _joined(parts, label)
+        warnings.warn(
+            f"{label}: the refinement stopped at {len(parts)} instead of {limits.count} elements. Reason: {reason}.",
+            stacklevel=4,
+        )
     return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
 
 
@@ -359,12 +392,15 @@ def _computed(compute: Callable[[Sequence[GermBox]], Sequence[Expansion]], boxes
     """Compute the chaoses of boxes; raise StudyError unless there is one for each box."""
     found = returned("refine_elements: compute", compute(boxes), Sequence[Expansion])
     if len(found) != len(boxes):
-        raise StudyError(f"refine_elements: compute returned {len(found)} chaoses for {len(boxes)} boxes.")
+        raise StudyError(
+            f"refine_elements: the function 'compute' returned {len(found)} polynomial chaoses for {len(boxes)} "
+            "boxes; expected one for each box."
+        )
     return found
 
 
 def _joined(parts: list[_TimedElement], label: str) -> PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos:
-    """Join the chaoses of all elements; polynomial ones up to the last time that all have."""
+    """Join the chaoses of all elements; join polynomial ones up to the last time that all of them have."""
     boxes = [p.box for p in parts]
     first: Any = parts[0].chaos
     if not isinstance(first, PolynomialChaos):
@@ -373,8 +409,8 @@ def _joined(parts: list[_TimedElement], label: str) -> PiecewiseChaos | AlignedC
     count = min(_times(p.chaos) for p in parts)
     if count < 2 <= max(_times(p.chaos) for p in parts):
         raise IntegrationError(
-            f"{label}: an element has results at the first time only; nothing usable is left. Allow more elements, or "
-            "raise the order."
+            f"{label}: an element has results only at the first output time, so no usable results remain. Increase "
+            "max_elements, or raise the order."
         )
     plain = [_until(p.chaos, count) for p in parts if isinstance(p.chaos, PolynomialChaos)]
     return PiecewiseChaos(tuple(plain), tuple(boxes))
@@ -383,18 +419,18 @@ def _joined(parts: list[_TimedElement], label: str) -> PiecewiseChaos | AlignedC
 def _contributions(
     parts: list[_TimedElement], rtol: float, lost_share: Callable[[int], float] | None
 ) -> tuple[Array, Array]:
-    """Return what each element adds to the squared error (E, C), and the energy of its top order by germ (E, d)."""
+    """Return the part of each element in the squared error (E, C), and its top-order energy by germ (E, d)."""
     count = min(_times(p.chaos) for p in parts)
     probability = np.array([p.box.probability for p in parts])
     moments = [_moments(p.chaos) for p in parts]
     mean, std = (np.stack([_columns(row, count) for row in rows]) for rows in zip(*moments, strict=True))
     centre = np.tensordot(probability, mean, axes=1)
     variance = np.tensordot(probability, std**2 + (mean - centre) ** 2, axes=1)
-    # (O, T): relative to the largest standard deviation over time, or to what an integration can tell
+    # (O, T): relative to the largest standard deviation over time, or to the integration error
     known = np.isfinite(variance) & np.isfinite(centre)
     most, size = (np.where(known, x, 0.0).max(axis=1) for x in (variance, np.abs(centre)))
     scale = np.maximum(np.sqrt(most), 100 * rtol * size + 1e-300)
-    # an output that is always zero, as the force of a contact that is open, has no error: its square would be 0 / 0
+    # an output that is always zero, such as the force of an open contact, has no error; the ratio would be 0 / 0
     scale = np.where(scale > ALWAYS_ZERO, scale, np.inf)[:, None]
     errors, blame = [], []
     for part, spread in zip(parts, std, strict=True):
@@ -402,17 +438,17 @@ def _contributions(
         squared = _columns(chaos.top_energy, count)
         if chaos.verification_germs is not None:
             seen = _columns(chaos.verification_rms() ** 2, count)
-            # the top order of order 1 is the slope, which is no error
+            # the top order of a chaos of order 1 is the slope, which is not an error
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
         share = returned("refine_elements: lost", lost_share(part.number), float) if lost_share else 0.0
         own = part.box.probability * np.maximum(squared / scale**2, share)
-        # what is not known is as wrong as can be
+        # an unknown error counts as the largest possible error
         unknown = ~(np.isfinite(squared) & np.isfinite(spread))
         own = np.where(unknown, WRONG * part.box.probability, own)
-        # one that ends early has no results afterwards: that is as wrong as can be
+        # a chaos that ends early has no later results: its error counts as the largest possible error
         early = _times(chaos) == count < max(_times(p.chaos) for p in parts)
         errors.append(own.ravel() + (WRONG * part.box.probability if early else 0.0))
-        # where an expansion is not valid at all its top order may name anybody: the local variance is heard too
+        # the top order of an invalid expansion may select any germ: also use the local variance
         lost = part.box.space.dimension > 1 and bool(squared.max() > LOST**2 * max(float((spread**2).max()), 1e-300))
         witnesses = [chaos.top_energy_germ, *([chaos.variance_germ] if lost else [])]
         shares = [np.stack([_columns(e, count) for e in w]) / scale**2 for w in witnesses]
@@ -422,24 +458,24 @@ def _contributions(
 
 
 def _moments(chaos: Expansion) -> tuple[Array, Array]:
-    """Return mean and standard deviation of an element, with which errors are compared."""
+    """Return mean and standard deviation of an element, which are scales of errors."""
     return chaos.rough_moments if isinstance(chaos, AlignedChaos) else (chaos.mean, chaos.std)
 
 
 def _chosen(parts: list[_TimedElement], contributions: Array, room: int) -> list[int]:
-    """Return the elements to split: the largest contribution, and those not much smaller, in their order."""
+    """Return the elements with the largest and with similar contributions, in their order, for the next split."""
     size = contributions.max(axis=1)
     able = [k for k, p in enumerate(parts) if any(map(p.box.divisible, range(p.box.space.dimension)))]
     if not able:
         return []
-    # of equals the most probable
+    # equal contributions are ranked by probability
     ranked = sorted(able, key=lambda k: (-size[k], -parts[k].box.probability, k))
     limit = TOGETHER * size[ranked[0]]
     return sorted(k for k in ranked[:room] if size[k] >= limit)
 
 
 def _guilty(box: GermBox, blame: Array) -> int:
-    """Return the germ to split along: that of most energy in the top order, or the widest if there is none."""
+    """Return the germ for the split: the germ with most energy in the top order, or without energy the widest one."""
     able = [k for k in range(len(blame)) if box.divisible(k)]
     return max(able, key=lambda k: (blame[k], box.probabilities[k], -k))
 
@@ -454,7 +490,7 @@ def _columns(values: Array, count: int) -> Array:
 
 
 def _until(chaos: PolynomialChaos, count: int) -> PolynomialChaos:
-    """Return a chaos of its first times."""
+    """Return a chaos restricted to its first `count` times."""
     if chaos.labels.times is None or len(chaos.labels.times) == count:
         return chaos
     known = chaos.verification_response

@@ -1,4 +1,4 @@
-"""From realisations at the nodes of a quadrature to coefficients: projection, or regression where nodes failed."""
+"""Compute coefficients from realisations at quadrature nodes: projection, or regression if nodes failed."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ __all__ = ["NodeFit", "fit_nodes"]
 
 
 MOST_FAILURES = 0.5
-"""Share of failed nodes beyond which there is nothing to fit: their region is no exception."""
+"""Share of failed nodes above which no fit is possible: the region of failure is then not an exception."""
 
 
 @typechecked
 @dataclass(frozen=True, eq=False)
 class NodeFit:
-    """Coefficients, and how they were found.
+    """Coefficients, and the method of their computation.
 
     Attributes
     ----------
     coefficients : array, shape (P, O, T)
-        In the units of the outputs.
+        Coefficients, in the units of the outputs.
     multi_index : array of int, shape (P, d)
-        Of the terms.
+        Degrees of the terms.
     how : str
-        In words; empty: projected.
+        Method of the fit, as text; empty for a projection.
     failed : int
-        Nodes that were left out because they failed.
+        Number of failed nodes; the fit excludes them.
     warning : str
         Warning about the coefficients, or empty.
 
@@ -56,36 +56,36 @@ class NodeFit:
 def fit_nodes(
     label: str, response: Array, good: Mask, reason: str, psi: Array, multi_index: Index, weights: Array | None
 ) -> NodeFit:
-    """Project the responses at nodes; if some failed, fit the others by regression.
+    """Project the responses at nodes; if some nodes failed, fit the others by regression.
 
-    Where these do not determine all terms fewer are fitted: see `uqmbd.extend.regress_on_nodes`.
+    If the successful nodes do not determine all terms, fewer terms are fitted; see `uqmbd.extend.regress_on_nodes`.
 
     Parameters
     ----------
     label : str
-        Of the propagator.
+        Label of the propagator.
     response : array, shape (K, O, T)
-        At the nodes.
+        Responses at the nodes.
     good : array of bool, shape (K,)
-        Which nodes did not fail.
+        Whether each node succeeded.
     reason : str
-        Why the others did.
+        Reason of the failures.
     psi : array, shape (K, P)
-        The basis at the nodes.
+        Values of the basis polynomials at the nodes.
     multi_index : array of int, shape (P, d)
-        Its degrees.
+        Degrees of the basis polynomials.
     weights : array, shape (K,), optional
-        Of the nodes; None: a regression anyway.
+        Weights of the nodes. None: use a regression in every case.
 
     Returns
     -------
     NodeFit
-        Coefficients, and a warning about them if there is one.
+        Coefficients, and a warning about them if necessary.
 
     Raises
     ------
     uqmbd.IntegrationError
-        If too few are left.
+        If too few nodes succeeded.
 
     Examples
     --------
@@ -111,23 +111,23 @@ def fit_nodes(
         return NodeFit(project(response, psi, weights), multi_index)
     if failed > MOST_FAILURES * count:
         raise IntegrationError(
-            f"{label}: {failed} of {count} nodes failed. Take distributions that stay clear of the failure. "
-            f"Reason of the failure: {reason}"
+            f"{label}: {failed} of {count} nodes failed. Truncate the distributions to exclude failures. Reason of "
+            f"the failure: {reason}"
         )
     counted = weights[good] if weights is not None and (weights > 0).all() else None
     found = regress_on_nodes(response[good], psi[good], multi_index, counted)
     if found is None:
         raise IntegrationError(
-            f"{label}: {failed} of {count} nodes failed; the {left} others do not determine the {terms} terms of the "
-            "basis, nor fewer. Take more nodes, or distributions that stay clear of the failure. "
+            f"{label}: {failed} of {count} nodes failed; the {left} successful ones cannot determine the {terms} "
+            "terms of the basis, or fewer terms. Use more nodes, or truncate the distributions to exclude failures. "
             f"Reason of the failure: {reason}"
         )
     kept = found.multi_index
-    fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, which is all they determine"
+    fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, as many as they determine"
     warning = (
-        f"{label}: {failed} of {count} nodes failed, so the quadrature cannot be used; the chaos was fitted to the "
-        f"{left} others by regression instead{fewer}, and is an extrapolation where the mechanism fails. "
-        f"Reason of the failure: {reason}"
+        f"{label}: {failed} of {count} nodes failed, so the method replaced the quadrature by a regression on the "
+        f"{left} successful nodes{fewer}. In the region of failure the chaos is an extrapolation. Reason of the "
+        f"failure: {reason}"
     )
     how = f"regression on the {left} of {count} nodes that did not fail"
     how += "" if len(kept) == terms else f", {len(kept)} of {terms} terms"

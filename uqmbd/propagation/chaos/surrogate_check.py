@@ -1,4 +1,4 @@
-"""Warnings of surrogates that must not be relied on: one rule for every method that leaves a surrogate."""
+"""Warn of unreliable surrogates, by one rule for every method that returns a surrogate."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from uqmbd.errors import SurrogateWarning
 from uqmbd.results.assessment import COARSE
 from uqmbd.results.chaos import (
     SPREAD_FLOOR,
+    StoredSurrogate,
     reference_spread,
     stored_surrogates,
     verified_range,
@@ -25,16 +26,19 @@ __all__ = ["warn_of_surrogates"]
 
 
 FACTOR = 3.0
-"""Errors up to so many integration errors are none of the surrogate: the latter are measured at few realisations."""
+"""Ratio to the integration error up to which an error is not one of the surrogate.
+
+The integration error is measured on few realisations.
+"""
 
 OF_SIZE = 10.0
-"""Tolerances of the integration, times the largest mean, by which two integrations may differ."""
+"""Allowed difference between two integrations, relative to the product of tolerance and largest mean."""
 
 CHANCE = 1e-3
-"""Probability with which the mean of a distribution may be outside the range of independent samples of it."""
+"""Probability that the mean of a distribution is outside the range of independent samples from it."""
 
 MOST = 5
-"""Outputs that a warning lists."""
+"""Maximum number of outputs in a warning."""
 
 
 def warn_of_surrogates(
@@ -47,9 +51,9 @@ def warn_of_surrogates(
 ) -> None:
     """Warn of outputs whose surrogate states a large error, or whose mean is outside the range of the realisations.
 
-    `node` holds one kind of outputs of a method with a surrogate, or a stated error of one. `realised` holds the
-    smallest and largest values (O, T) of the realisations, and their number. `timeless` outputs have no times, but a
-    time axis of length one.
+    `node` contains one kind of outputs of a method with a surrogate, or with the stated error of a surrogate.
+    `realised` contains the minimum and maximum (O, T) of the realisations, and their number. `timeless` outputs have no
+    times, but a time axis of length one.
     """
     statistics = node.children["statistics"].to_dataset()
     names = [str(name) for name in statistics["output"].values]
@@ -60,22 +64,22 @@ def warn_of_surrogates(
     if found := [_words(name, error[k], wrong[k], times) for k, name in enumerate(names) if wrong[k].any()]:
         warnings.warn(
             f"{label}: the stated error{of} exceeds {COARSE:.0%} of the standard deviation: "
-            f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed)}",
+            f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed, names, wrong)}",
             SurrogateWarning,
             stacklevel=5,
         )
     away, outside = _outside(node, statistics, rtol, realised)
     if found := [_words(name, away[k], outside[k], times) for k, name in enumerate(names) if outside[k].any()]:
         warnings.warn(
-            f"{label}: the mean{of} is outside the range of the realisations, by a part of the standard "
-            f"deviation: {_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed)}",
+            f"{label}: the mean{of} is outside the range of the realisations, relative to the standard deviation: "
+            f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed, names, outside)}",
             SurrogateWarning,
             stacklevel=5,
         )
 
 
 def _stated(node: xr.DataTree, statistics: xr.Dataset, rtol: float) -> tuple[Array, Mask]:
-    """Return the stated errors (O, T), and where they exceed the limit, and the error of the integration."""
+    """Return the stated errors (O, T), and a mask of errors above the limit and above the integration error."""
     std = over_time(statistics["std"].values)
     error = np.full(std.shape, np.nan)
     if "verification_error" in statistics:
@@ -85,7 +89,7 @@ def _stated(node: xr.DataTree, statistics: xr.Dataset, rtol: float) -> tuple[Arr
             stated = data.get("verification_error")
             if stated is not None and stated.dims[0] == "output":
                 error[rows] = over_time(stated.values)
-    # an output that the surrogate takes for constant is compared with its realisations
+    # if the surrogate of an output is constant, the realisations determine the scale of its error
     seen = over_time(verified_std(node, statistics["std"].shape))
     spread = reference_spread(np.fmax(std, seen))
     return error, (error > COARSE) & (error * spread > FACTOR * integration_error(statistics, rtol))
@@ -94,13 +98,13 @@ def _stated(node: xr.DataTree, statistics: xr.Dataset, rtol: float) -> tuple[Arr
 def _outside(
     node: xr.DataTree, statistics: xr.Dataset, rtol: float, realised: tuple[Array, Array, int] | None
 ) -> tuple[Array, Mask]:
-    """Return by how much of the standard deviation (O, T) means are outside the range of all realisations, and where.
+    """Return the distance (O, T) of means from the range of realisations, over the std, and a mask of large distances.
 
-    By more than a hundredth of it, and than the integration errs.
+    A large distance exceeds one hundredth of the standard deviation, and the integration error.
 
-    A realisation that enters the surrogate counts, as do those of its verification.  Where the former are not known,
-    the latter may miss something rare that moves the mean: by Cantelli's inequality no more than some standard
-    deviations, with a probability that is next to one.
+    The range includes realisations of the surrogate and of its verification. If the former are unknown, the latter may
+    miss a rare event that changes the mean. By Cantelli's inequality, this change is almost certainly at most some
+    standard deviations.
     """
     mean, std = (over_time(statistics[name].values) for name in ("mean", "std"))
     low, high, verified = verified_range(node, statistics["mean"].shape)
@@ -108,10 +112,10 @@ def _outside(
     if realised is not None and realised[0].shape == mean.shape:
         count = max(count, realised[2])
         low, high = np.fmin(low, realised[0]), np.fmax(high, realised[1])
-    # where all realisations come to nearly the same, as at a common start, a fit misses it by a little
+    # if all realisations nearly agree, as at a common start, a fit has a small distance from their range
     spread = reference_spread(std)
     slack = np.maximum(FACTOR * integration_error(statistics, rtol), SPREAD_FLOOR * spread)
-    # of an output that hardly varies, the mean and the realisations may come from different integrations
+    # mean and realisations of an output that hardly varies may come from different integrations
     largest = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1, initial=0.0)
     floor = OF_SIZE * rtol * largest[:, None]
     slack = np.where(spread <= floor, np.maximum(slack, floor), slack)
@@ -123,7 +127,7 @@ def _outside(
 
 
 def _words(name: str, error: Array, wrong: Mask, times: Array | None) -> str:
-    """Return an output, when (T,) it is wrong, and by how much at most."""
+    """Describe an output, the times (T,) of large errors, and the largest error."""
     where = np.flatnonzero(wrong)
     worst = int(where[error[where].argmax()])
     largest = format_percent(float(error[worst]))
@@ -143,18 +147,32 @@ def _listed(found: list[str]) -> str:
     return ", ".join(found[:MOST]) + (f", and {more} more" if more > 0 else "")
 
 
-def _remedy(node: xr.DataTree, timed: bool) -> str:
-    """Return what makes the error smaller."""
-    surrogates = stored_surrogates(node)
-    stated = node.children["statistics"].to_dataset().get("verification_error")
-    own = [one.data.attrs.get("remedy", "") for one in surrogates if one.kind == "surrogate"]
-    own += [stated.attrs.get("remedy", "")] if stated is not None and not surrogates else []
-    if own or not surrogates:
-        advice = next((str(one) for one in own if one), "use a method that samples")
-        return f"{advice[:1].upper()}{advice[1:].rstrip('.')}."
-    end = ", or study a shorter time." if timed else ", or use a method that samples."
+def _remedy(node: xr.DataTree, timed: bool, names: list[str], wrong: Mask) -> str:
+    """Return advice, based on the surrogates, to reduce the errors of outputs at times (O, T) of large errors."""
+    statistics = node.children["statistics"].to_dataset()
+    remedy = str(statistics["verification_error"].attrs.get("remedy", "")) if "verification_error" in statistics else ""
+    advice = [remedy or "use a sampling method"] * len(names)
+    bad = np.flatnonzero(wrong.any(axis=1))
+    surrogates = [one for one in stored_surrogates(node) if np.isin(one.rows, bad).any()]
+    expanded = _expansion_remedy([one for one in surrogates if one.kind != "surrogate"], node, timed)
+    for one in surrogates:
+        custom = str(one.data.attrs.get("remedy", "")) or "use a sampling method"
+        for row in one.rows.tolist():
+            advice[row] = expanded if one.kind != "surrogate" else custom
+    found: dict[str, list[str]] = {}
+    for row in bad.tolist():
+        found.setdefault(advice[row].rstrip("."), []).append(repr(names[row]))
+    if len(found) == 1:
+        (text,) = found
+        return f"{text[:1].upper()}{text[1:]}."
+    return " ".join(f"For {_listed(own)}: {text[:1].lower()}{text[1:]}." for text, own in found.items())
+
+
+def _expansion_remedy(surrogates: list[StoredSurrogate], node: xr.DataTree, timed: bool) -> str:
+    """Return advice to reduce the errors of polynomial surrogates."""
+    end = ", study a shorter time, or use Monte Carlo" if timed else ", or use Monte Carlo"
     if any(one.split for one in surrogates):
-        return f"Allow more elements, raise the order{end}"
+        return f"Increase max_elements, raise the order{end}"
     if timed and all(one.equal_times for one in surrogates) and "alignment" not in node.attrs:
         return f"Raise the order, split the inputs into elements, align realisations at events or phases{end}"
     return f"Raise the order, split the inputs into elements{end}"

@@ -1,4 +1,4 @@
-"""Error against cost as a part of a study: what is asked for, and the node that a run stores of it."""
+"""Convergence study within a study: check of the request, and the node with the results."""
 
 from __future__ import annotations
 
@@ -24,29 +24,27 @@ __all__ = ["check_convergence_of", "with_convergence"]
 
 
 def check_convergence_of(study: Studied, given: object) -> Mapping[str, Any] | None:
-    """Return the arguments of `Study.converge` that a study was given.
+    """Return the arguments of `Study.converge` from the option of a study after a check.
 
-    Raise StudyError if they are no mapping, have no propagators, an unknown reference, or levels that do not fit the
-    methods.
+    Raise StudyError if the option is not a mapping, lacks propagators, or has an unknown reference or unsuitable
+    levels.
     """
     if given is None:
         return None
     where = f"study {study.name!r}"
     if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
         raise StudyError(
-            f"{where}: convergence is {given!r}; expected the arguments of study.converge, as in "
-            "{'propagators': [Collocation], 'order': [1, 2, 3], 'reference': 'monte-carlo'}."
+            f"{where}: convergence is {given!r}; expected the arguments of study.converge, e.g. {{'propagators': "
+            "[Collocation], 'order': [1, 2, 3], 'reference': 'monte-carlo'}."
         )
     levels = {name: value for name, value in given.items() if name not in ("propagators", "reference")}
     if "propagators" not in given:
-        raise StudyError(
-            f"{where}: convergence has no 'propagators'; give it some, as in 'propagators': [Collocation]."
-        )
+        raise StudyError(f"{where}: convergence has no key 'propagators'; add it, e.g. 'propagators': [Collocation].")
     check_convergence(study, given["propagators"], levels)
     reference, known = given.get("reference"), [p.node_name for p in study.propagators]
     if isinstance(reference, str) and reference not in known:
         raise StudyError(
-            f"{where}: the reference of convergence is {reference!r}, which is no propagator of this study; there are: "
+            f"{where}: the reference of convergence is {reference!r}; expected a propagator of this study: "
             f"{', '.join(known) or 'none'}."
         )
     return MappingProxyType(dict(given))
@@ -61,23 +59,23 @@ def with_convergence(
     *,
     left_out: str = "",
 ) -> xr.DataTree:
-    """Add the node ``convergence`` to the results of a study that asks for it.
+    """Add the node ``convergence`` to the results of a study that requests it.
 
-    Where `left_out` says why, they are not computed.
-    Whatever goes wrong here is a warning and the attribute ``problem`` of the node: the other results stand.
+    If `left_out` states a reason, the convergence study is omitted. Every error becomes a warning and the attribute
+    ``problem`` of the node; the other results remain.
     """
     import xarray as xr
 
     arguments = dict(study.convergence or {})
     reference = arguments.pop("reference", None)
     found = None
-    # what is computed must stand, whatever methods of plugins raise
+    # computed results must remain if methods of plugins raise errors
     with Isolated(*ERRORS_AND_EXITS) as work:
         if left_out:
-            raise StudyError(f"{left_out}; run the study without it for them.")
+            raise StudyError(f"{left_out}; run the study without a budget to compute the curves.")
         if isinstance(reference, str):
             if reference not in tree.children:
-                raise StudyError(f"the reference {reference!r} gave no results.")
+                raise StudyError(f"the reference {reference!r} has no results.")
             reference = tree[reference]
         found = converge(
             study,
@@ -90,7 +88,9 @@ def with_convergence(
         )
     if found is None:
         warnings.warn(
-            f"study {study.name!r}: there are no curves of error against cost: {work.reason}", UserWarning, stacklevel=3
+            f"study {study.name!r}: the curves of error against cost could not be computed: {work.reason}",
+            UserWarning,
+            stacklevel=3,
         )
         found = xr.Dataset(attrs={"problem": work.reason})
     tree["convergence"] = xr.DataTree(found)

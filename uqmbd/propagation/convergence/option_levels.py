@@ -1,4 +1,4 @@
-"""Error against cost: a method at several orders, or numbers of samples."""
+"""Compare error and cost of a method at several orders or sample sizes."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ __all__ = ["check_convergence", "converge"]
 Method = Propagator | type[Propagator]
 
 MOST_LEVELS = 1000
-"""Levels of a method, at most."""
+"""Maximum number of levels of a method."""
 
 SHAPES = ("mean_error_l2", "std_error_l2", "mean_error_max", "std_error_max", "stated_error")
 
 
 @dataclass(frozen=True)
 class _OptionSeries:
-    """A method, the option that changes, and its values."""
+    """Method, its varied option, and the values of this option."""
 
     propagator: Propagator
     option: str
@@ -57,25 +57,26 @@ def converge(
 ) -> xr.Dataset:
     """Run methods at several levels of an option, and compare their errors with their costs; see `Study.converge`.
 
-    A dataset as reference holds exact `mean` and `std` (output, time). By default the reference is the result with the
-    least stated error (where none states an error, the last level of the first method); its own errors are NaN.
-    `folder` stores finished chunks during the run.
+    A dataset as reference contains exact `mean` and `std` (output, time). By default the reference is the result with
+    the smallest stated error, or, without stated errors, the last level of the first method. The errors of the
+    reference are NaN. `folder` stores finished chunks during the run.
 
-    The result has the dimensions ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2`` are norms
-    over time of the differences to the reference, relative to the norm of its mean, or standard deviation;
-    ``..._error_max`` the largest ones, relative to its largest standard deviation; ``stated_error`` is that of the
-    standard deviation. ``problem`` holds the reason why a level failed, whose numbers are NaN, or is empty.
-    ``reference_mean_error`` and ``reference_std_error`` (output) are stated errors of the reference, NaN where it
-    states none. ``mean_rate`` and ``std_rate`` (method, output) are fitted orders of convergence p, of errors above
-    those of the reference: for ``order`` the decades by which the error falls with each order, for other options error
-    ~ value^-p (1/2 for plain Monte Carlo); NaN for fewer than two such errors. Raise StudyError if there are no levels,
-    a method has none of the options, or no level succeeded.
+    The result has the dimensions ``method``, ``level`` and ``output``. ``mean_error_l2`` and ``std_error_l2`` are norms
+    over time of the differences to the reference, relative to the norm of its mean or standard deviation.
+    ``..._error_max`` is the largest difference, relative to the largest standard deviation of the reference.
+    ``stated_error`` is the stated error of the standard deviation. ``problem`` contains the reason why a level failed,
+    and is otherwise empty; numbers of failed levels are NaN.
+    ``reference_mean_error`` and ``reference_std_error`` (output) are stated errors of the reference, NaN if none is
+    stated. ``mean_rate`` and ``std_rate`` (method, output) are orders of convergence p, fitted to errors above the
+    errors of the reference. For ``order``, p is the number of decades per order by which the error decreases. For
+    other options, error ~ value^-p (1/2 for plain Monte Carlo). The rates are NaN for fewer than two such errors.
+    Raise StudyError if there are no levels, if a method has none of the options, or if no level succeeded.
     """
     series, shown = _series(study, propagators, levels), choose_receiver(progress)
     with opened(workers) as executor:
         nodes: dict[tuple[int, int], xr.DataTree] = {}
         problems: dict[tuple[int, int], str] = {}
-        # first, because nothing is of use without it
+        # the reference is computed first, because all errors require it
         with explained(executor):
             base = reference_node(study, reference, executor, shown, folder)
         for m, one in enumerate(series):
@@ -102,14 +103,14 @@ def converge(
 
 @contextmanager
 def _coarse_on_purpose() -> Iterator[None]:
-    """Pass over what methods warn of at low orders: that is what is measured here."""
+    """Suppress warnings of methods about low orders, because the convergence study measures their errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         yield
 
 
 def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int]:
-    """Return the result that states the least error; where none does, the last level of the first method."""
+    """Return the result with the smallest stated error; without stated errors, the last level of the first method."""
     from uqmbd.results import relative_errors
 
     stated = {key: relative_errors(node, node)["stated_error"] for key, node in nodes.items()}
@@ -118,26 +119,27 @@ def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int
 
 
 def check_convergence(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> None:
-    """Raise a StudyError where methods and levels of `converge` do not fit together."""
+    """Raise a StudyError if the levels of `converge` do not suit the methods."""
     _series(study, given, levels)
 
 
 def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_OptionSeries]:
     if not levels:
-        raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
+        raise StudyError(
+            "converge: no levels are given; expected e.g. study.converge(Collocation, order=[1, 2, 3, 4])."
+        )
     for name, values in levels.items():
         for one in values.values() if isinstance(values, Mapping) else [values]:
             if not _entries(one):
-                raise StudyError(
-                    f"converge: {name} is {shown(one)}; expected a list of levels, as in {name}=[1, 2, 3]."
-                )
+                raise StudyError(f"converge: {name} is {shown(one)}; expected a list of levels, e.g. {name}=[1, 2, 3].")
     methods = _entries(given) or [given]
     found: list[_OptionSeries] = []
     for method in methods:
         made = method() if isinstance(method, type) and issubclass(method, Propagator) else method
         if not isinstance(made, Propagator):
             raise StudyError(
-                f"converge: {shown(method)} is no propagator; expected as in study.converge(Collocation, ...)."
+                f"converge: {shown(method)} is not a propagator; expected a propagator class, e.g. "
+                "study.converge(Collocation, ...)."
             )
         options = [f.name for f in fields(made) if f.name != "label"]
         own = {name: v[made.node_name] for name, v in levels.items() if isinstance(v, Mapping) and made.node_name in v}
@@ -145,8 +147,8 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
         chosen = next((name for name in usable if name in options), None)
         if chosen is None:
             raise StudyError(
-                f"converge: {made.node_name} ({type(made).__name__}) has no option "
-                f"{' or '.join(usable or levels)}, or is given no levels of it; its options are: {', '.join(options)}."
+                f"converge: {made.node_name} ({type(made).__name__}) has no option {' or '.join(usable or levels)}, "
+                f"or no levels are given for it; its options are: {', '.join(options)}."
             )
         found.append(_OptionSeries(made, chosen, tuple(usable[chosen])))
     study.with_propagators([one.propagator for one in found])  # labels must differ
@@ -158,7 +160,7 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
 
 
 def _entries(given: Any) -> list[Any]:
-    """Return the entries of a sequence; none where it is no sequence, or one that no user writes."""
+    """Return the entries of a sequence; empty for other objects, and for more than `MOST_LEVELS` entries."""
     if isinstance(given, (str, bytes, type)) or not isinstance(given, Collection) or getattr(given, "ndim", 1) == 0:
         return []
     return list(given) if len(given) <= MOST_LEVELS else []

@@ -1,4 +1,4 @@
-"""What errors are measured against: a result, a method that is run for it, or what is known exactly."""
+"""References for errors: a result, a separate run of a method, or an exact solution."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["reference_node"]
 def reference_node(
     study: Studied, reference: object, executor: Executor | None, progress: Progress | bool | None, folder: Path | None
 ) -> xr.DataTree | None:
-    """Return the node of the reference, computed if need be; None where one of the levels is to be it."""
+    """Return the node of the reference, and compute it if necessary; None if the reference is one of the levels."""
     import xarray as xr
 
     if isinstance(reference, Propagator):
@@ -33,8 +33,8 @@ def reference_node(
         return reference
     what = f"a tree of {', '.join(reference.children)}" if isinstance(reference, xr.DataTree) else repr(reference)
     raise StudyError(
-        f"converge: the reference is {what}; expected the node of one method, as tree['monte-carlo'], a propagator, or "
-        "a dataset of 'mean' and 'std'."
+        f"converge: the reference is {what}; expected the node of one method, e.g. tree['monte-carlo'], a "
+        "propagator, or a dataset with 'mean' and 'std'."
     )
 
 
@@ -48,7 +48,9 @@ def _known(study: Studied, exact: xr.Dataset) -> xr.DataTree:
     found: dict[str, Any] = {}
     for name in ("mean", "std"):
         if name not in exact or set(exact[name].dims) != {"output", "time"}:
-            raise StudyError(f"converge: the reference needs {name!r} with the dimensions (output, time).")
+            raise StudyError(
+                f"converge: the reference has no variable {name!r} with the dimensions (output, time); add it."
+            )
         values = exact[name].transpose("output", "time")
         if "output" in values.coords:
             given = [str(v) for v in values["output"].values]
@@ -57,7 +59,8 @@ def _known(study: Studied, exact: xr.Dataset) -> xr.DataTree:
             values = values.isel(output=[given.index(n) for n in model.names])
         if values.shape != axes.shape or not bool(np.isfinite(values.values).all()):
             raise StudyError(
-                f"converge: {name!r} of the reference has the shape {values.shape}; expected {axes.shape}, all finite."
+                f"converge: {name!r} of the reference has the shape {values.shape}; expected finite values of the "
+                f"shape {axes.shape}."
             )
         found[name] = values.values
     label = str(exact.attrs.get("label", "exact"))

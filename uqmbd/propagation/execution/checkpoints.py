@@ -1,4 +1,4 @@
-"""Stored chunks of a problem: of an interrupted run, or computed together with other outputs."""
+"""Stored chunks of a problem, from an interrupted run or from a computation of other outputs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import MarginValues, Model, ScalarValues
+from uqmbd.dynamics import MarginValues, Model, ScalarValues, compute_code_key, integrator_class
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.propagation.execution.chunks import Chunk, Kind
@@ -31,12 +31,14 @@ __all__ = ["FOLDER", "Checkpoint", "ChunkStore", "StoredChunks", "fingerprint"]
 def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], times: tuple[str | bytes, ...]) -> bytes:
     """Return the hash of symbolic equations and outputs, options and version.
 
-    `asked` holds relative tolerance and integrator; `times` are the output times, and what is requested at them.
+    `asked` contains relative tolerance and integrator; `times` contains the output times and the requested kind. The
+    hash contains the name of the integrator. The name identifies the code only if the integrator belongs to the core.
     """
-    options = (*asked, model.start_at, model.max_step, model.added_breaks)
+    code = compute_code_key(integrator_class(asked[1]))
+    options = (*asked, *([code] if code else []), model.start_at, model.max_step, model.added_breaks)
     parts = (model.digest, inputs.names, *options, *times, __version__)
     turns = model.outputs.turns
-    # angles start near those at the means
+    # initial angles are close to the initial angles at the means
     angles = (turns.tobytes(), inputs.means.tobytes()) if turns.any() else ()
     return hashlib.sha256(repr((*parts, *angles)).encode()).digest()
 
@@ -44,7 +46,7 @@ def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], time
 Arrays = Mapping[str, NDArray[Any]]
 
 _ABOUT = "_about"
-"""What is noted with arrays, in JSON."""
+"""Name of the metadata of arrays, in JSON."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +54,15 @@ class Checkpoint:
     """Store of the chunks of a method during a run, in the run's folder."""
 
     folder: Path
-    label: str  # of the method
+    label: str  # label of the method
 
     @property
     def place(self) -> Path:
-        """Folder of the chunks."""
+        """Return the folder of the chunks."""
         return self.folder / FOLDER / hashlib.sha256(self.label.encode()).hexdigest()[:16]
 
     def load(self, key: str) -> Chunk | None:
-        """Return a finished chunk, or nothing (also where the file is damaged)."""
+        """Return a finished chunk; None if it is missing or its file is damaged."""
         found = self.load_arrays(f"{key}.npz")
         if found is None:
             return None
@@ -76,7 +78,7 @@ class Checkpoint:
         return Chunk(data["response"], data["status"], messages, about["counters"], scalars, margins, about["seconds"])
 
     def save(self, key: str, chunk: Chunk) -> None:
-        """Write a finished chunk; it is there as a whole or not at all."""
+        """Write a finished chunk atomically."""
         about: dict[str, Any] = {"messages": chunk.messages, "counters": chunk.counters, "seconds": chunk.seconds}
         arrays: dict[str, Any] = {"response": chunk.response, "status": chunk.status}
         if chunk.scalars is not None:
@@ -89,9 +91,9 @@ class Checkpoint:
         self.save_arrays(f"{key}.npz", arrays, about)
 
     def load_arrays(self, name: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:
-        """Return arrays and what was noted with them, or nothing: not there, or damaged in whatever way.
+        """Return arrays and their metadata; None if they are missing or damaged.
 
-        Nothing is unpickled, and the checksums of all arrays are compared before any of them is read.
+        The method unpickles no data, and compares the checksums of all arrays before it reads an array.
         """
         try:
             content = (self.place / name).read_bytes()
@@ -102,14 +104,14 @@ class Checkpoint:
                 arrays = {key: stored[key] for key in stored.files}
             about = json.loads(str(arrays.pop(_ABOUT)))
             whole = about["arrays"] == {key: [str(x.dtype), list(x.shape)] for key, x in arrays.items()}
-        except Exception:  # noqa: BLE001 - whatever is wrong with the file, the work is done again
+        except Exception:  # noqa: BLE001 - a file with any damage is computed again
             return None
         return (arrays, about) if whole else None
 
     def save_arrays(self, name: str, arrays: Arrays, about: Mapping[str, Any]) -> None:
-        """Write arrays and further data, entirely or not at all.
+        """Write arrays and metadata atomically.
 
-        Raise StudyError if they cannot be written: the file, the reason, and how to continue.
+        Raise StudyError with the file, the reason and a remedy if they cannot be written.
         """
         path = self.place / name
         kinds = {key: [str(x.dtype), list(x.shape)] for key, x in arrays.items()}
@@ -125,32 +127,32 @@ class Checkpoint:
 
 
 StoredChunks = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
-"""Chunks, or where they are stored, by kind and inputs."""
+"""Chunks, or references to their files, by kind and inputs."""
 
 
 @dataclass(frozen=True)
 class ChunkStore:
-    """Stored chunks of one kind of outputs, and the chunks of other kinds that were computed with them."""
+    """Store of the chunks of one kind of outputs, and of chunks of other kinds that were computed with them."""
 
-    kind: Kind  # of the chunks
-    partial: bool  # whether only some of the outputs without a time are requested; others may be requested next
-    margins: bool  # whether margins of requirements, which are computed with the chunks, are stored
-    fingerprint: bytes  # all that the numbers of a chunk depend on except its inputs
-    joins: bool  # whether a realisation is known to be independent of the others in its chunk
-    known: StoredChunks  # chunks of other kinds that were computed with others; it grows
+    kind: Kind  # kind of the chunks
+    partial: bool  # whether only some outputs without a time are requested; requests of other outputs may follow
+    margins: bool  # whether to store the margins of requirements that are computed with the chunks
+    fingerprint: bytes  # identifies all data, except the inputs, that affect the numbers of a chunk
+    joins: bool  # whether a realisation is certainly independent of the others in its chunk
+    known: StoredChunks  # chunks of other kinds; each computation adds chunks
     checkpoint: Checkpoint | None
     ledger: Ledger | None  # chunks that a run with a budget has computed for other sizes of the method
     clock: CostClock  # advances by the computing time of stored chunks
 
     def key(self, part: Array) -> str:
-        """Return the name under which the chunk of some inputs is stored."""
+        """Return the name of the stored chunk of some inputs."""
         text = hashlib.sha256()
         text.update(part.tobytes())
         text.update(self.fingerprint)
         return text.hexdigest()[:32]
 
     def find(self, part: Array) -> Chunk | None:
-        """Return a chunk that need not be computed."""
+        """Return a chunk that was already computed, or None."""
         if (known := self.find_companion(part)) is not None:
             return known
         key = self.key(part)
@@ -165,7 +167,7 @@ class ChunkStore:
         return self.note(part, found)
 
     def keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:
-        """Store a chunk with the wall time that was spent on it."""
+        """Store a chunk with the wall time of its computation."""
         key = self.key(part)
         if self.ledger:
             self.ledger.keep(key, replace(chunk, seconds=seconds))
@@ -175,7 +177,7 @@ class ChunkStore:
         return self.note(part, chunk)
 
     def note(self, part: Array, chunk: Chunk, *, lost: bool = False) -> Chunk:
-        """Store the companions of a chunk, and return the chunk; `lost`: they are not written to the disk."""
+        """Store the companions of a chunk, and return the chunk; `lost`: without a copy on disk."""
         found = chunk.companions(self.kind, margins=self.margins)
         if self.partial:
             found["scalars"] = replace(chunk, counters={})
@@ -183,7 +185,7 @@ class ChunkStore:
         return chunk
 
     def store_companions(self, part: Array, chunks: Mapping[Kind, Chunk], *, lost: bool = False) -> None:
-        """Store chunks of other kinds for the inputs of a part: by reference if they are on the disk."""
+        """Store chunks of other kinds for the inputs of a part; by reference if they are on disk."""
         stored = None if lost else self.checkpoint and (self.checkpoint, self.key(part))
         for kind, chunk in chunks.items():
             self.known[kind, _digest(part)] = stored or chunk

@@ -1,4 +1,4 @@
-"""Chunks of realisations: computed anywhere, in any order, always the same."""
+"""Chunks of realisations: results do not depend on the worker that computes a chunk, or on the order of chunks."""
 
 from __future__ import annotations
 
@@ -42,21 +42,21 @@ __all__ = [
 
 
 CHUNK, LARGEST = 64, 512
-"""Realisations of a chunk, at least and at most."""
+"""Minimum and maximum number of realisations in a chunk."""
 
 CHUNKS = 16
-"""Chunks that there are at least where they are larger than the least."""
+"""Minimum number of chunks if a chunk has more than `CHUNK` realisations."""
 
 NUMBERS = 1 << 21
-"""Numbers (8 bytes each) of states and outputs of a chunk that is larger than the least."""
+"""Maximum number of state and output values (8 bytes each) in a chunk of more than `CHUNK` realisations."""
 
 
 def chunk_size(count: int, numbers: int) -> int:
-    """Return the number of realisations in a chunk, a power of two: 64 where realisations are few or large.
+    """Return the number of realisations in a chunk, a power of two: 64 for few or large realisations.
 
-    `count` is the number of all realisations, `numbers` that of states and outputs of one, over all times. The overhead
-    of a chunk is shared by its realisations; it is Python's, for which threads wait for one another. Sample indices
-    alone determine chunks, so that results do not depend on the workers or their number.
+    `count` is the number of all realisations; `numbers` is the number of state and output values of one realisation
+    over all times. Larger chunks reduce the overhead of Python per realisation; threads wait for each other during this
+    overhead. Only sample indices determine chunks, so results do not depend on the workers or on their number.
 
     >>> chunk_size(500, 1400), chunk_size(50_000, 1400), chunk_size(50_000, 20_000)
     (64, 512, 64)
@@ -66,26 +66,26 @@ def chunk_size(count: int, numbers: int) -> int:
 
 
 Kind = Literal["outputs", "scalars", "requirements"]
-"""What is wanted of realisations: outputs over time, those without a time, or the margins of requirements."""
+"""Kind of response: outputs over time, outputs without a time, or margins of requirements."""
 
 
 @dataclass(frozen=True)
 class Chunk:
     """Results of one chunk."""
 
-    response: Array  # (K, output, time); NaN where a realisation failed
+    response: Array  # (K, output, time); NaN for failed realisations
     status: NDArray[np.int64]  # (K,) of `Status`; 0: successful
     messages: tuple[str, ...]  # reasons of failure
-    counters: dict[str, float]  # of the solver, and realisations by type of machine
-    scalars: ScalarValues | None = None  # outputs without a time, if the mechanism has some
-    margins: MarginValues | None = None  # of requirements, if it has some
-    seconds: float = 0.0  # wall time of the chunk in the run
+    counters: dict[str, float]  # counters of the solver, and number of realisations by type of machine
+    scalars: ScalarValues | None = None  # outputs without a time; None if the mechanism has none
+    margins: MarginValues | None = None  # margins of requirements; None if the mechanism has none
+    seconds: float = 0.0  # wall time of the chunk in the run, s
 
     def of(self, kind: Kind) -> Chunk | None:
-        """Return the chunk whose response is of another kind, if that was computed.
+        """Return the chunk of another kind of response; None if that kind was not computed.
 
-        Outputs without a time are those at a single time.  Margins that are known at the end only are the same at all
-        times, so that they are numbers.
+        Outputs without a time have a single time. A margin that is only defined at the end of the motion gets this
+        value at all times, so that each value is finite.
         """
         if kind == "scalars" and self.scalars is not None:
             found = self.scalars
@@ -97,9 +97,9 @@ class Chunk:
         return self if kind == "outputs" else None
 
     def companions(self, kind: Kind, *, margins: bool) -> dict[Kind, Chunk]:
-        """Return the chunks of other kinds that were computed with this one; `margins`: also those of requirements.
+        """Return chunks of other kinds that were computed with this one; `margins` includes margins of requirements.
 
-        Only this chunk holds the counters of the solver.
+        Only this chunk contains the counters of the solver.
         """
         wanted: tuple[Kind, ...] = ("scalars", "requirements") if margins else ("scalars",)
         found = {other: self.of(other) for other in wanted if other != kind}
@@ -111,7 +111,7 @@ class Chunk:
 
 
 def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
-    """Return the attribute that names the integrators of realisations, most frequent first; empty for none.
+    """Return the attribute with the integrators of realisations, most frequent first; empty without an integrator.
 
     `asked` is the requested integrator.
 
@@ -126,7 +126,7 @@ def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
 
 
 def not_finite_output(names: Sequence[str], times: Array, response: Array) -> str:
-    """Return a message on the first output of a realisation (output, T) that is not finite, and its time.
+    """Return a message on the first non-finite output of a realisation (output, T), with its time.
 
     >>> print(not_finite_output(["y"], np.array([0.0, 0.5]), np.array([[1.0, np.nan]])).partition(";")[0])
     an output is not finite: 'y' is nan at t = 0.5 s
@@ -135,13 +135,13 @@ def not_finite_output(names: Sequence[str], times: Array, response: Array) -> st
     k = int(np.argmax(wrong.any(axis=0)))
     output = int(np.argmax(wrong[:, k]))
     return (
-        f"an output is not finite: {names[output]!r} is {response[output, k]:g} at t = {times[k]:g} s; look in its "
-        "expression for divisions by zero, and for roots and logarithms outside of their range"
+        f"an output is not finite: {names[output]!r} is {response[output, k]:g} at t = {times[k]:g} s; check its "
+        "expression for divisions by zero, and for roots and logarithms outside their domain"
     )
 
 
 def needs_motion(model: Model, kind: Kind) -> bool:
-    """Return whether a kind of outputs, or one that is computed with it, needs a motion."""
+    """Return whether a kind of outputs, or a kind that is computed with it, requires a motion."""
     companions = [model.margins] if kind == "requirements" else [model.scalars, model.margins]
     return kind == "outputs" or any(one is not None and one.needs_motion for one in companions)
 
@@ -149,12 +149,12 @@ def needs_motion(model: Model, kind: Kind) -> bool:
 def compute_chunk(
     given: Model | Packed, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
 ) -> Chunk:
-    """Assemble, integrate and observe realisations at inputs (K, input).
+    """Assemble and integrate realisations at inputs (K, input), and evaluate their outputs.
 
-    Nothing is integrated unless the kind of outputs, or an output that is computed with them, needs a motion.
+    The integration is omitted if neither the kind of outputs nor a kind that is computed with it requires a motion.
     """
     model: Model = given.value() if isinstance(given, Packed) else given
-    # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
+    # on blocks of some dozen rows, several threads are slower; their number would also change the last bits
     with one_thread():
         ensemble = Ensemble(model, values)
         scalars = model.scalars if kind != "requirements" else None
@@ -180,7 +180,7 @@ def compute_chunk(
 
 
 def lost_chunk(model: Model, count: int, times: Array, reason: str, kind: Kind = "outputs") -> Chunk:
-    """Return the chunk of realisations that could not be computed because their workers died, with the reason."""
+    """Return a chunk of failed realisations whose workers died, with the reason as message."""
     status, messages = np.full(count, int(Status.WORKER_DIED)), (reason,) * count
     scalars, margins = model.scalars, model.margins
     chunk = Chunk(np.full((count, len(model.outputs.names), len(times)), np.nan), status, messages, {})
@@ -197,7 +197,7 @@ def lost_chunk(model: Model, count: int, times: Array, reason: str, kind: Kind =
 
 
 def _observed(ensemble: Ensemble, times: Array, trajectories: Trajectories) -> Chunk:
-    """Evaluate the outputs over time of some realisations."""
+    """Evaluate the outputs over time of realisations."""
     model, count = ensemble.model, len(ensemble)
     status = np.zeros(count, dtype=np.int64)
     at_start = ensemble.start.status

@@ -1,7 +1,7 @@
-"""Cost of work over all runs that it took, and the types of machines that it ran on.
+"""Computing time over all runs that contributed to a result, and the types of the machines that they used.
 
-What is read from a checkpoint costs what it cost to compute.  Machines are counted with what solvers count, and so are
-stored with it.
+Data from a checkpoint count with their recorded computing time. The solver counters include machine types, so
+checkpoints store both.
 """
 
 from __future__ import annotations
@@ -30,68 +30,68 @@ __all__ = [
 
 
 PARTS = ("integration", "fitting", "verification", "error estimation")
-"""What methods spend time for; the rest is `OTHER`."""
+"""Parts of the computing time of a method; the remaining time is `OTHER`."""
 
 OTHER = "other"
 
 _ON = "on "
-"""What begins the names of counters of machines."""
+"""Prefix of the names of machine counters."""
 
 PURPOSES = ("verification", "error estimation")
-"""Parts that realisations belong to which are computed for them."""
+"""Parts of the computing time that contain the realisations computed for this purpose."""
 
 
 @dataclass
 class CostClock:
     """Clock that advances by the recorded computing time of stored work.
 
-    Differences of its readings are the wall times of an uninterrupted run.
+    The difference of two readings is the wall time that an uninterrupted run would have needed.
     """
 
     _recovered: float = 0.0
     _known: set[str] = field(default_factory=set)
 
     def __call__(self) -> float:
-        """Seconds, from an arbitrary origin."""
+        """Return seconds from an arbitrary origin."""
         return time.perf_counter() + self._recovered
 
     def recover(self, key: str, seconds: float) -> None:
-        """Go on by the cost of work that was read, unless it was done or read before in this run."""
+        """Advance by the computing time of stored work, unless this run has already computed or read this work."""
         if key not in self._known:
             self._known.add(key)
             self._recovered += seconds
 
     def knows(self, key: str) -> bool:
-        """Return whether work was done or read in this run."""
+        """Return whether this run has computed or read the work of a key."""
         return key in self._known
 
     def done(self, key: str) -> None:
-        """Note that work was done in this run."""
+        """Record that this run has computed the work of a key."""
         self._known.add(key)
 
 
 class Laps:
-    """Times from one piece of work to the next."""
+    """Lap times between calls."""
 
     def __init__(self) -> None:
         self._last = time.perf_counter()
 
     def __call__(self) -> float:
-        """Seconds since the last call."""
+        """Return the seconds since the last call."""
         before, self._last = self._last, time.perf_counter()
         return self._last - before
 
 
 @dataclass
 class Spending:
-    """Computing time of a method by part: a single record for all its work.
+    """Single record of the computing time of a method, by part.
 
-    A part receives the time while it is open, less that of parts within it. Realisations are recorded where they are
-    computed: as integration, unless a part that states their purpose is open.
+    The time of a part is the time while the part is open, minus the time of parts within it. The time of realisations
+    is recorded as integration, unless a part that states their purpose is open.
     """
 
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PARTS, 0.0))
-    """By part, of the clock of the problem."""
+    """Seconds by part, from the clock of the problem."""
     _open: list[list[Any]] = field(default_factory=list)
     """Names of open parts, and the seconds of parts within them."""
 
@@ -99,7 +99,7 @@ class Spending:
     def part(self, name: str, clock: Callable[[], float]) -> Iterator[None]:
         """Record the time within the context as a part; raise StudyError for an unknown part."""
         if name not in PARTS:
-            raise StudyError(f"There is no part {name!r} of what a method spends; expected one of {', '.join(PARTS)}.")
+            raise StudyError(f"The name of a part of the cost is {name!r}; expected one of {', '.join(PARTS)}.")
         begin = clock()
         self._open.append([name, 0.0])
         try:
@@ -111,7 +111,7 @@ class Spending:
                 self._open[-1][1] += spent
 
     def realised(self, seconds: float) -> None:
-        """Record the seconds of realisations."""
+        """Record the computing time of realisations, s."""
         if self._open:
             if self._open[-1][0] in PURPOSES:
                 return
@@ -120,7 +120,7 @@ class Spending:
 
     @contextmanager
     def whole(self, clock: Callable[[], float]) -> Iterator[dict[str, float | int]]:
-        """Measure everything that is spent within; fill the attributes of a node, which are complete at the end."""
+        """Measure the total time of the context; write the attributes of a node at its end."""
         found: dict[str, float | int] = {}
         before, begin = dict(self.seconds), clock()
         try:
@@ -131,7 +131,7 @@ class Spending:
 
 
 def spending_attributes(parts: dict[str, float], whole: float) -> dict[str, float]:
-    """Return ``wall_time``, s, and the parts that add up to it; the rest of `whole` is the part ``other``.
+    """Return ``wall_time``, s, and its parts; their sum is ``wall_time``, and ``other`` is the remainder of `whole`.
 
     >>> spending_attributes({"integration": 2.0, "fitting": 1.0, "verification": 0.0, "error estimation": 0.5}, 4.0)
     {'wall_time_integration': 2.0, 'wall_time_fitting': 1.0, ..., 'wall_time_other': 0.5, 'wall_time': 4.0}
@@ -143,19 +143,19 @@ def spending_attributes(parts: dict[str, float], whole: float) -> dict[str, floa
 
 
 def machine_counter(realisations: int) -> dict[str, float]:
-    """Return the counter of realisations that this machine has computed."""
+    """Return the counter of realisations that this machine computed."""
     return {f"{_ON}{machine_type()}": realisations}
 
 
 def solver_counters(counters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the other counters."""
+    """Return the solver counters without the machine counters."""
     return {name: value for name, value in counters.items() if not name.startswith(_ON)}
 
 
 def machine_attribute(counters: Mapping[str, float]) -> dict[str, str]:
     """Return the attribute with the number of realisations by type of machine, as a JSON object.
 
-    It is empty where all of them were computed on machines of the type of this one.
+    The result is empty if machines of the same type as this one computed all realisations.
 
     >>> machine_attribute({"steps": 12, "on aarch64 neon glibc-2.36": 64})
     {'machines': '{"aarch64 neon glibc-2.36": 64}'}

@@ -1,7 +1,6 @@
-"""Pieces of work, computed in this process or by workers: results in order, each stored as soon as it is finished.
+"""Compute tasks in this process or by workers; return results in order, and store each as soon as it is finished.
 
-The main process does little: per piece a fraction of a millisecond, for any number of workers, and no more when many
-pieces are finished.
+The main process spends a fraction of a millisecond on each task, for any number of workers and of finished tasks.
 """
 
 from __future__ import annotations
@@ -39,22 +38,28 @@ Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
 HELD = 1 << 27
-"""Bytes of results that wait for the next one in order; beyond, no further piece is sent."""
+"""Size of the results that wait for an earlier result, bytes; above this size, no further task is sent."""
 
 WAITING = 16
-"""Most results that wait for the next one in order, relative to the most submitted pieces."""
+"""Maximum number of results that wait for an earlier result, relative to the maximum number of submitted tasks."""
 
 DEATHS = 2
-"""Deaths of workers after which a piece is lost."""
+"""A task counts as lost when this number of workers have died while they ran the task."""
 
 LATE = 4.0
-"""Ratio to the typical time of a piece after which an unoccupied worker computes it as well."""
+"""A task is late after this number of typical task times; an unoccupied worker then also computes the task."""
+
+UNKNOWN = 10.0
+"""A task is late after this number of patience times, if no worker has replied and the typical time is unknown."""
+
+MISSES = 3
+"""Number of replies "missing" after which a task waits until a task with its packed objects ends, or is late."""
 
 PAUSE = 0.002
-"""Seconds between attempts while no worker accepts, and between checks."""
+"""Time between attempts while no worker accepts tasks, and between checks, s."""
 
 TICK = 0.25
-"""Most seconds between checks for late pieces."""
+"""Maximum time between checks for late tasks, s."""
 
 
 def run_in_order(
@@ -66,13 +71,14 @@ def run_in_order(
     lost: Callable[[Piece, str], Result] | None = None,
     patience: float = 1.0,
 ) -> Generator[Result, None, None]:
-    """Yield the results of pieces of work in order; without an executor this process computes them.
+    """Yield the results of tasks in order; without an executor this process computes them.
 
-    A piece whose worker dies is tried once elsewhere. If one takes much longer than others (by at least `patience`, s),
-    an unoccupied worker repeats it, and the first answer counts: both have the same bits. `known` returns a result that
-    need not be computed. `work` returns the function and its arguments (some may be `Packed`), and `keep` the value to
-    yield from a result and its time, s. `lost` returns the result of a piece whose second worker died, or raises, by
-    default an error. Raise IntegrationError if no worker has the versions of this process, or a piece is lost.
+    If a worker dies, another worker repeats its task once. If a task takes much longer than others (by at least
+    `patience`, s), an unoccupied worker computes it, too. The first reply counts; both replies have the same bits.
+    `known` returns a stored result, or None. `work` returns the function and its arguments (some may be `Packed`).
+    `keep` converts a result and its time, s, into the yielded value. If the second worker of a task dies, too, `lost`
+    returns the result or raises an error (the default). Raise IntegrationError if no worker has the versions of this
+    process, or if a task is lost.
     """
     if executor is None:
         return _compute_here(pieces, known, work, keep)
@@ -95,23 +101,24 @@ def _compute_here(
 
 
 def _raise(piece: object, reason: str) -> Any:
-    raise IntegrationError(f"A piece of work was lost: {reason}.")
+    raise IntegrationError(f"A task was lost: {reason}.")
 
 
 @dataclass
 class _Submission:
-    """A submitted piece of work."""
+    """A submitted task."""
 
-    futures: list[Future[Reply]] = field(default_factory=list)  # several where the piece is late
+    futures: list[Future[Reply]] = field(default_factory=list)  # several if the task is late
     whole: bool = False  # whether packed arguments are sent entirely
     sent: float = 0.0  # time of the last submission, s
-    begun: float | None = None  # time since which a worker certainly runs it, s: since a later piece was answered
-    deaths: int = 0  # of workers that ran it
-    alone: bool = False  # whether no other piece may run at the same time
+    begun: float | None = None  # time of the first reply to a later task, s: a worker had begun this task by then
+    deaths: int = 0  # number of workers that died while they ran the task
+    misses: int = 0  # number of replies of workers that lacked a packed object
+    alone: bool = False  # whether no other task may run at the same time
 
 
 class _Dispatcher(Generic[Piece, Result]):
-    """Sends pieces to workers, and yields their results in order."""
+    """Dispatcher that sends tasks to workers, and yields their results in order."""
 
     def __init__(
         self,
@@ -130,14 +137,16 @@ class _Dispatcher(Generic[Piece, Result]):
         self.tick = min(TICK, patience / 4 + PAUSE)
         self.looked = self.heard = time.monotonic()
         self.submissions: dict[int, _Submission] = {}
-        """By the index of the piece, in the order in which they were sent."""
+        """Submissions by the index of the task, in the order in which they were sent."""
         self.refused: deque[int] = deque()
+        self.lacking: deque[tuple[int, _Submission]] = deque()
+        """Indices and next submissions of tasks whose workers lacked a packed object."""
         self.suspects: deque[tuple[int, int]] = deque()
-        """Pieces that may have killed a worker, and how many."""
+        """Indices of tasks that may have killed a worker, each with the number of deaths."""
         self.ready: dict[int, tuple[Result, int]] = {}
-        """Results, and their bytes, by the index of the piece."""
+        """Results, and their size in bytes, by the index of the task."""
         self.records: dict[int, tuple[LogRecord, ...]] = {}
-        """Log records of workers for results that wait, by the index of the piece."""
+        """Log records of workers for results that wait, by the index of the task."""
         self.arrived: queue.SimpleQueue[tuple[int, Future[Reply]]] = queue.SimpleQueue()
 
     def results(self) -> Generator[Result, None, None]:
@@ -156,25 +165,46 @@ class _Dispatcher(Generic[Piece, Result]):
             self._end()
 
     def _send_more(self, wanted: int) -> None:
-        """Send further pieces: a few in reserve for every worker, never all at once, to bound the memory of results."""
+        """Send further tasks, with only a few in reserve for every worker, to limit the memory of results."""
         if self.suspects and not self.submissions:
-            # if a dead worker does not identify its piece, suspects run alone: other pieces must not share the blame
+            # if the task of a dead worker is unknown, possible tasks run alone, so that another death identifies the
+            # task
             index, deaths = self.suspects.popleft()
             self._send(index, _Submission(whole=True, deaths=deaths, alone=True))
         elif not self.suspects and not any(submission.alone for submission in self._first()):
+            self._send_lacking()
             self._send_refused()
-            if not self.refused:
+            if not self.refused and not self.lacking:
                 self._send_new(wanted)
         if self.route.apart and (now := time.monotonic()) - self.looked >= self.tick:
             self.looked = now
             self._send_late(now)
 
     def _first(self) -> Iterator[_Submission]:
-        """Yield the first submission, if there is one; a piece that runs alone is the only one."""
+        """Yield the first submission, if it exists; a task that runs alone is the only submission."""
         return islice(self.submissions.values(), 1)
 
+    def _send_lacking(self) -> None:
+        """Send tasks again whose workers lacked a packed object; after another miss, wait for a task with it."""
+        free = not self._carried()
+        for _ in range(len(self.lacking)):
+            index, submission = self.lacking.popleft()
+            if free:  # workers that have the object must receive tasks, too
+                submission.misses = min(submission.misses, MISSES - 1)
+            carried = self._carried()
+            submission.whole = self.registry.wants(carried)
+            if submission.whole or submission.misses < MISSES:
+                self._send(index, submission)
+            else:
+                self.lacking.append((index, submission))
+
+    def _carried(self) -> int:
+        """Return the number of recent tasks that include packed objects; older ones may be at a stopped worker."""
+        oldest = time.monotonic() - self.patience
+        return sum(submission.whole and submission.sent >= oldest for submission in self.submissions.values())
+
     def _send_refused(self) -> None:
-        """Send refused pieces again, as many as the accepting workers can compute."""
+        """Send refused tasks again, as many as the accepting workers can compute."""
         while self.refused and len(self.submissions) < self.registry.window - 1:
             self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
         if self.refused and not self.submissions:
@@ -183,7 +213,7 @@ class _Dispatcher(Generic[Piece, Result]):
             self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
 
     def _send_new(self, wanted: int) -> None:
-        """Send the next pieces, unless too many are under way, or too many results wait for the one that is wanted."""
+        """Send the next tasks, unless too many are in progress or too many results wait for an earlier one."""
         window = self.registry.window
         while self.next < len(self.pieces) and len(self.submissions) < window:
             if self.next > wanted and (self.held >= HELD or len(self.ready) >= WAITING * window):
@@ -195,7 +225,7 @@ class _Dispatcher(Generic[Piece, Result]):
                 self._send(index, _Submission())
 
     def _send(self, index: int, submission: _Submission) -> None:
-        """Send a piece, for the first time or once more."""
+        """Send a task, for the first time or again."""
         function, arguments = self.work(self.pieces[index])
         future = self.route.send(function, arguments, whole=submission.whole, late=submission.futures)
         submission.futures.append(future)
@@ -207,17 +237,19 @@ class _Dispatcher(Generic[Piece, Result]):
         self.arrived.put((index, future))
 
     def _send_late(self, now: float) -> None:
-        """Send late pieces to unoccupied workers as well; to one more each time the delay doubles."""
-        late = self.patience + LATE * self.registry.typical
+        """Send late tasks also to unoccupied workers; add one more task each time the delay doubles."""
+        # a run of one task has no earlier reply: its worker may have stopped before its first reply
+        known = self.registry.count > 0
+        late = self.patience + LATE * self.registry.typical if known else UNKNOWN * self.patience
         behind, working = [], 0
         for index, submission in self.submissions.items():
-            # no worker reports when it begins: a piece has begun at the latest when replies end
+            # workers do not report the start of a task: the last reply is the latest possible start
             begun = max(submission.sent, self.heard) if submission.begun is None else submission.begun
             if now - begun >= late * 2 ** (len(submission.futures) - 1):
                 behind.append((index, submission))
             else:
                 working += len(submission.futures)
-        for index, submission in behind[: max(self.registry.count - working, 0)]:
+        for index, submission in behind[: max(max(self.registry.count, 1) - working, 0)]:
             submission.whole = True
             self._send(index, submission)
 
@@ -227,10 +259,9 @@ class _Dispatcher(Generic[Piece, Result]):
             index, future = self.arrived.get(timeout=self.tick)
         except queue.Empty:
             return
-        self.heard = time.monotonic()
         submission = self.submissions.get(index)
         if submission is None or future not in submission.futures:
-            return  # a second answer
+            return  # a second reply to the same task
         submission.futures.remove(future)
         error = CancelledError() if future.cancelled() else future.exception()
         if error is not None:
@@ -238,6 +269,7 @@ class _Dispatcher(Generic[Piece, Result]):
             return
         reply = future.result()
         if reply.kind == "done":
+            self.heard = time.monotonic()  # only "done" is progress: other replies must not hide a stopped worker
             if reply.records:
                 self.records[index] = reply.records
             self._note_begun(index)
@@ -247,12 +279,12 @@ class _Dispatcher(Generic[Piece, Result]):
             return
         forward(reply.records)
         if submission.futures:
-            return  # another worker computes it
+            return  # another worker computes the task
         if reply.kind == "missing":
             self.registry.missing(reply.worker)
             del self.submissions[index]
-            whole = self.registry.wants(sum(other.whole for other in self.submissions.values()))
-            self._send(index, _Submission(whole=whole, deaths=submission.deaths, alone=submission.alone))
+            again = _Submission(deaths=submission.deaths, misses=submission.misses + 1, alone=submission.alone)
+            self.lacking.append((index, again))
         else:
             self.registry.refuse(reply.worker)
             self.route.refused(reply.worker)
@@ -273,7 +305,7 @@ class _Dispatcher(Generic[Piece, Result]):
         submission.deaths += 1
         self._leave(index)
         if submission.deaths >= DEATHS:
-            reason = f"the process that computed it ended unexpectedly, and so did that of a second attempt ({reason})"
+            reason = f"its worker process ended unexpectedly in two attempts ({reason})"
             self._add_result(index, self.lost(self.pieces[index], reason))
         elif self.route.names_the_dead:
             self._send(index, _Submission(whole=True, deaths=submission.deaths))
@@ -281,7 +313,7 @@ class _Dispatcher(Generic[Piece, Result]):
             self.suspects.append((index, submission.deaths))
 
     def _note_begun(self, index: int) -> None:
-        """Note that pieces sent before this one are running."""
+        """Record that tasks sent before this one are running."""
         for other, submission in self.submissions.items():
             if other == index:
                 return
@@ -298,14 +330,14 @@ class _Dispatcher(Generic[Piece, Result]):
         self.held += size
 
     def _end(self) -> None:
-        """Cancel what is under way, and keep what is finished."""
+        """Cancel tasks in progress, and store finished ones."""
         for index, submission in self.submissions.items():
             for future in submission.futures:
                 if future.cancel() or not future.done() or future.cancelled() or future.exception() is not None:
                     continue
                 reply = future.result()
                 if reply.kind == "done":
-                    with contextlib.suppress(StudyError):  # the error that ended the run is raised instead
+                    with contextlib.suppress(StudyError):  # raise the error that ended the run instead
                         self.keep(self.pieces[index], reply.result, self.laps())
                     self.records[index] = reply.records
                     break
@@ -314,7 +346,7 @@ class _Dispatcher(Generic[Piece, Result]):
 
 
 def size_of(value: object) -> int:
-    """Return the approximate number of bytes of a result: its arrays, and some for each object.
+    """Return the approximate size of a result, bytes: the size of its arrays, plus an allowance for each object.
 
     >>> size_of({"a": np.zeros(1000)}) // 1000
     8

@@ -1,4 +1,4 @@
-"""What a run with a budget has spent: realisations are counted before they are computed, and none is computed twice."""
+"""Ledger of a run with a budget: realisations are counted before their computation, and each is computed once."""
 
 from __future__ import annotations
 
@@ -16,56 +16,56 @@ from uqmbd.typing import Array
 __all__ = ["LIMIT", "BudgetSpent", "Ledger"]
 
 LIMIT = 200_000_000
-"""Bytes of finished chunks that are held in memory for the next size of a method, beside those of a checkpoint."""
+"""Maximum size of finished chunks in memory for the next size of a method, bytes, without chunks of a checkpoint."""
 
 
 class BudgetSpent(BaseException):
-    """The next piece of work would exceed the budget.
+    """The next task would exceed the budget.
 
-    No `Exception`: a method that goes on without some realisations must not go on without these.
+    The class is not an `Exception`: a method that tolerates missing realisations must not continue without these.
     """
 
 
 @dataclass
 class Ledger:
-    """Count of what a method computes at its several sizes, with limits on realisations and time.
+    """Count the realisations of a method over all of its sizes, with limits on their number and on time.
 
     >>> ledger = Ledger(most=100)
     >>> ledger.begin(64)
     >>> ledger.begin(64)
     Traceback (most recent call last):
         ...
-    uqmbd.propagation.execution.ledger.BudgetSpent: 64 realisations are needed, and 36 are left
+    uqmbd.propagation.execution.ledger.BudgetSpent: 64 realisations are needed, but only 36 remain
     """
 
-    most: float = float("inf")  # realisations that may be computed in total
-    until: float = float("inf")  # reading of the clock after which no work begins
+    most: float = float("inf")  # maximum number of computed realisations in total
+    until: float = float("inf")  # reading of the clock after which no new task begins, s
     clock: Callable[[], float] = time.monotonic  # s
-    spent: int = 0  # realisations that were computed
-    reused: int = 0  # realisations that were needed and known
-    computing: float = 0.0  # seconds of the computed realisations
-    done: int = 0  # finished realisations, computed or known
+    spent: int = 0  # number of computed realisations
+    reused: int = 0  # number of needed realisations that were already computed
+    computing: float = 0.0  # computing time of the realisations, s
+    done: int = 0  # number of finished realisations, computed or reused
     _chunks: dict[str, Chunk] = field(default_factory=dict, repr=False)
     _held: int = 0
     _running: int = 0
     _last: float = 0.0
 
     def begin(self, count: int = 0) -> None:
-        """Count realisations that are about to be computed (0: other work); raise BudgetSpent beyond the budget."""
+        """Count realisations before their computation (0: another task); raise BudgetSpent beyond the budget."""
         if self.spent + count > self.most:
-            raise BudgetSpent(f"{count} realisations are needed, and {self.most - self.spent:g} are left")
+            raise BudgetSpent(f"{count} realisations are needed, but only {self.most - self.spent:g} remain")
         if self.clock() >= self.until:
-            raise BudgetSpent("the time is over")
+            raise BudgetSpent("the time limit is reached")
         self.spent += count
         if count:
             self._last = self.clock() if not self._running else self._last
             self._running += 1
 
     def find(self, part: Array, key: Callable[[Array], str], *, join: bool) -> Chunk | None:
-        """Return a chunk at inputs (K, input) that was computed for another size of the method.
+        """Return a chunk at inputs (K, input) that another size of the method computed.
 
-        `key` maps inputs to the name of their chunk. With `join`, where a realisation does not depend on the others in
-        its chunk, smaller chunks make up a larger one.
+        `key` maps inputs to the name of their chunk. If `join` is true, smaller chunks may be joined to a larger one.
+        Joining requires that a realisation does not depend on the others in its chunk.
         """
         found, size = self._chunks.get(key(part)), CHUNK
         while found is None and join and self._chunks and size < len(part):
@@ -75,18 +75,18 @@ class Ledger:
         return found
 
     def reuse(self, count: int) -> None:
-        """Count realisations that are there already."""
+        """Count realisations that are reused."""
         self.reused += count
         self.done += count
 
     def finish(self, count: int) -> None:
-        """Note realisations that were computed."""
+        """Record finished realisations."""
         self.done += count
         now = self.clock()
         self.computing, self._last, self._running = self.computing + now - self._last, now, max(self._running - 1, 0)
 
     def keep(self, key: str, chunk: Chunk) -> None:
-        """Note a chunk that was computed; hold it, if there is room."""
+        """Record a finished chunk, and store it in memory if its size does not exceed `LIMIT`."""
         self.finish(len(chunk.status))
         size = chunk.response.nbytes + (0 if chunk.margins is None else chunk.margins.running.nbytes)
         if self._held + size <= LIMIT and key not in self._chunks:

@@ -1,9 +1,9 @@
-"""The script that is run, as worker processes see it: they import it only where they need something that it defines.
+"""Run the main script in a worker process only if a task uses an object from the script.
 
-Processes of `multiprocessing` import the main script of their parent when they start. So a script that starts processes
-must guard this by ``if __name__ == "__main__":``. The workers of uqmbd need the script only where a function or class
-of its own is a part of the work, which is rare. So they start without it, and where it is needed it is run as far as
-the line that started the work; what it defines before that line is there.
+Processes of `multiprocessing` import the main script of their parent when they start. A script that starts processes
+must therefore start them under ``if __name__ == "__main__":``. The workers of uqmbd need the script only if a task uses
+a function or class from the script, which is rare. Workers start without the script. At the first use, a worker runs
+the script up to the line that started the workers; all definitions before that line are then available.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from uqmbd.errors import StudyError
 __all__ = ["Script", "adopt", "find_main_script", "refuse_workers_of_workers", "spawning"]
 
 _NAME = "__mp_main__"
-"""Under which `multiprocessing` imports the main script; a guard ``if __name__ == "__main__":`` then does not hold."""
+"""Module name of the main script in a child process: a guard ``if __name__ == "__main__":`` is then false."""
 
 _lock = threading.Lock()
 
@@ -34,16 +34,16 @@ _lock = threading.Lock()
 class Script:
     """Location of the main script of a process."""
 
-    module: str  # name, if it was started as a module (``python -m``); else empty
-    path: str  # file, if it was not started as a module
+    module: str  # name of a script that was started as a module (``python -m``); otherwise empty
+    path: str  # file of a script that was not started as a module
 
 
 class _ScriptEnds(SystemExit):
-    """A worker has imported the script as far as the line that started the work: the rest is not its business."""
+    """A worker has reached the line of the script that started the workers, and does not run the rest."""
 
 
 def find_main_script() -> Script | None:
-    """Return the main script of this process; None where there is none, as in a notebook."""
+    """Return the main script of this process; None in a notebook, for example."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is not None:
@@ -53,10 +53,10 @@ def find_main_script() -> Script | None:
 
 
 class _SpawnProcess(multiprocessing.context.SpawnProcess):
-    """A process that does not import the main script when it starts."""
+    """Process that does not import the main script at its start."""
 
     @staticmethod
-    def _Popen(process_obj: Any) -> Any:  # noqa: N802 - the name is that of multiprocessing
+    def _Popen(process_obj: Any) -> Any:  # noqa: N802 - multiprocessing prescribes the name
         with _unmentioned():
             return multiprocessing.context.SpawnProcess._Popen(process_obj)
 
@@ -66,13 +66,13 @@ class _SpawnContext(multiprocessing.context.SpawnContext):
 
 
 def spawning() -> multiprocessing.context.SpawnContext:
-    """Return how worker processes are started: afresh, and without the main script."""
+    """Return the start method of worker processes: spawned processes that do not import the main script."""
     return _SpawnContext()
 
 
 @contextmanager
 def _unmentioned() -> Iterator[None]:
-    """Hide where the main script is from `multiprocessing`, which else tells new processes to import it."""
+    """Hide the path of the main script from `multiprocessing`: new processes would otherwise import the script."""
     main = sys.modules["__main__"]
     with _lock:
         hidden: dict[str, Any] = {name: vars(main)[name] for name in ("__spec__", "__file__") if name in vars(main)}
@@ -85,15 +85,15 @@ def _unmentioned() -> Iterator[None]:
 
 
 def adopt(script: Script | None) -> None:
-    """Let a worker import the script when it first needs something of it."""
+    """Make a worker import the script at the first use of an object from it."""
     if script is not None:
         sys.modules["__main__"] = sys.modules[_NAME] = _Deferred(script)
 
 
 def refuse_workers_of_workers() -> None:
-    """End the import of the script where a worker reaches the line that started it.
+    """End the import of the script in a worker at the line that started the worker.
 
-    Raise StudyError if a worker reaches such a line elsewhere.
+    Raise StudyError if a worker tries to start workers in any other place, for example in an imported module.
     """
     frame = inspect.currentframe()
     while frame is not None:
@@ -102,13 +102,13 @@ def refuse_workers_of_workers() -> None:
         frame = frame.f_back
     if isinstance(sys.modules.get("__main__"), _Deferred):
         raise StudyError(
-            "A worker process cannot start further workers. A module that a study needs must start studies only "
-            'when it is run itself: put that line under if __name__ == "__main__":'
+            "A worker process cannot start further workers. A module must start studies only when it runs as the main "
+            'script: put that line under if __name__ == "__main__":'
         )
 
 
 class _Deferred(types.ModuleType):
-    """The main script in a worker: it is run when something of it is asked for."""
+    """Main script in a worker; the script runs at the first use of one of its objects."""
 
     def __init__(self, script: Script) -> None:
         super().__init__(_NAME)

@@ -1,4 +1,4 @@
-"""Resumed runs: compare options and study with those of the stored chunks, and warn of differences."""
+"""Resumed runs: compare options and study with the stored chunks, and warn of differences."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ Options = dict[str, dict[str, str]]
 """Values of options, as text, by method."""
 
 RECORD = "asked.json"
-"""File with the requested options, next to the finished chunks."""
+"""Name of the file with the requested options, next to the finished chunks."""
 
 WIDTH = 40
 """Largest number of characters of an option value in a message."""
 
 
 def study_digest(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> str:
-    """Return a hash of everything that the results of all methods of a study depend on, including distributions."""
+    """Return a hash of all data that affect the results of the methods of a study, including distributions."""
     text = hashlib.sha256(fingerprint(model, inputs, (rtol, integrator), (times.tobytes(),)))
     if len(inputs):
         text.update(inputs.from_uniform(np.full((1, len(inputs)), 0.3)).tobytes())
@@ -49,10 +49,11 @@ def warn_of_changes(
     resume: bool,
     stacklevel: int,
 ) -> None:
-    """Record study and options of a run, and warn if the stored data in the folder belong to others.
+    """Record study and options of a run, and warn if the data in the folder are from another study or other options.
 
-    `study` is its digest; `methods` holds options by label; `extended` the names of options, by label, whose other
-    values continue the stored data. `stacklevel` is that of `warnings.warn`.
+    `study` is the digest of the study; `methods` contains the options by label. `extended` contains, by label, the
+    names of options that may change without a restart: the run continues the stored data. `stacklevel` has the same
+    meaning as in `warnings.warn`.
     """
     asked = {label: {name: _text(value) for name, value in options.items()} for label, options in methods.items()}
     place = folder / FOLDER / RECORD
@@ -60,7 +61,7 @@ def warn_of_changes(
     for sentence in [] if before is None else _differences(before, study, asked, extended, place.parent):
         warnings.warn(sentence, StudyWarning, stacklevel=stacklevel + 1)
     known = before[1] if before is not None and before[0] == study else {}
-    # the first chunk that must be written reports a full disk
+    # ignore an error, because the write of the first chunk reports a full disk
     with contextlib.suppress(OSError):
         place.parent.mkdir(parents=True, exist_ok=True)
         with replacing(place) as part:
@@ -82,23 +83,23 @@ def _differences(
     extended: Mapping[str, Collection[str]],
     place: Path,
 ) -> list[str]:
-    """Return a sentence for each method that restarts from the beginning."""
+    """Return a sentence for each method whose stored data are missing or have other options."""
     if before[0] != study:
         return [
-            f"resume: what is kept in {place} is that of another study (mechanism, inputs, times, tolerance, "
-            "integrator or version of uqmbd): it is not used, and all begins anew."
+            f"resume: the data in {place} belong to another study (mechanism, inputs, times, tolerance, integrator or "
+            "version of uqmbd). They are not used, and the run starts from the beginning."
         ]
     sentences = []
     for label, options in asked.items():
         if (earlier := before[1].get(label)) is None:
-            sentences.append(f"resume: nothing of {label} is kept in {place}; it begins anew.")
+            sentences.append(f"resume: {place} contains no data of {label}; this method starts from the beginning.")
             continue
         fixed = (options.keys() | earlier.keys()) - set(extended.get(label, ()))
         if changed := sorted(name for name in fixed if options.get(name) != earlier.get(name)):
             values = " and ".join(f"{name}={_short(options, name)}, not {_short(earlier, name)}" for name in changed)
             sentences.append(
-                f"resume: {label} has {values} as what is kept in {place}: it begins anew where realisations are not "
-                "the same."
+                f"resume: {label} has options that differ from the data of {place} ({values}), and recomputes the "
+                "realisations that depend on them."
             )
     return sentences
 
@@ -109,7 +110,7 @@ def _short(options: Mapping[str, str], name: str) -> str:
 
 
 def _text(value: Any) -> str:
-    """Return the value of an option as text that is equal in every process."""
+    """Return the value of an option as a text that is the same in every process."""
     return re.sub(r" at 0x[0-9a-fA-F]+", "", json.dumps(value, default=_plain, sort_keys=True, ensure_ascii=False))
 
 

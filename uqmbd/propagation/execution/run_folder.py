@@ -1,4 +1,4 @@
-"""The folder of a run: one run at a time, and results of an earlier one are set aside."""
+"""Folder of a run: lock the folder for one run at a time, and move results of an earlier run to another folder."""
 
 from __future__ import annotations
 
@@ -36,27 +36,28 @@ __all__ = ["claimed", "output_folder", "set_aside", "writable"]
 
 _LOCK = ".uqmbd-lock"
 _BYTE = 1 << 20
-"""Where a lock of Windows lies: beyond the text, which others then can read."""
+"""Offset of the locked byte on Windows: other processes can then read the text before it."""
 
 _RESULT = "results.nc"
 _BESIDE = ("report.html", "motion.nc", "pose_surrogate.nc")
 
 _WRITTEN = re.compile(r"[^/\\.][^/\\]*\.nc|report\.html|" + FIGURES)
-"""What a command may write into a folder."""
+"""Names of the files and folders that a command may write."""
 
 _OWNER = re.compile(rb"process \d+ on [^\0\n]*, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
-"""What is in a lock."""
+"""Content of a lock file."""
 
 _held: set[tuple[Path, int]] = set()
-"""Folders that threads of this process have claimed."""
+"""Folders that threads of this process have locked."""
 
 
 @contextlib.contextmanager
 def claimed(folder: Path | None) -> Iterator[None]:
-    """Lock a folder for one run, while the context lasts and the process lives; a thread may lock it several times.
+    """Lock a folder for one run within the context; a thread may lock it several times.
 
-    The folder is made if it does not exist; None: nothing is locked. The operating system ends the lock with the
-    process. Raise StudyError if another run holds it: its process, and the remedy.
+    The folder is created if it does not exist. If `folder` is None, nothing is locked. The operating system releases
+    the lock when the process ends. Raise StudyError if another run has locked the folder; the message states the
+    process and the remedy.
     """
     if folder is None:
         yield
@@ -74,7 +75,7 @@ def claimed(folder: Path | None) -> Iterator[None]:
         yield
     finally:
         _held.discard(claim)
-        with contextlib.suppress(OSError):  # Windows does not remove what is open
+        with contextlib.suppress(OSError):  # Windows does not remove open files
             lock.unlink()
         os.close(handle)
 
@@ -84,7 +85,7 @@ def _locked(folder: Path, lock: Path) -> int:
         made = _made(folder, lock)
         try:
             handle = no_link(lock, os.O_RDWR) if made is None else made
-        except FileNotFoundError:  # whoever held it has removed it
+        except FileNotFoundError:  # the other run has removed its lock
             continue
         except OSError as error:  # a link, or a folder
             raise _not_a_lock(lock) from error
@@ -95,7 +96,7 @@ def _locked(folder: Path, lock: Path) -> int:
                 raise _not_a_lock(lock)
             if not _lock(handle):
                 raise _taken(folder, _read(handle))
-            # whoever held it may have removed the file after it was opened here
+            # the other run may have removed the file after this process opened it
             with contextlib.suppress(FileNotFoundError):
                 if os.path.samestat(os.fstat(handle), lock.lstat()):
                     _write(handle)
@@ -107,20 +108,20 @@ def _locked(folder: Path, lock: Path) -> int:
 
 
 def _made(folder: Path, lock: Path) -> int | None:
-    """Make a lock that says whose it is, and is held, from the moment at which it has its name; None: there is one."""
+    """Make a lock file that names this process and is locked from the start; return None if a lock file exists."""
     if os.path.lexists(lock):
         return None
     with scratch(folder) as place:
         part = place / "new"
         try:
             handle = no_link(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
-        except FileNotFoundError:  # another run has the folder, and swept this
+        except FileNotFoundError:  # another run has locked the folder, and removed this file
             return None
         try:
             _write(handle)
             _lock(handle)
             os.link(part, lock)
-        except (FileExistsError, FileNotFoundError):  # likewise
+        except (FileExistsError, FileNotFoundError):  # another run was faster
             os.close(handle)
             return None
         except OSError as error:
@@ -129,7 +130,7 @@ def _made(folder: Path, lock: Path) -> int | None:
                 raise
         else:
             return handle
-    # a file system without links
+    # the file system does not support links
     try:
         handle = no_link(lock, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     except FileExistsError:
@@ -140,7 +141,7 @@ def _made(folder: Path, lock: Path) -> int | None:
 
 
 def _lock(handle: int) -> bool:
-    """Lock an open file, or say that another process has."""
+    """Lock an open file; return whether no other process has locked it."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -158,7 +159,8 @@ def _lock(handle: int) -> bool:
         return False
     except OSError as error:
         warnings.warn(
-            f"this file system has no locks ({error.strerror}), so nothing keeps a second run out of the folder.",
+            f"The file system of the run folder does not support locks ({error.strerror}). Do not start a second run "
+            "with the same folder.",
             stacklevel=2,
         )
     return True
@@ -166,7 +168,7 @@ def _lock(handle: int) -> bool:
 
 def _write(handle: int) -> None:
     text = f"process {os.getpid()} on {socket.gethostname()}, since {datetime.now():%Y-%m-%d %H:%M:%S}".encode()
-    # in this order: whoever is killed in between leaves what is known as a lock
+    # the order matters: a process that is killed in between leaves a file that is recognised as a lock
     os.lseek(handle, 0, os.SEEK_SET)
     os.write(handle, text)
     os.ftruncate(handle, len(text))
@@ -183,26 +185,26 @@ def _read(handle: int) -> str:
 
 def _not_a_lock(lock: Path) -> StudyError:
     return StudyError(
-        f"{lock} is in the way: uqmbd keeps other runs out of the folder by a file of this name, and did not write "
-        "what is there. It is left as it is, and nothing was computed. Remove it, or give another folder (--out DIR; "
-        "in Python: folder=)."
+        f"{lock} exists, but uqmbd did not write it. uqmbd needs this file name to lock the folder. Nothing was "
+        "changed or computed. Remove the file, or use another folder (--out DIR; in Python: folder=)."
     )
 
 
 def _taken(folder: Path, owner: str) -> StudyError:
     return StudyError(
-        f"{folder}: another run writes into this folder ({owner}). Wait until it has ended, or end it, or give this "
-        "run a folder of its own (--out DIR; in Python: folder=)."
+        f"{folder}: another run writes into this folder ({owner}). Wait until it ends, stop it, or use another "
+        "folder for this run (--out DIR; in Python: folder=)."
     )
 
 
 def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: Collection[str] = ()) -> Path | None:
-    """Move the results of an earlier run away and return their folder, or None; files of others stay where they are.
+    """Move the results of an earlier run to another folder and return it, or None; other files stay in place.
 
-    Results in the manifest go to ``previous``, replacing those there. Others that uqmbd can have written go to a new
-    folder ``previous-N``. `needed` are the names that the run will write, `stores` those of stores of samples that it
-    may write or continue. Raise StudyError, before anything is moved, if one of these names, or that of the chunks of a
-    run, belongs to something else.
+    Results in the manifest move to ``previous``, and replace the content of ``previous``. Other files that uqmbd may
+    have written move to a new folder ``previous-N``. `needed` contains the names that the run will write; `stores`
+    contains the names of sample stores that the run may write or continue. The function also checks the name of the
+    chunk folder. If uqmbd did not write an existing file with one of these names, raise StudyError before the first
+    move.
     """
     check_unfinished(folder)
     check_names(folder, stores)
@@ -213,7 +215,7 @@ def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: C
         others = [name for name in (*_BESIDE, *stores) if is_recognised(folder / name)]
         names = list(dict.fromkeys([_RESULT, *names, *ours, *others]))
     else:
-        # results of another command that are written again
+        # results of another command that this run writes again
         earlier = [name for name in in_manifest(folder) if name in needed or name.partition("/")[0] in needed]
         names = list(dict.fromkeys([*names, *(name for name in earlier if is_ours(folder, name))]))
     try:
@@ -222,37 +224,37 @@ def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: C
     except OSError as error:
         where = error.filename or folder
         raise StudyError(
-            f"{where} cannot be written: {error.strerror or error}. Nothing was computed; what was in {folder} is "
-            "there, or in a folder previous-N there."
+            f"{where} cannot be written: {error.strerror or error}. Nothing was computed. The previous content of "
+            f"{folder} is unchanged, or is in its subfolder previous-N."
         ) from error
 
 
 @contextlib.contextmanager
 @typechecked
 def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Iterator[Path]:
-    """Hold the folder that a command writes into, without loss of anything that the user has there.
+    """Lock the output folder of a command, and preserve all files of the user in it.
 
-    Results of uqmbd of these names are moved to ``previous`` or ``previous-N`` within the folder, with a note on the
-    standard error.  What is written under these names is noted in the manifest of the folder, so that a later command
-    may replace it.  No other run writes into the folder meanwhile.
+    Existing results of uqmbd with these names are moved to ``previous`` or ``previous-N`` within the folder, with a
+    note on the standard error. The manifest of the folder records the new files with these names, so that a later
+    command may replace them. No other run can write into the folder within the context.
 
     Parameters
     ----------
     folder : path-like
-        Made if it does not exist.
+        Folder to write into; it is created if missing.
     names : collection of str
-        What the command writes there: files of results, which end in ``.nc``, ``report.html``, and ``figures``.
+        Names that the command writes: files of results (``.nc``), ``report.html``, and ``figures``.
 
     Yields
     ------
     pathlib.Path
-        The folder.
+        Path of the folder.
 
     Raises
     ------
     uqmbd.StudyError
-        If the folder cannot be written, another run writes into it, or one of the names is taken by something that
-        uqmbd did not write.  Then nothing was moved.
+        If the folder is not writable, another run writes into it, or a file with one of the names exists that uqmbd did
+        not write. In these cases, no file is moved.
 
     Examples
     --------
@@ -275,31 +277,32 @@ def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Ite
     with claimed(place):
         previous = set_aside(place, names)
         if previous is not None:
-            print(f"Note: the results that were in {place} are in {previous} now.", file=sys.stderr, flush=True)
+            print(f"Note: the previous results in {place} were moved to {previous}.", file=sys.stderr, flush=True)
         try:
             yield place
         finally:
-            # a command that ended early may have found others' files there
+            # if the command ended early, the folder may contain files of other programs
             there = [name for name in names if name != FIGURES and is_recognised(place / name)]
-            with contextlib.suppress(OSError):  # a disk that is full; the error that was first matters
+            with contextlib.suppress(OSError):  # the disk may be full; the first error matters
                 record(place, there, stated=True)
 
 
 def writable(folder: str | os.PathLike[str]) -> Path:
-    """Return a folder in which files can be made, before anything is computed for it."""
+    """Return a folder as a path after a check that files can be created in the folder."""
     try:
         place = Path(folder)
     except TypeError:
         raise StudyError(f"output_folder: the folder is {folder!r}; expected a path.") from None
-    # pathlib raises where a folder on the way may not be searched; os.path takes it for nothing that is there
+    # without the permission to search a parent folder, pathlib raises an error, but os.path reports a missing path
     if os.path.exists(place) and not os.path.isdir(place):
-        raise StudyError(f"--out {place} is a file; a folder is expected, which is made if it does not exist.")
+        raise StudyError(f"--out {place} is a file; expected a folder, which uqmbd creates if it does not exist.")
     try:
         place.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=place):
             pass
     except (OSError, ValueError) as error:  # ValueError: a null character
         raise StudyError(
-            f"--out {place}: this folder cannot be written ({getattr(error, 'strerror', None) or error})."
+            f"--out {place}: uqmbd cannot write to this folder ({getattr(error, 'strerror', None) or error}). Use "
+            "another folder."
         ) from error
     return place

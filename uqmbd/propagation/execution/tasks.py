@@ -1,4 +1,4 @@
-"""Tasks that are no chunks of realisations: computed by all workers, in order, and stored while a run is unfinished."""
+"""Compute tasks other than chunks of realisations: results are returned in order; an unfinished run stores them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Model
+from uqmbd.dynamics import Model, compute_code_key
 from uqmbd.errors import IntegrationError
 from uqmbd.propagation.execution.checkpoints import Checkpoint
 from uqmbd.propagation.execution.cost import CostClock
@@ -33,7 +33,7 @@ def run_tasks(
     function: Callable[..., Arrays],
     tasks: Sequence[tuple[Any, ...]],
 ) -> Iterator[Arrays]:
-    """Yield ``function(model, *task)`` for each task, in their order; see `uqmbd.extend.Problem.run`."""
+    """Yield ``function(model, *task)`` for each task, in the order of the tasks; see `uqmbd.extend.Problem.run`."""
     names = [_name(fingerprint, function, task) for task in tasks]
 
     def known(piece: tuple[str, tuple[Any, ...]]) -> Arrays | None:
@@ -56,8 +56,8 @@ def run_tasks(
     def lost(piece: tuple[str, tuple[Any, ...]], reason: str) -> Arrays:
         number, name = names.index(piece[0]) + 1, f"{function.__module__}.{function.__qualname__}"
         raise IntegrationError(
-            f"{label}: task {number} of {len(tasks)} of {name} was lost: {reason}. With workers=1 an error shows where "
-            "it happens."
+            f"{label}: task {number} of {len(tasks)} of {name} was lost: {reason}. Run with workers=1 to see the "
+            "error and its place."
         )
 
     return run_in_order(list(zip(names, tasks, strict=True)), executor, known, work, keep, lost)
@@ -70,7 +70,7 @@ def _call(function: Callable[..., Arrays], packed: Packed, task: tuple[Any, ...]
 
 
 NAMED = {"uqmbd.propagation.execution.histories": "uqmbd.propagation.histories"}
-"""Former names of modules, under which earlier runs stored tasks of their functions."""
+"""Former names of modules: earlier runs stored the tasks of functions under these names."""
 
 
 def _name(fingerprint: bytes, function: Callable[..., Arrays], task: tuple[Any, ...]) -> str:
@@ -78,4 +78,5 @@ def _name(fingerprint: bytes, function: Callable[..., Arrays], task: tuple[Any, 
     text = hashlib.sha256(f"{module}.{function.__qualname__}".encode())
     text.update(pickle.dumps(task))
     text.update(fingerprint)
+    text.update(compute_code_key(function).encode())
     return f"{text.hexdigest()[:32]}.task.npz"

@@ -1,7 +1,7 @@
-"""Who computes: this process, threads or processes of our own, or whoever the user brings.
+"""Executors: this process, its threads or child processes, or an executor of the user.
 
-Threads start at once, share compiled code and return results without a copy. However, only one of them at a time can
-run Python: they do what is computed outside of it, and processes the rest.
+Threads start at once, share compiled code and return results without a copy. However, only one thread at a time can run
+Python. Threads therefore run compiled code, and processes run tasks that require Python.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ Result = TypeVar("Result")
 
 
 class WorkerPool(Executor):
-    """Executor of `count` threads and `count` processes, of which each kind starts when there is work for it.
+    """Executor of `count` threads and `count` processes; each kind starts at its first task.
 
-    As an executor it submits to processes; `executor_for` chooses.
+    The method `submit` uses processes; the function `executor_for` chooses between threads and processes.
     """
 
     def __init__(self, count: int) -> None:
@@ -42,19 +42,19 @@ class WorkerPool(Executor):
 
     @property
     def started(self) -> bool:
-        """Whether any of the processes has started."""
+        """Return whether any of the processes has started."""
         return self._processes is not None and self._processes.started
 
     @property
     def threads(self) -> Executor:
-        """Threads of this process."""
+        """Return the executor of threads."""
         if self._threads is None:
             self._threads = ThreadPoolExecutor(self._count, "uqmbd")
         return self._threads
 
     @property
     def processes(self) -> Executor:
-        """Separate processes."""
+        """Return the executor of processes."""
         if self._processes is None:
             self._processes = Processes(self._count, _start_process)
         return self._processes
@@ -62,11 +62,11 @@ class WorkerPool(Executor):
     def submit(
         self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
-        """Give work to a process."""
+        """Submit a call to a process."""
         return self.processes.submit(fn, *args, **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all; what has begun is finished."""
+        """End all threads and processes after their running tasks."""
         for executor in (self._threads, self._processes):
             if executor is not None:
                 executor.shutdown(wait=wait, cancel_futures=cancel_futures)
@@ -74,9 +74,9 @@ class WorkerPool(Executor):
 
 
 def executor_for(given: Executor | None, *, unlocked: bool) -> Executor | None:
-    """Return the executor for a call: threads of a `WorkerPool` if `unlocked`, else its processes; or the given one.
+    """Return threads of a `WorkerPool` if `unlocked`, otherwise its processes; return any other executor unchanged.
 
-    Unlocked calls compute without the interpreter lock.
+    Unlocked calls release the interpreter lock during the computation.
     """
     if not isinstance(given, WorkerPool):
         return given
@@ -90,10 +90,10 @@ def threads_of(given: Executor | None) -> Executor | None:
 
 @contextmanager
 def opened(workers: int | Executor) -> Iterator[Executor | None]:
-    """Yield the executor for consecutive pieces of work: None (this process), a `WorkerPool`, or the given one.
+    """Yield the executor for consecutive tasks: None (this process), a `WorkerPool`, or the given executor.
 
-    The context ends the threads and processes of a `WorkerPool`; a given executor stays open. Raise StudyError for
-    anything else than a number of workers or an executor.
+    The context ends the threads and processes of a `WorkerPool`; a given executor stays open. Raise StudyError if
+    `workers` is neither a number of workers nor an executor.
     """
     if isinstance(workers, Executor):
         yield workers
@@ -112,7 +112,7 @@ def opened(workers: int | Executor) -> Iterator[Executor | None]:
 
 @contextmanager
 def explained(executor: Executor | None) -> Iterator[None]:
-    """Raise IntegrationError, with what to try, if a process dies or the executor of a user gives up."""
+    """Raise IntegrationError with advice if a process dies or the executor of a user fails."""
     try:
         yield
     except Exception as error:
@@ -120,19 +120,19 @@ def explained(executor: Executor | None) -> Iterator[None]:
             raise
         if isinstance(executor, WorkerPool):
             raise IntegrationError(
-                "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
-                "Try fewer workers; with workers=1 an error shows where it happens."
+                "A worker process ended unexpectedly; it may have run out of memory or been killed. Try fewer "
+                "workers, or run with workers=1 to see the error and its place."
             ) from error
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
         raise IntegrationError(
-            f"The executor has ended ({reason}); perhaps its scheduler or its workers have stopped. Finished results "
-            "are kept if the run has a folder: start the workers again, and go on with --resume (in "
-            "Python: resume=True)."
+            f"The executor has ended ({reason}); its scheduler or its workers may have stopped. If the "
+            "run has a folder, it contains the finished results. Restart the workers, and continue "
+            "with --resume (in Python: resume=True)."
         ) from error
 
 
 def _has_ended(executor: Executor, error: Exception) -> bool:
-    """Whether an error says that an executor has ended: those of Python's executors, and of the executor's package."""
+    """Return whether an error, from Python or from the executor's package, reports that an executor has ended."""
     if isinstance(error, BrokenExecutor):
         return True
     package = type(executor).__module__.partition(".")[0]
@@ -143,24 +143,24 @@ def _has_ended(executor: Executor, error: Exception) -> bool:
 @contextmanager
 @typechecked
 def pool(workers: int | Executor) -> Iterator[Executor | None]:
-    """Yield who does one piece of work: what `Study.problem` takes as its executor.
+    """Yield the executor of one run: the argument `executor` of `Study.problem`.
 
     Parameters
     ----------
     workers : int or concurrent.futures.Executor
-        Number of workers, threads or processes, which end with the context; or an executor, which is left open.
+        Number of workers (threads or processes), which end with the context; or an executor, which stays open.
 
     Yields
     ------
     concurrent.futures.Executor or None
-        None where this process does the work alone.
+        Executor of the run; None if the calling process computes everything.
 
     Raises
     ------
     uqmbd.StudyError
-        If `workers` is neither, or the processes cannot start.
+        If `workers` is neither a number nor an executor, or the processes cannot start.
     uqmbd.IntegrationError
-        If a process dies, or the executor gives up.
+        If a process ends unexpectedly, or the executor fails.
 
     Examples
     --------
@@ -173,10 +173,10 @@ def pool(workers: int | Executor) -> Iterator[Executor | None]:
 
 
 def _start_process() -> tuple[ProcessPoolExecutor, Any]:
-    """Make a pool of one process, and a shared integer: its number, when it has started."""
+    """Start a pool of one process; return the pool and a shared integer, the process number after the start."""
     from concurrent.futures import ProcessPoolExecutor
 
-    # OpenMP runtimes do not survive a fork; threads on small blocks cost more than they give
+    # OpenMP runtimes do not survive a fork; on small blocks several threads are slower than one
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     context = spawning()
     started = context.Value("q", 0)
@@ -185,12 +185,12 @@ def _start_process() -> tuple[ProcessPoolExecutor, Any]:
 
 
 MOST_WORKERS = 10_000
-"""More processes no computer starts."""
+"""Maximum number of processes: no computer starts more."""
 
 
 def _count(workers: object) -> int:
     try:
-        count = operator.index(workers)  # type: ignore[arg-type]  # that is the question
+        count = operator.index(workers)  # type: ignore[arg-type]  # this line tests the type of `workers`
     except TypeError:
         count = 0
     if not 1 <= count <= MOST_WORKERS or isinstance(workers, bool):
@@ -203,7 +203,7 @@ def _count(workers: object) -> int:
 
 
 def _start(started: Any, script: Script | None) -> None:
-    """Begin the life of a worker: Ctrl-C is the parent's business, which ends its workers in order, or leaves them."""
+    """Initialise a worker; the worker ignores Ctrl-C, because the parent process ends its workers in an orderly way."""
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     adopt(script)

@@ -1,4 +1,4 @@
-"""What a method of propagation is."""
+"""Interface of propagation methods."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ __all__ = ["Propagator", "check_propagators", "labelled"]
 
 @dataclass(frozen=True, kw_only=True)
 class Propagator(ABC):
-    """A method that turns a problem into results; its options are its fields.
+    """Method that computes results of a problem; the fields of the class are the options.
 
     A subclass is a frozen dataclass with keyword-only fields and a class attribute `name`.
 
     Parameters
     ----------
     label : str, optional
-        Name of its results; default the registered name of the method.
+        Name of the results. Default: the registered name of the method.
 
     Raises
     ------
@@ -47,19 +47,22 @@ class Propagator(ABC):
 
     name: ClassVar[str]
     requirements: ClassVar[bool] = False
-    """Whether the method answers requirements itself: where `Problem.answers_requirements`, its node has the child
-    ``requirements`` (`uqmbd.extend.requirements_dataset`).  Else it is run on the margins as if they were outputs."""
+    """Whether the method evaluates requirements without a separate run on the margins.
+
+    If `Problem.answers_requirements` is true, the node of such a method has the child ``requirements``
+    (`uqmbd.extend.requirements_dataset`). Other methods run on the margins as if they were outputs.
+    """
     label: str | None = None
 
     def __new__(cls, *arguments: Any, **options: Any) -> Self:
-        """Refuse options that there are not, before ``__init__`` does so without a word on what there is."""
+        """Reject unknown options before ``__init__`` does, with a message that lists the known options."""
         taken = inspect.signature(cls.__init__).parameters
         unknown = [name for name in options if name not in taken]
         if unknown and not any(p.kind is p.VAR_KEYWORD for p in taken.values()):
             known = [name for name in taken if name != "self"]
             raise StudyError(
-                f"{cls.__name__}: there is no option {unknown[0]!r}{did_you_mean(unknown[0], known) or '.'} "
-                f"Its options are {', '.join(known)}."
+                f"{cls.__name__}: unknown option {unknown[0]!r}{did_you_mean(unknown[0], known) or '.'} Its options "
+                f"are {', '.join(known)}."
             )
         check_arguments(cls.__name__, inspect.signature(cls.__init__), (None, *arguments), options, bound=True)
         check_options(cls, options)
@@ -68,102 +71,109 @@ class Propagator(ABC):
         return super().__new__(cls)
 
     def __post_init__(self, *_: Any) -> None:
-        """Make plain numbers of options with bounds, whatever kind of number they are given as."""
+        """Convert options that have bounds to Python numbers."""
         annotations = option_types(type(self))
         for name in (field.name for field in fields(self) if field.init and field.name in annotations):
             object.__setattr__(self, name, plain(getattr(self, name), annotations[name]))
 
     @property
     def node_name(self) -> str:
-        """The label, or the registered name."""
+        """Return the label, or the registered name."""
         return check_label(self.name if self.label is None else self.label)
 
     def obstacle(self, study: Any) -> str | None:
-        """Return why this method cannot do a study, in one sentence, or None: `uqmbd check` shows it.
+        """Return the reason, in one sentence, why this method cannot compute a study, or None.
 
-        A method may override it; it must not compute anything.
+        `uqmbd check` shows the reason. A subclass may override this method. The method must not start computations.
 
         Parameters
         ----------
         study : Study
+            Study to be run.
         """
         return None
 
     def remarks(self, study: Any) -> tuple[str, ...]:
-        """Return remarks on a study before it runs, as sentences without a full stop: `uqmbd check` shows them.
+        """Return remarks on a study before it runs, as sentences without a full stop.
 
-        A method may override it, and follow a realisation for it; by default there is nothing.
+        `uqmbd check` shows the remarks. A subclass may override this method. The method may integrate one realisation.
+        By default there are no remarks.
 
         Parameters
         ----------
         study : Study
+            Study to be run.
         """
         return ()
 
     def watches(self, mechanism: Mechanism) -> Mapping[str, Any]:
-        """Return what this method needs to know of each realisation besides the outputs: expressions by name.
+        """Return the expressions, by name, that this method observes in addition to the outputs.
 
-        It finds them behind the outputs of `Problem.watching`.  A method may override it; by default there is nothing.
+        In the problem `Problem.watching`, the values of these expressions follow the outputs. A subclass may override
+        this method; by default there are no such expressions.
 
         Parameters
         ----------
         mechanism : Mechanism
-            Of the study.
+            Mechanism of the study.
         """
         return {}
 
     def estimate(self, study: Any) -> Estimate | None:
-        """Return what this method would take, or None if it cannot tell: `uqmbd check` shows it.
+        """Return the estimated cost of this method, or None if unknown.
 
-        A study that would take more memory than there is is refused before anything is computed.  A method may
-        override it; it must neither compute nor allocate anything of that size.
+        `uqmbd check` shows the cost. A study that would exceed the available memory is rejected before the computation.
+        A subclass may override this method. The method must neither compute nor allocate data of the estimated size.
 
         Parameters
         ----------
         study : Study
+            Study to be run.
 
         Raises
         ------
         uqmbd.StudyError
-            If it can tell already that it cannot do the study.
+            If the estimate already shows that the method cannot compute the study.
         """
         return None
 
     def sizing(self, study: Any, accuracy: float | None) -> Sizing | None:
-        """Return how this method is made larger or smaller, or None if it cannot be: it then runs as it is.
+        """Return the possible sizes of this method, or None if its size is fixed.
 
-        A run with a budget, or an accuracy, asks for it.  A method may override it, beside `estimate`, which tells
-        what a size takes; it must not compute anything.
+        A run with a budget or an accuracy chooses one of the sizes. A subclass may override this method together with
+        `estimate`, which states the cost of a size. The method must not start computations.
 
         Parameters
         ----------
         study : Study
+            Study to be run.
         accuracy : float, optional
-            What is asked for, for methods that end by themselves; None: as accurate as the budget allows.
+            Required accuracy, for methods that end automatically. None means the highest accuracy that the budget
+            allows.
         """
         return None
 
     @abstractmethod
     def propagate(self, problem: Problem) -> xr.DataTree:
-        """Compute.
+        """Compute the results.
 
         Parameters
         ----------
         problem : Problem
-            Inputs, outputs, times, and the means to compute realisations.
+            Inputs, outputs and times, and the functions that compute realisations.
 
         Returns
         -------
         xarray.DataTree
-            A node as `uqmbd.results.propagator_node` makes it.
+            Node from `uqmbd.results.propagator_node`.
         """
 
 
 def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
-    """Return the propagators of a study, or say what is wrong with them."""
+    """Return the propagators of a study after a check."""
     if isinstance(propagators, (Propagator, type)):
         propagators = (propagators,)
-    array = hasattr(propagators, "dtype")  # of numbers, and may be a huge one
+    array = hasattr(propagators, "dtype")  # an array of numbers, which may be very large
     if array or isinstance(propagators, (str, bytes, Mapping)) or not isinstance(propagators, Iterable):
         raise StudyError(
             f"{where}: propagators is {propagators!r}; expected a list such as [MonteCarlo(samples=500, seed=1)]."
@@ -173,24 +183,25 @@ def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
     for propagator in checked:
         if isinstance(propagator, type):
             raise StudyError(
-                f"{where}: propagators holds the class {propagator.__name__}; "
-                f"give it an object, as in {propagator.__name__}(...)."
+                f"{where}: propagators contains the class {propagator.__name__}; expected an object, e.g. "
+                f"{propagator.__name__}(...)."
             )
         if not isinstance(propagator, Propagator):
             raise StudyError(
-                f"{where}: {propagator!r} is no propagator; expected objects such as MonteCarlo(samples=500, seed=1)."
+                f"{where}: {propagator!r} is not a propagator; expected objects such as MonteCarlo(samples=500, "
+                "seed=1)."
             )
         if propagator.node_name in seen:
             raise StudyError(
-                f"{where}: two propagators are called {propagator.node_name!r}; give each a label of "
-                f"its own, e.g. {type(propagator).__name__}(..., label='{propagator.node_name}-2')."
+                f"{where}: two propagators have the label {propagator.node_name!r}; give each a different label, "
+                f"e.g. {type(propagator).__name__}(..., label='{propagator.node_name}-2')."
             )
         seen.add(propagator.node_name)
     return checked
 
 
 def labelled(propagators: Sequence[Propagator], only: Any, where: str) -> tuple[Propagator, ...]:
-    """Return the propagators of some labels, or say which of them there are."""
+    """Return the propagators with the given labels; the error on an unknown label lists the known labels."""
     several = isinstance(only, Iterable) and not hasattr(only, "dtype")
     wanted = [only] if isinstance(only, str) else list(only) if several else []
     if not wanted or not all(isinstance(label, str) for label in wanted):

@@ -1,8 +1,9 @@
-"""Outputs without a time, and requirements, in every method: each is run on them as if they were outputs over time.
+"""Run every method on scalar outputs and requirements as if they were outputs over time.
 
-Some outputs may not happen in a realisation (`uqmbd.first_time`).  It is left out then, and counted; the other outputs
-have it.  Samples of those in which it happens are independent samples of it, given that it happens.  A surrogate of it
-would go on where it does not happen, with nothing to tell how: the output is refused, alone.
+An output may not occur in a realisation (`uqmbd.first_time`). The statistics of this output omit and count such a
+realisation; statistics of other outputs include it. The remaining samples are independent samples of the output, under
+the condition that it occurs. A surrogate would extrapolate to realisations without the output, with an unknown error.
+A method with a surrogate therefore rejects this output, but no other output.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from uqmbd.propagation.methods.estimate import readable
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.methods.studied import Studied
 from uqmbd.propagation.problem import Problem
+from uqmbd.randomness import why_not_drawn
 from uqmbd.results import clopper_pearson, requirements_of
 from uqmbd.results.chaos import stored_surrogates, verified_std, verified_trials
 from uqmbd.results.schema import (
@@ -51,51 +53,53 @@ __all__ = ["obstacle_of", "run_method"]
 
 
 FEW = 2
-"""Realisations that statistics are made of, at least."""
+"""Minimum number of realisations for statistics."""
 
 
 def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
-    """Return in one sentence why a method cannot do a study, or None; estimate its memory before asking it."""
+    """Return the reason why a method cannot compute a study, in one sentence, or None; check the memory first."""
     if not len(study.mechanism.inputs):
         return propagator.obstacle(study)
     try:
         found = propagator.estimate(study)
     except StudyError as error:
         return str(error).removeprefix(f"{propagator.node_name}: ")
-    if found is not None and not found.at_most and (there := _memory()) < found.memory:
+    if found is None or found.at_most:
+        return propagator.obstacle(study)
+    import psutil
+
+    there = int(psutil.virtual_memory().total)
+    if there < found.memory:
         about = f" for {found.detail}" if found.detail else ""
         return (
-            f"it would take about {readable(found.memory)} of memory{about}, and this machine has {readable(there)}; "
-            "take fewer samples or nodes, a lower order, fewer outputs or fewer output times"
+            f"the method needs about {readable(found.memory)} of memory{about}, but this machine has "
+            f"{readable(there)}. Use fewer samples or nodes, a lower order, fewer outputs or fewer output times"
         )
     return propagator.obstacle(study)
 
 
-def _memory() -> int:
-    """Physical memory of this machine, bytes."""
-    import psutil
-
-    return int(psutil.virtual_memory().total)
-
-
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
-    """Run a method on the outputs over time, on those without a time, and on the margins of requirements.
+    """Run a method on the outputs over time, on scalar outputs, and on the margins of requirements.
 
-    The same method, with the same options, runs on each kind. Realisations that several kinds need are computed once;
-    where statics gives all outputs, nothing is integrated. A method that answers requirements itself
-    (`Propagator.requirements`) does so in its first run. Without `check` the integration error is not measured, and
-    requirements are answered only by such methods.
+    The same method, with the same options, runs on each kind. Realisations that several kinds require are computed
+    once. If statics determines all outputs, the integration is omitted. A method that evaluates requirements without a
+    separate run (`Propagator.requirements`) evaluates them in its first run. Without `check`, the integration error is
+    not measured, and only such methods evaluate requirements.
 
-    The node has children ``scalars`` and ``requirements`` if there are such outputs; variables of one unit state it.
-    Its attribute ``wall_time``, s, is the time of the whole run, and the sum of ``wall_time_integration``,
-    ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``, for any
-    method.
+    The node has the child ``scalars`` if there are scalar outputs, and ``requirements`` if there are requirements. If
+    all values of a variable have the same unit, the variable has the unit as an attribute. The attribute ``wall_time``,
+    s, is the time of the whole run. For any method, ``wall_time`` is the sum of ``wall_time_integration``,
+    ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``.
     """
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
+    progress = UntilTheEnd(problem.progress, lasting=problem.label)
+    problem = problem.using(progress=progress)
     with problem.runner.spending.whole(problem.clock) as spent:
         found = with_units(_run_all(propagator, problem, check))
+    _require_draws(propagator, problem, found)
     found.attrs.update(spent)
+    progress.end(float(found.attrs["wall_time"]))
     if methods.isEnabledFor(logging.INFO):
         about = found.attrs
         methods.info(
@@ -108,6 +112,23 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
             ),
         )
     return found
+
+
+def _require_draws(propagator: Propagator, problem: Problem, node: xr.DataTree) -> None:
+    """Warn if samples cannot be draws from the joint distribution; reports compute no counts from nodes."""
+    if node.attrs.get("population"):  # the method states that its samples have another distribution
+        return
+    samples = next((part for part in node.subtree if part.name == "samples" and "inputs" in part.data_vars), None)
+    if samples is not None and (reason := why_not_drawn(problem.inputs, samples.dataset["inputs"].values)):
+        kind = type(propagator)
+        warnings.warn(
+            f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned samples that are not draws "
+            f"from the joint distribution of the inputs: {reason}. Probabilities, quantiles and histograms that are "
+            "computed from them are wrong. Pass training points and quadrature nodes as "
+            'nodes=sample_dataset(..., kind="nodes").',
+            StudyWarning,
+            stacklevel=4,
+        )
 
 
 def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
@@ -150,12 +171,13 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
 
 
 def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, problem: Problem) -> xr.DataTree:
-    """Run a method on the outputs without a time.
+    """Run a method on the scalar outputs.
 
-    Where some may not occur, ``statistics`` are those of the realisations in which they occur; ``censored`` (output,)
-    is the share of the others (NaN for methods that do not sample the inputs), ``censored_bound`` (output,) its upper
-    bound with 95 % confidence. Further children concern the outputs that always occur, or, without any, the first one
-    with results. The attribute ``refused`` names the outputs without statistics, and the reasons.
+    For an output that may not occur, ``statistics`` refer to the realisations in which the output occurs. ``censored``
+    (output,) is the share of the other realisations (NaN for methods that do not sample the inputs). ``censored_bound``
+    (output,) is the upper bound of this share with 95 % confidence. Further children contain the outputs that always
+    occur, or, if there are none, the first output with results. The attribute ``refused`` contains the outputs without
+    statistics, and the reasons.
     """
     if not any(problem.model.scalars.reaching):
         return run(problem)
@@ -178,11 +200,11 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
         one = problem.choosing((name,))
         found, why, told = _one(run, one)
         if found is not None and (not one.runner.observed.missing or "samples" in found.children):
-            _tell(told)  # what is refused needs no warnings of how it was found
+            _tell(told)  # omit the warnings of rejected outputs
         missing, counted = one.runner.observed.missing[0], one.runner.observed.counted
         samples = any("samples" in node.children for node in ([found] if found is not None else nodes))
         sampled, few = found is not None and samples, samples or (not nodes and counted - missing < FEW)
-        # what a surrogate is made of is no sample of the inputs
+        # the realisations of a surrogate are not a sample of the inputs
         shares[name] = missing / counted if missing == counted or samples or not missing else np.nan
         trials[name] = counted if samples else _trials(found, one.runner.observed) if found is not None else 0.0
         if found is None or (missing and not sampled):
@@ -196,19 +218,19 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
 
 
 def _bound(share: float, trials: float) -> float:
-    """Return how large a share may be of which a number of independent trials tell, with 95 % confidence."""
+    """Return the upper bound, at 95 % confidence, of a share that was observed in independent trials."""
     return share if np.isnan(share) else float(clopper_pearson(share * trials, trials)[1])
 
 
 def _trials(node: xr.DataTree, seen: Observed) -> float:
-    """Return as how many independent samples of the inputs the realisations of a method count."""
+    """Return the number of independent samples that are equivalent to the realisations of a method."""
     return seen.counted if "samples" in node.children else verified_trials(node)
 
 
 def _one(
     run: Callable[[Problem], xr.DataTree], problem: Problem
 ) -> tuple[xr.DataTree | None, str, list[warnings.WarningMessage]]:
-    """Run a method on outputs that may not happen; or why that is impossible; and of what it would warn."""
+    """Run a method on outputs that may not occur; return the node or the obstacle, and the warnings."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
@@ -221,44 +243,44 @@ def _one(
 
 
 def _tell(told: list[warnings.WarningMessage]) -> None:
-    """Warn of what a run that counts has warned of."""
+    """Issue the warnings of a run whose results are used."""
     for warning in told:
         warnings.warn(warning.message, stacklevel=5)
 
 
 def _late(seen: Observed, why: str, *, few: bool) -> str:
-    """Return why an output that does not happen in some realisations has no statistics; `why`: what else went wrong."""
+    """Return the reason why an output without values in some realisations has no statistics; `why` is appended."""
     missing, counted = seen.missing[0], seen.counted
     if missing == counted:
-        words = "it does not happen in any realisation until the last output time; take later times"
+        words = "its event does not occur in any realisation up to the last output time; use a later end time"
     elif few:
         words = (
-            f"it does not happen in {missing} of {counted} realisations until the last output time, and the others are "
-            "too few; take later times, or more samples"
+            f"its event does not occur in {missing} of {counted} realisations up to the last output time, and the "
+            "other realisations are too few. Use a later end time, or more samples"
         )
     else:
         words = (
-            f"it does not happen in {missing} of {counted} realisations, and a surrogate would go on beyond the "
-            "others; take a method that samples, as MonteCarlo, later times, or a quantity that each realisation has, "
+            f"its event does not occur in {missing} of {counted} realisations, where a surrogate would be an "
+            "extrapolation. Use MonteCarlo, a later end time, or a quantity that exists in every realisation, such "
             "as uqmbd.maximum"
         )
-    return f"{words}. Besides, realisations failed: {why.rstrip('.')}" if why and seen.failed else words
+    return f"{words}. In addition, realisations failed: {why.rstrip('.')}" if why and seen.failed else words
 
 
 def _nothing(propagator: Propagator, problem: Problem) -> xr.DataTree:
-    """Make a node without numbers."""
+    """Make a node that contains no numbers."""
     unknown = np.full(problem.labels.shape, np.nan)
     statistics = statistics_dataset(problem.labels, mean=unknown, std=unknown)
     return problem.node(propagator, statistics, realisations=problem.runner.observed.counted)
 
 
 def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr.Dataset, xr.DataTree]:
-    """Take the requirements that a method answers itself out of its node."""
+    """Extract from a node the requirements that the method has evaluated."""
     kind = type(propagator)
     if "requirements" not in node.children:
         raise StudyError(
-            f"{label}: {kind.__module__}.{kind.__qualname__} declares that it answers requirements, and returned a "
-            "node without a child 'requirements'; expected one of uqmbd.extend.requirements_dataset."
+            f"{label}: {kind.__module__}.{kind.__qualname__} declares that it computes requirements, but returned a "
+            "node without a child 'requirements'; expected the dataset of uqmbd.extend.requirements_dataset."
         )
     parts = node_parts(node)
     own = parts.pop("requirements")
@@ -269,9 +291,9 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
 
 
 def _run(propagator: Propagator, problem: Problem, check: bool, announced: str = "") -> xr.DataTree:
-    """Run a method on one kind of outputs; however many parts it computes, its progress ends once.
+    """Run a method on one kind of outputs; report the end of its progress once, even if the method has several parts.
 
-    `announced`: the label of the announced method whose realisations these are; empty: that of the problem.
+    `announced` is the label of the announced method to which the realisations belong; empty: label of the problem.
     """
     progress = UntilTheEnd(problem.progress, {problem.label: announced or problem.label})
     problem = problem.using(progress=progress)
@@ -282,7 +304,8 @@ def _run(propagator: Propagator, problem: Problem, check: bool, announced: str =
     if machines := machine_attribute(problem.runner.observed.counters):
         node.attrs.update(machines)
         warnings.warn(
-            f"{problem.label}: realisations were computed on machines of more than one type, or of another than this: "
+            f"{problem.label}: realisations were computed on machines of several types, or of a type other than this "
+            "one: "
             f"{machines['machines']}. Their last bits may differ from those of another run with the same seed.",
             StudyWarning,
             stacklevel=4,
@@ -292,9 +315,9 @@ def _run(propagator: Propagator, problem: Problem, check: bool, announced: str =
     progress.end()
     statistics = node.children["statistics"]
     seen = verified_std(node, statistics["std"].shape)
-    # in its place: a tree copies what is put into it
+    # the dataset is replaced in place, because a tree copies inserted nodes
     statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, seen)
-    # intervals of probabilities hold the error of the surrogate
+    # intervals of probabilities include the error of the surrogate
     if problem.kind != "requirements" and (stored_surrogates(node) or "verification_error" in statistics):
         about = problem.label, problem.rtol, problem.runner.observed.extent
         warn_of_surrogates(node, *about, timeless=problem.timeless)
@@ -304,17 +327,18 @@ def _run(propagator: Propagator, problem: Problem, check: bool, announced: str =
 def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree:
     """Return the result of a method after validation of its type, name and axes.
 
-    Raise StudyError if it is no node with mean and standard deviation of the outputs at the times of the problem. Raise
-    it also if a statistic is impossible, such as a negative standard deviation, or a mean that is NaN without a reason.
-    Warn if shape statistics or standard errors are NaN without a reason: they get the default one.
+    Raise StudyError if the result is not a node with mean and standard deviation of the outputs at the times of the
+    problem. Raise StudyError also for impossible statistics, such as a negative standard deviation, or a mean that is
+    NaN without a reason. Warn if shape statistics or standard errors are NaN without a reason, and add the default
+    reason.
     """
     kind = type(propagator)
     who = f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned"
-    expected = "expected the xarray.DataTree that problem.node makes"
+    expected = "expected the xarray.DataTree that problem.node returns"
     if not isinstance(node, xr.DataTree):
         raise StudyError(f"{who} {type(node).__name__}; {expected}.")
     if node.name != problem.label:
-        raise StudyError(f"{who} a node that is called {node.name!r}; {expected}, called {problem.label!r}.")
+        raise StudyError(f"{who} a node with the name {node.name!r}; {expected}, with the name {problem.label!r}.")
     if "statistics" not in node.children:
         raise StudyError(f"{who} a node without a child 'statistics'; {expected}.")
     statistics = node.children["statistics"].to_dataset()
@@ -342,14 +366,14 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
 
 
 def _stated(data: xr.Dataset, path: str, propagator: Propagator, label: str, *, end: float = np.inf) -> xr.Dataset:
-    """Give NaN without a reason the default one where a method need not state it, and warn."""
+    """Add the default reason to NaN statistics without a reason, if a method may omit it, and warn."""
     found, lacking = with_default_reasons(data, end=end)
     if lacking:
         kind = type(propagator)
         words = "; ".join(f"{path}/{name} of {', '.join(map(repr, names))}" for name, names in lacking.items())
         warnings.warn(
-            f"{label}: propagate of {kind.__module__}.{kind.__qualname__} returned NaN without a reason: {words}. The "
-            "reason is recorded as 'not stated'. State it by uqmbd.extend.with_reasons.",
+            f"{label}: propagate of {kind.__module__}.{kind.__qualname__} returned NaN without a reason: {words}. "
+            "uqmbd records the reason 'not stated'. State the reason with uqmbd.extend.with_reasons.",
             StudyWarning,
             stacklevel=5,
         )
@@ -357,10 +381,10 @@ def _stated(data: xr.Dataset, path: str, propagator: Propagator, label: str, *, 
 
 
 def _usable(check: Callable[[], None], propagator: Propagator, label: str) -> None:
-    """Check values; say whose they are where they cannot be used."""
+    """Run a check of values; the error on unusable values states their source."""
     kind = type(propagator)
     try:
         check()
     except StudyError as error:
         who = f"{label}: propagate of {kind.__module__}.{kind.__qualname__}"
-        raise StudyError(f"{who} returned a node that cannot be used: {error}") from None
+        raise StudyError(f"{who} returned an invalid node: {error}") from None

@@ -1,4 +1,4 @@
-"""Realisations that are reduced by those who compute them, and stored where the run has a folder."""
+"""Reduction of realisations by workers, with storage if the run has a folder."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from uqmbd.propagation.execution import (
     Chunk,
     Kind,
     Packed,
+    executor_for,
     log_realisations,
     lost_chunk,
     run_in_order,
 )
-from uqmbd.propagation.problem_data import ProblemData
 from uqmbd.propagation.reduction.reduced import (
     Handover,
     Reduced,
@@ -30,7 +30,7 @@ from uqmbd.propagation.reduction.reduced import (
     reduce_chunk,
     store_chunk,
 )
-from uqmbd.propagation.runner import Runner
+from uqmbd.propagation.runner import ProblemData, Runner
 from uqmbd.results import SampleStore
 from uqmbd.results.storage import Record, UnfinishedStore
 from uqmbd.typing import Array
@@ -44,12 +44,12 @@ def store_name(label: str) -> str:
     >>> store_name("monte-carlo")
     'monte-carlo-samples.zarr'
     """
-    return f"{re.sub(r'[<>:|?*]+', '-', label)}-samples.zarr"  # what Windows does not take
+    return f"{re.sub(r'[<>:|?*]+', '-', label)}-samples.zarr"  # Windows does not allow these characters
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A chunk of rows, by its number."""
+    """A chunk of rows, with its index."""
 
     number: int
     first: int
@@ -57,7 +57,7 @@ class Piece:
 
 
 class Pieces(Sequence[Piece]):
-    """Rows in chunks of one size; each chunk is made on access."""
+    """Rows in chunks of equal size; each chunk is made on access."""
 
     def __init__(self, values: Array, size: int) -> None:
         self.values, self.size = values, size
@@ -75,18 +75,20 @@ class Pieces(Sequence[Piece]):
 class Reductions:
     """Results of a function of realisations, chunk by chunk, in the order of the rows.
 
-    It can be iterated once.  Afterwards `store` contains the responses, if the run has a folder.
+    The object can be iterated once. Afterwards `store` contains the responses, if the run has a folder.
 
     Parameters
     ----------
     problem : Problem
-        Whose runner computes them.
+        Problem whose runner computes the realisations.
     values : array, shape (K, input)
+        Inputs of the realisations.
     function, arguments : callable, tuple
+        Function of the realisations, and its further arguments, as for `Problem.reduce`.
     runner : Runner
         Executor, progress, checkpoint, ledger, clock and cache.
     keep : int
-        Number of realisations whose responses are passed on.
+        Number of first realisations whose responses are returned.
 
     Examples
     --------
@@ -140,9 +142,9 @@ class Reductions:
         begin, recovered = runner.clock(), 0.0
         asked = begin
         pieces = Pieces(values, size)
-        workers = runner.workers(problem)
+        workers = executor_for(runner.executor, unlocked=problem.unlocked)
         answers = run_in_order(pieces, workers, self._find_stored, self._task, self._store_finished, self._lost_answer)
-        # where a budget ends it, what workers have finished is kept at once
+        # if a budget ends the run, finished chunks of workers are stored immediately
         with closing(answers):
             for piece, answer in zip(pieces, answers, strict=True):
                 now = runner.clock()
@@ -197,13 +199,13 @@ class Reductions:
 
     @property
     def _margins(self) -> bool:
-        """Whether the margins are those of a problem that is still to come."""
+        """Return whether a later problem uses the margins, so that they must be stored."""
         problem = self._problem
         first = problem.kind == "outputs" or (problem.kind == "scalars" and not problem.model.outputs.names)
         return first and problem.model.margins is not None and not problem.answers_requirements
 
     def _identity(self, kind: Kind, size: int) -> str:
-        """Return the name of a store; more samples that begin with the same rows continue it."""
+        """Return the name of a store; a larger sample that begins with the same rows continues this store."""
         text = hashlib.sha256(self._values[0].tobytes())
         text.update(self._problem.common_identity)
         text.update(self._method.encode())
@@ -222,11 +224,11 @@ class Reductions:
         return ReductionOrder(piece.first, self._function, self._arguments, *about)
 
     def _is_of(self, record: Record) -> bool:
-        """Return whether the result of a record is that of the same function of the same arguments."""
+        """Return whether the result of a record comes from the same function with the same arguments."""
         return bool(record[0].get("asked") == self._asked)
 
     def _find_stored(self, piece: Piece) -> Handover | None:
-        """Reduce a stored chunk: it was computed with another kind of outputs, or for another size of the method."""
+        """Reduce a stored chunk, from another kind of outputs or another size of the method."""
         problem, runner, known = self._problem, self._runner, self._known_chunks
         if not self._stores and (chunk := known.find_companion(piece.values)) is not None:
             return reduce_chunk(problem.packed, piece.values, chunk, self._order(piece, None, None))
@@ -247,7 +249,7 @@ class Reductions:
         problem = self._problem
         own = self._stores.get(problem.kind)
         record = None if own is None else own.record(piece.number)
-        # margins are not stored: what a function makes of them is, or they are computed
+        # margins are not stored: a run uses the stored result of the function, or computes the margins again
         if record is None or (problem.answers_requirements and not self._is_of(record)):
             return None
         if record[0].get("inputs") != _digest(piece.values):
@@ -255,7 +257,7 @@ class Reductions:
         return record, _chunk(record, len(piece.values))
 
     def _lost_answer(self, piece: Piece, reason: str) -> Handover:
-        """Return the answer for a chunk that killed its workers; a resumed run tries it again."""
+        """Return the answer for a chunk whose workers died; a resumed run computes the chunk again."""
         problem = self._problem
         full = lost_chunk(problem.model, len(piece.values), problem.whole_times, reason, problem.kind)
         answer = store_chunk(problem.packed, piece.values, full, problem.kind, self._order(piece, None, None))
@@ -266,7 +268,7 @@ class Reductions:
         return compute_reduced, (*self._computed(piece), order)
 
     def _computed(self, piece: Piece) -> tuple[Packed, Array, Array, float, str, Kind]:
-        """Arguments of `compute_chunk`."""
+        """Return the arguments of `compute_chunk`."""
         problem = self._problem
         about = (problem.rtol, problem.integrator, problem.kind)
         return problem.packed, piece.values, problem.whole_times, *about
@@ -278,7 +280,7 @@ class Reductions:
         return self._store(piece, answer, seconds)
 
     def _store(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
-        """Store a computed chunk and its companions; a chunk that was read already has its result."""
+        """Store a computed chunk and its companions; a chunk that was read is already stored."""
         problem = self._problem
         if answer.unread:
             order = self._order(piece, *(self._stored(piece) or (None, None)))

@@ -1,4 +1,4 @@
-"""One motion without any uncertainty."""
+"""One motion without uncertainty."""
 
 from __future__ import annotations
 
@@ -59,48 +59,48 @@ def simulate(
     max_step: float | None = None,
     breaks: Sequence[float] = (),
 ) -> xr.Dataset:
-    """Compute one motion: at the means of the random variables, or at given values.
+    """Compute one motion, at the means of the random variables or at given values.
 
     Parameters
     ----------
     mechanism : Mechanism
-        With at least one output.
+        Mechanism with at least one output.
     times : array_like, shape (T,)
-        Output times, s, strictly increasing; the first is the start.
+        Output times, s, strictly increasing; the first is the initial time.
     values : mapping, optional
-        Values of random variables by name; the others are at their means.
+        Values of random variables by name. Default: their means.
     rtol : float
-        Relative tolerance; 1e-6 if not given.
+        Relative tolerance of the integration.
     integrator, start : str
-        As for `Study`.
+        Name of the integrator and initial pose, as for `Study`.
     check : bool
-        Whether to measure the error of the integration, for which the motion is integrated again at a hundredth of the
-        tolerance.
+        Whether to measure the integration error by a second integration at one hundredth of the tolerance.
     max_step : float, optional
         Longest step of the integration, s, as for `Study`.
     breaks : sequence of float
-        Times at which the integration starts anew, s, as for `Study`.
+        Times at which the integration restarts, s, as for `Study`.
 
     Returns
     -------
     xarray.Dataset
-        One variable for each output, with its units, over the dimension ``time`` (:func:`uqmbd.results.by_output` gives
-        statistics of methods the same form).  Angles are unwrapped, as in a
-        study, and have the length of a turn as an attribute.  Outputs without a time have no dimension; where there are
-        no others, and statics tells them, nothing is integrated. With `check` the coordinate ``integration_error``
-        (output, time) is the absolute error of each output, in its units (``output_units``).
-        ``scalar_integration_error`` (scalar) is that of outputs without a time (``scalar_units``); NaN where it is not
-        known, with the attribute ``reason``. Where an output has one of these names, an underscore is appended.
+        One variable for each output, with its units, over the dimension ``time``. :func:`uqmbd.results.by_output` gives
+        statistics the same form. Angles are unwrapped, as in a study, and have the length of a turn as an attribute.
+        Scalar outputs have no dimension. If statics determines all outputs, the integration is omitted.
 
-        Of requirements it holds ``requirement_margin`` (requirement, time), the smallest margin until each time, and
-        ``requirement_met`` (requirement).
+        With `check`, the coordinate ``integration_error`` (output, time) is the absolute error of each output, in its
+        units (``output_units``). ``scalar_integration_error`` (scalar) is the absolute error of scalar outputs
+        (``scalar_units``). Unknown errors are NaN, with the attribute ``reason``. If an output has one of these names,
+        an underscore is appended to the name of the coordinate.
+
+        For requirements, ``requirement_margin`` (requirement, time) is the smallest margin until each time;
+        ``requirement_met`` (requirement) states whether each is met.
 
     Raises
     ------
     uqmbd.StudyError
-        If something cannot be used.
+        If an argument is invalid.
     uqmbd.AssemblyError, uqmbd.IntegrationError
-        If there is no such motion.
+        If the mechanism cannot be assembled, or the integration stops.
 
     Examples
     --------
@@ -173,7 +173,7 @@ def simulate(
 def with_margins(
     data: xr.Dataset, name: str, ensemble: Ensemble, times: Array, trajectories: Trajectories | None = None
 ) -> xr.Dataset:
-    """Add the margins of the requirements of one realisation, and whether they are met, where there are some."""
+    """Add the margins of the requirements of one realisation, and whether each is met, if there are requirements."""
     from uqmbd.dynamics import margins_of
 
     if ensemble.model.margins is None:
@@ -195,17 +195,17 @@ def with_margins(
 def _errors(
     ensemble: Ensemble, times: Array, rtol: float, first: Trajectories, response: Array, taken: set[str]
 ) -> dict[str, tuple[Any, ...]]:
-    """Coordinates that state the error of the integration of one realisation."""
+    """Return coordinates with the integration error of one realisation."""
     from uqmbd.dynamics import integrate, scalars_of
 
     model, tight = ensemble.model, tighter(rtol)
     again: Trajectories | None = None
-    reason = f"rtol is {rtol:g}, and none that is much tighter is of use"
+    reason = f"rtol is {rtol:g}; a smaller tolerance would not reduce the error"
     if tight is not None:
         reason = ""
         try:
             with warnings.catch_warnings():
-                # the first integration has told
+                # the first integration has already issued this warning
                 warnings.simplefilter("ignore", RedundantConstraintWarning)
                 again = integrate(ensemble, times, tight, between=first.path is not None)
             reason = again.messages[0]
@@ -236,7 +236,7 @@ def _errors(
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """Return a name that no output has.
+    """Return a name that differs from all output names.
 
     >>> free_name("output", {"output"}), free_name("output", {"x"})
     ('output_', 'output')
@@ -247,7 +247,7 @@ def free_name(name: str, taken: set[str]) -> str:
 
 
 def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectories | None) -> dict[str, tuple[Any, ...]]:
-    """Variables of the outputs without a time."""
+    """Return the variables of the scalar outputs."""
     from uqmbd.dynamics import scalars_of
 
     found, seen = scalars_of(ensemble, trajectories), ensemble.model.scalars
@@ -263,15 +263,15 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
         )
         if late and seen.of_events(k):
             warnings.warn(
-                f"simulate {mechanism.name!r}: {seen.late[k]}; the output {name!r} is NaN. Take later times, or look "
-                "at the motion.",
+                f"simulate {mechanism.name!r}: {seen.late[k]}; the output {name!r} is NaN. Use a later end time, or "
+                "inspect the motion.",
                 stacklevel=4,
             )
     return variables
 
 
 def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, tuple[Any, ...]]:
-    """Variables of a dataset from the response (output, ...) of one realisation."""
+    """Return the variables of a dataset from the response (output, ...) of one realisation."""
     seen = model.outputs
     return {
         name: (dimensions, response[k], {**_about(name, units), **({"turn": turn} if turn else {})})
@@ -280,12 +280,12 @@ def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, t
 
 
 def _about(name: str, units: str) -> dict[str, str]:
-    """Return the attributes of an output; units that are not stated are not said."""
+    """Return the attributes of an output; unknown units are omitted."""
     return {"long_name": name, **({"units": units} if units else {})}
 
 
 def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the value of each random variable, in order: the stated one, else the mean."""
+    """Return the value of each random variable, in order: the given value, otherwise the mean."""
     inputs = mechanism.inputs
     point = {name: float(mean) for name, mean in zip(inputs.names, inputs.means, strict=True)}
     if values is not None and not isinstance(values, Mapping):
@@ -293,7 +293,7 @@ def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | 
     for name, value in (values or {}).items():
         if name not in point:
             listed = ", ".join(inputs.names) or "none"
-            raise StudyError(f"{where}: there is no random variable {str(name)!r} in values; there are: {listed}.")
+            raise StudyError(f"{where}: values contains {str(name)!r}; expected names of random variables: {listed}.")
         try:
             point[name] = float(value)
         except (TypeError, ValueError):

@@ -1,6 +1,6 @@
-"""Checks of a study before its methods run: the registry of those of the core and of plugins, and what they find.
+"""Check a study before its methods run: registry of checks of the core and of plugins, and their findings.
 
-Checks of the assembled mechanism, which are stored with its model, are in `uqmbd.dynamics.model_checks`.
+Checks of the assembled mechanism are in `uqmbd.dynamics.model_checks`; their findings are stored with the model.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ from uqmbd.propagation.methods import Studied
 from uqmbd.propagation.observed_model import warned_elsewhere
 from uqmbd.propagation.studies.outcome import planned
 
-__all__ = ["findings", "ranges", "warned_findings", "warning_of"]
+__all__ = ["Ranges", "findings", "warned_findings", "warning_of"]
 
 
 @typechecked
 def findings(study: Studied) -> list[Finding]:
-    """Find what is probably wrong with a study: `uqmbd check`, a run, its results, notebook and report list the same.
+    """Find probable mistakes in a study; `uqmbd check`, runs, notebooks and reports list the same findings.
 
     Parameters
     ----------
     study : Study
-        It need not have been run.  A few realisations are computed, to find random inputs without effect.
+        Study to check, before or after a run. A few realisations are computed to find random inputs without effect.
 
     Returns
     -------
     list of Finding
-        Those of the mechanism first.
+        Findings; findings of the mechanism are first.
 
     Raises
     ------
     uqmbd.StudyError
-        If it is no study.
+        If `study` is not a study.
     uqmbd.UqmbdError
-        If the mechanism cannot be used, as where it cannot be assembled.
+        If the mechanism cannot be used, for example if it cannot be assembled.
 
     Warns
     -----
     uqmbd.extend.PluginWarning
-        If the check of a plugin fails; the others are made.
+        If the check of a plugin fails; the other checks still run.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def findings(study: Studied) -> list[Finding]:
         raise StudyError(f"findings: study is {shown(study)}; expected a uqmbd.Study.")
     mechanism: Any = study.mechanism
     if not isinstance(mechanism, Mechanism):
-        return []  # a study of another make
+        return []  # a study of another class
     warned_elsewhere(mechanism, float(study.times[0]))
     found = [finding for kind in _built_in().values() for finding in kind().find(study)]
     for name, kind in plugins.checks().items():
@@ -74,22 +74,22 @@ def findings(study: Studied) -> list[Finding]:
             mine = list(kind().find(study))
         reason = work.reason if work.failed else ""
         if not reason and not all(isinstance(one, Finding) for one in mine):
-            reason = f"it returned {mine!r}; expected findings (uqmbd.extend.Finding)"
+            reason = f"the check returned {mine!r}; expected a sequence of uqmbd.extend.Finding"
         if reason:
             owner = plugins.owner("checks", name)
-            warnings.warn(f"check {name!r} of {owner} was not made: {reason}", PluginWarning, stacklevel=2)
+            warnings.warn(f"check {name!r} of {owner} failed: {reason}", PluginWarning, stacklevel=2)
         else:
             found += mine
     return list(dict.fromkeys(found))
 
 
 def warning_of(study: Studied, finding: Finding) -> str:
-    """Return the text of the Python warning of a finding: what does not name the mechanism names the study."""
+    """Return the text of the Python warning of a finding; except for findings of the model, it names the study."""
     return f"{'' if finding in study.model.findings else f'study {study.name!r}: '}{finding.text}."
 
 
 def warned_findings(study: Studied, stacklevel: int) -> list[Finding]:
-    """Return the findings about a study, and issue the warnings among them."""
+    """Return the findings on a study, and issue a Python warning for each finding that is a warning."""
     found = findings(study)
     for finding in found:
         if finding.warned:
@@ -97,40 +97,35 @@ def warned_findings(study: Studied, stacklevel: int) -> list[Finding]:
     return found
 
 
-def ranges(study: Studied) -> tuple[Finding, ...]:
-    """Find the numbers that leave their range, or change their sign, in realisations that are to be expected."""
-    from uqmbd.dynamics import find_risks, range_findings
-
-    found = study.mechanism.remembered("risks", lambda: find_risks(study.mechanism))
-    return range_findings(found, planned(study, study.propagators)) if found else ()
-
-
 class OfMechanism:
     """Findings of the assembled mechanism."""
 
     def find(self, study: Studied) -> Sequence[Finding]:
-        """Return those of its model."""
+        """Return the findings of the model."""
         return study.model.findings
 
 
 class Ranges:
-    """Random numbers that leave their range, or change their sign."""
+    """Check for random parameters that leave their range, or change their sign."""
 
     def find(self, study: Studied) -> Sequence[Finding]:
-        """Find those that are to be expected among the realisations of the methods."""
-        return ranges(study)
+        """Return findings on parameters that probably leave their range or change sign in the planned realisations."""
+        from uqmbd.dynamics import find_risks, range_findings
+
+        found = study.mechanism.remembered("risks", lambda: find_risks(study.mechanism))
+        return range_findings(found, planned(study, study.propagators)) if found else ()
 
 
 class UnusedInputs:
-    """Random inputs that no output depends on, where the methods compute enough to look at them."""
+    """Check for random inputs without effect on outputs, if the study is large enough to justify the search."""
 
     def find(self, study: Studied) -> Iterable[Finding]:
-        """Change each input alone."""
+        """Return the inputs without effect; the search changes each input separately."""
         mechanism, inputs = study.mechanism, study.mechanism.inputs
         used = mechanism.used_inputs()
         for name in inputs.names:
             if name not in used:
-                message = f"the random input {name!r} has no effect: it is declared together with inputs that have one"
+                message = f"the random input {name!r} has no effect; only other inputs of its random vector are used"
                 yield Finding(Severity.NOTE, f"random input {name!r}", message)
         if not affordable(len(inputs), planned(study, study.propagators)):
             return
@@ -141,18 +136,18 @@ class UnusedInputs:
                 yield Finding(
                     Severity.WARNING,
                     f"random input {name!r}",
-                    f"no output depends on the random input {name!r}; a change of this input alone, at {POINTS + 1} "
-                    "points, changed no output",
+                    f"no output depends on the random input {name!r}; separate changes of this input at {POINTS + 1} "
+                    "points changed no output",
                     "Remove it, or add an output that depends on it",
                     UnusedInputWarning,
                 )
 
 
 class MissingMoments:
-    """Moments of outputs that do not exist; each method warns of those that it was to state."""
+    """Check for non-existent moments of outputs; each method issues Python warnings for its own results."""
 
     def find(self, study: Studied) -> Iterable[Finding]:
-        """Find the outputs that grow with an input of a heavy tail."""
+        """Return the outputs that grow with a heavy-tailed input."""
         found = study.mechanism.remembered("existence", lambda: existence_of(study.mechanism))
         for message in found.sentences(list(found.orders)):
             yield Finding(Severity.WARNING, "random inputs", message, category=None)
@@ -163,7 +158,7 @@ class CoreChecks:
 
     @plugins.hookimpl
     def uqmbd_checks(self) -> Sequence[type]:
-        """Offer them, in the order in which their findings are listed."""
+        """Return the checks of the core, in the order in which their findings are listed."""
         return [OfMechanism, Ranges, UnusedInputs, MissingMoments]
 
 

@@ -25,44 +25,44 @@ if TYPE_CHECKING:
 __all__ = ["Outcome", "joined", "planned", "run_methods"]
 
 UNSTATED = 1000
-"""Assumed number of realisations of a method that does not state it."""
+"""Assumed number of realisations of a method that does not state its number."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Results and errors of the methods of a study."""
 
-    nodes: tuple[xr.DataTree, ...]  # of the methods that succeeded
-    errors: Mapping[str, BaseException]  # of the others, by label
+    nodes: tuple[xr.DataTree, ...]  # nodes of the successful methods
+    errors: Mapping[str, BaseException]  # errors of the other methods, by label
     attrs: Mapping[str, str] = field(default_factory=dict)
     """Further attributes of the root."""
 
     @property
     def reasons(self) -> dict[str, str]:
-        """Why methods failed, by label."""
+        """Return the reasons of failed methods, by label."""
         return {label: reason_of(error).removeprefix(f"{label}: ") for label, error in self.errors.items()}
 
     @property
     def attribute(self) -> dict[str, str]:
-        """Of the root: ``failed``, if there is anything to say, a JSON object from label to reason; and `attrs`."""
+        """Return `attrs` and the root attribute ``failed``, a JSON object from label to reason, if methods failed."""
         failed = {"failed": json.dumps(self.reasons, ensure_ascii=False)} if self.errors else {}
         return {**failed, **self.attrs}
 
     def report(self, study: str, stacklevel: int) -> None:
-        """Warn of each method that failed; where none succeeded, raise the first error, which names the others."""
+        """Warn of each failed method; if no method succeeded, raise the first error, which lists the others."""
         if self.nodes:
             for label, reason in self.reasons.items():
-                text = f"study {study!r}: there are no results of {label!r}: {reason}"
+                text = f"study {study!r}: the method {label!r} failed: {reason}"
                 warnings.warn(text, MethodFailedWarning, stacklevel=stacklevel + 1)
             return
         first, *others = self.errors
         error = self.errors[first]
-        # a budget that holds no method is an input that cannot be used
+        # a budget that is too small for every method is an invalid argument
         refused = all(isinstance(one, BudgetTooSmallError) for one in self.errors.values())
         if isinstance(error, UqmbdError) and not refused:
             error.failed = self.reasons
         for label in others:
-            error.add_note(f"There are no results of {label!r} either: {self.reasons[label]}")
+            error.add_note(f"The method {label!r} failed as well: {self.reasons[label]}")
         raise error
 
 
@@ -76,9 +76,10 @@ def run_methods(
     *,
     resume: bool = False,
 ) -> Outcome:
-    """Run methods; all are asked for what is in their way before the first realisation is computed.
+    """Run methods; collect all obstacles before the computation of the first realisation.
 
-    With `terms` at the sizes that a budget and an accuracy choose: as they are at those sizes they give the same bits.
+    With `terms`, a budget and an accuracy determine the sizes of the methods. A run with these sizes as options gives
+    the same bits.
     """
     shown = choose_receiver(progress)
     if folder is not None:
@@ -110,7 +111,7 @@ def run_methods(
 
 
 def _warn_of_changes(study: Studied, propagators: Sequence[Propagator], folder: Path, *, resume: bool) -> None:
-    """Record options, and warn of those that differ from the options of the stored chunks."""
+    """Record options, and warn of options that differ from the options of the stored chunks."""
     options, extended = {}, {}
     for propagator in propagators:
         label, sizing = propagator.node_name, None
@@ -123,7 +124,7 @@ def _warn_of_changes(study: Studied, propagators: Sequence[Propagator], folder: 
 
 
 def _run_within(study: Studied, propagators: Sequence[Propagator], within: BudgetedRun) -> Outcome:
-    """Run methods at sizes that are chosen."""
+    """Run methods at automatically chosen sizes."""
     for propagator in propagators:
         if (error := _obstacle(within.smallest(propagator), study)) is not None:
             within.errors[propagator.node_name] = error
@@ -138,7 +139,7 @@ def _run_within(study: Studied, propagators: Sequence[Propagator], within: Budge
 
 
 def _count(propagator: Propagator, study: Studied) -> int | None:
-    """Return how many realisations a method takes, or at most; None where it does not tell."""
+    """Return the number of realisations of a method, or its maximum; None if unknown."""
     found: Any = None
     with Isolated(*ERRORS_AND_EXITS):
         found = propagator.estimate(study)
@@ -148,13 +149,13 @@ def _count(propagator: Propagator, study: Studied) -> int | None:
 
 
 def planned(study: Studied, propagators: Sequence[Propagator]) -> int:
-    """Return how many realisations the method takes that takes the most, at the sizes that are stated."""
+    """Return the largest number of realisations of any method, at the sizes in the study."""
     counts = [_count(propagator, study) for propagator in propagators]
     return max((UNSTATED if count is None else int(count) for count in counts), default=UNSTATED)
 
 
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
-    """Return why a method cannot do a study, as an error."""
+    """Return the obstacle of a method as an error."""
     found: Any = None
     with Isolated(*ERRORS_AND_EXITS) as asked:
         found = obstacle_of(propagator, study)
@@ -167,15 +168,15 @@ def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
     if not isinstance(found, str):
         return StudyError(
             f"{label}: obstacle of {kind.__module__}.{kind.__qualname__} returned {type(found).__name__}; expected a "
-            "sentence, or None."
+            "string or None."
         )
-    return StudyError(f"{label}: it cannot do this study: {found}")
+    return StudyError(f"{label}: the method cannot run this study: {found}")
 
 
 def joined(study: Studied, outcome: Outcome, found: Sequence[Finding]) -> xr.DataTree:
-    """Join the results of methods; where they cannot be compared, the comparison says so, and they stand.
+    """Join the results of methods; if their comparison fails, store the reason and keep the results.
 
-    The findings `found` about the study, and its settings, are attributes of the root.
+    The findings `found` on the study, and the settings of the study, are attributes of the root.
     """
     import xarray as xr
 
@@ -198,7 +199,9 @@ def joined(study: Studied, outcome: Outcome, found: Sequence[Finding]) -> xr.Dat
     }
     with Isolated(*ERRORS_AND_EXITS) as work:
         return study_tree(outcome.nodes, **about)
-    warnings.warn(f"study {study.name!r}: its methods cannot be compared: {work.reason}", UserWarning, stacklevel=3)
+    warnings.warn(
+        f"study {study.name!r}: the comparison of the methods failed: {work.reason}", UserWarning, stacklevel=3
+    )
     tree = join_nodes(outcome.nodes, **about)
     tree["comparison"] = xr.DataTree(xr.Dataset(attrs={"problem": work.reason}))
     return tree

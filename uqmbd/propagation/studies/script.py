@@ -1,4 +1,4 @@
-"""Study scripts: a Python file with a module-level `study`; errors in it are reported with lines of the script."""
+"""Run study scripts: Python files with a module-level `study`; errors refer to lines of the script."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import hashlib
 import importlib
 import importlib.machinery
 import importlib.util
+import inspect
 import linecache
 import os
 import pkgutil
@@ -29,26 +30,27 @@ __all__ = ["load_study"]
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Run a study script and return its module-level ``study``.
 
-    The script runs as a module named like the file, with its folder first on ``sys.path``, as if it had been started by
-    Python; afterwards the folder stays last on ``sys.path``, so that worker processes can import the functions that the
-    script defines. A file with the name of an installed module gets another module name. Worker processes can then use
-    its functions and classes only if these processes are forked.
+    The script runs as a module with the name of the file. During this run, the folder of the script is first on
+    ``sys.path``, as for a script that Python starts. Afterwards the folder is last on ``sys.path``, so that worker
+    processes can import functions of the script. If a file has the name of an installed module, the script gets another
+    module name. In this case, only forked worker processes can use functions and classes of the script.
 
     Parameters
     ----------
     path : str or Path
-        The script, a ``.py`` file.
+        Path of the script, a ``.py`` file.
 
     Returns
     -------
     Study
-        The object that the script calls ``study``.
+        Object with the name ``study`` in the script.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is no such file, it is not a Python file, it raises, or its ``study`` is missing or is no study. If the
-        script raises, the message shows the line of the script and the error, and the error is the cause.
+        If the file is missing or is not a Python file, the script defines no `Study` named ``study``, or it raises an
+        error. If the script raises an error, the message shows this error with its line, and the error is the cause of
+        the exception.
 
     Examples
     --------
@@ -71,7 +73,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 
 
 def _run(file: Path, shown: str) -> ModuleType:
-    """Run the script as a module of its own; on failure nothing of it stays behind."""
+    """Run the script as a separate module, and remove the module after a failure."""
     folder = str(file.parent)
     sys.path.insert(0, folder)
     name = _module_name(file)
@@ -83,7 +85,7 @@ def _run(file: Path, shown: str) -> ModuleType:
     sys.modules[name] = module
     linecache.checkcache(str(file))
     try:
-        # Compiled from the text, not by the loader: a stale or unwritable __pycache__ then has no say.
+        # compile the text without the loader, so that a stale or unwritable __pycache__ has no effect
         exec(compile(file.read_bytes(), str(file), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
@@ -99,7 +101,7 @@ def _run(file: Path, shown: str) -> ModuleType:
 
 
 def _module_name(file: Path) -> str:
-    """Name the script's module after the file, unless that name belongs to something else already."""
+    """Return the name of the file as module name, or another name if this name is already in use."""
     name = file.stem
     existing = sys.modules.get(name)
     if existing is not None:
@@ -123,10 +125,10 @@ def _same_file(one: str | None, other: Path) -> bool:
 
 
 def _take_study(module: ModuleType, shown: str) -> Study:
-    """Return the module's `study` after a look at what it is."""
+    """Return the module's `study` after a check of its type."""
     if not hasattr(module, "study"):
         others = [name for name, value in vars(module).items() if isinstance(value, Study)]
-        hint = f" It holds a study named {others[0]!r}: rename it." if others else ""
+        hint = f" It contains the study {others[0]!r}; rename this variable to study." if others else ""
         raise StudyError(
             f"{shown} has no module-level `study`.{hint} Expected a line such as\n"
             "    study = uqmbd.Study(name, mechanism, times, propagators=[...])\n"
@@ -134,13 +136,13 @@ def _take_study(module: ModuleType, shown: str) -> Study:
         )
     study = module.study
     if not isinstance(study, Study):
-        raise StudyError(f"In {shown}, `study` is {_described(study)}; a uqmbd.Study is expected.")
+        raise StudyError(f"In {shown}, `study` is {_described(study)}; expected a uqmbd.Study.")
     result: Study = study
     return result
 
 
 def _explain(error: BaseException, file: Path, shown: str) -> str:
-    """Tell where in the script an error came up, and which."""
+    """Return a message with an error and its position in the script."""
     if isinstance(error, SyntaxError) and error.filename:
         where = shown if _same_file(error.filename, file) else error.filename
         line = (error.text or "").strip()
@@ -149,19 +151,19 @@ def _explain(error: BaseException, file: Path, shown: str) -> str:
     if isinstance(error, StudyError):
         text = str(error)
     elif isinstance(error, SystemExit):
-        text = f"the script ended itself (SystemExit: {error.code}) before it could be used"
+        text = f"the script exited (SystemExit: {error.code}) before uqmbd could use its study"
     text += _nearest(error, text) + _remedy(error)
     notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _same_file(frame.filename, file)]
     if not frames:
-        return f"{shown} cannot be run: {text}{notes}"
+        return f"The script {shown} cannot run: {text}{notes}"
     frame = frames[-1]
     inside = "" if frame.name == "<module>" else f", in {frame.name}"
     return f"{shown}, line {frame.lineno}{inside}:\n    {_statement(frame)}\n{text}{notes}"
 
 
 def _nearest(error: BaseException, text: str) -> str:
-    """Name what a misspelt name or attribute may mean; empty where the text does, or nothing is near."""
+    """Suggest a name for a misspelt name or attribute; empty if the message has a suggestion or no name is similar."""
     name, known = getattr(error, "name", None), list[str]()
     if not isinstance(name, str) or "did you mean" in text.lower():
         return ""
@@ -176,9 +178,9 @@ def _nearest(error: BaseException, text: str) -> str:
 
 
 def _imported(error: ImportError) -> tuple[str, list[str]]:
-    """Return the name that an import did not find, and those that there are in its place."""
+    """Return the name that an import did not find, and the available names."""
     whole = error.name or ""
-    if not isinstance(error, ModuleNotFoundError):  # a name of a module that is there
+    if not isinstance(error, ModuleNotFoundError):  # the module exists, but it has no such name
         wrong = re.match(r"cannot import name '(\w+)'", str(error))
         found = sys.modules.get(whole)
         return (wrong[1], [each for each in dir(found) if not each.startswith("_")]) if wrong and found else ("", [])
@@ -189,27 +191,28 @@ def _imported(error: ImportError) -> tuple[str, list[str]]:
 
 
 def _remedy(error: BaseException) -> str:
-    """Say what to write where a function of numbers was given an expression; empty for anything else."""
+    """Return advice if a numeric function received an expression; otherwise return an empty text."""
     import sympy
 
     written = (
-        "\nIt was given an expression, and functions of NumPy and math compute with numbers alone: write those of "
-        "SymPy, as sympy.sin(2 * uqmbd.t)."
+        "\nThe argument is an expression, but functions of NumPy and math accept numbers only. Use functions of "
+        "SymPy, e.g. sympy.sin(2 * uqmbd.t)."
     )
     cause = error.__cause__
-    # NumPy looks for a method of the expression; math asks it for its value
+    # NumPy calls a method of the expression; math converts the expression to a number
     if isinstance(error, TypeError) and isinstance(cause, AttributeError) and isinstance(cause.obj, sympy.Basic):
         return written
     place = error.__traceback__
     while place is not None and place.tb_next is not None:
         place = place.tb_next
-    if isinstance(error, TypeError) and place is not None and place.tb_frame.f_code is sympy.Expr.__float__.__code__:
+    method = inspect.unwrap(sympy.Expr.__float__).__code__
+    if isinstance(error, TypeError) and place is not None and place.tb_frame.f_code is method:
         return written
     return ""
 
 
 def _statement(frame: traceback.FrameSummary) -> str:
-    """Return the source of a frame's statement; of one over many lines the first and the last."""
+    """Return the source of the statement of a frame; for a long statement, return its first and last lines."""
     first = frame.lineno or 0
     last = frame.end_lineno or first
     lines = [linecache.getline(frame.filename, number).rstrip() for number in range(first, last + 1)]

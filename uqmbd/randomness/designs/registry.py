@@ -1,7 +1,4 @@
-"""Sampling designs of the core, and all designs by name.
-
-What a sampling design is.
-"""
+"""Protocol of sampling designs, designs of the core, and selection of all designs by name."""
 
 from __future__ import annotations
 
@@ -30,31 +27,31 @@ __all__ = [
 ]
 
 Seed: TypeAlias = int | np.random.SeedSequence
-"""Arguments of ``numpy.random.default_rng``."""
+"""Seed: an argument of ``numpy.random.default_rng``."""
 
 
 class SamplingDesign(Protocol):
-    """Class of a sampling design, which is made without arguments: points in the unit cube.
+    """Protocol of a class that draws points in the unit cube; the constructor takes no arguments.
 
-    What more it can it declares by class attributes; what is not declared it cannot:
+    Class attributes declare additional properties; a design lacks the properties that it does not declare:
 
     ``independent = True``
-        Points are independent of each other, so that standard errors come from them one by one.  Any other design is
-        drawn in independent replicates by Monte Carlo.
+        Points are independent of each other, and Monte Carlo computes standard errors from single points. Monte Carlo
+        draws any other design in independent replicates.
     ``extendable = True``
-        The points of ``range(n)`` are the first n of any longer range: a method that refines keeps what it has
-        computed, and points can be drawn part by part.
+        The points of ``range(n)`` are the first n of any longer range. A refinement can reuse its results, and points
+        can be drawn in parts.
     ``base``, a whole number, 2 or more
-        Points are balanced where their number is a power of it; replicates have such numbers.
+        Points are balanced if their number is a power of ``base``; replicates have such numbers.
 
     Attributes
     ----------
     name : str
-        By which methods choose it.
+        Name by which methods select the design.
 
     Examples
     --------
-    Points that are evenly spread by irrational steps, which a plugin gives by the hook ``uqmbd_designs``:
+    This design spreads points evenly by irrational steps. A plugin provides it by the hook ``uqmbd_designs``:
 
     >>> import numpy as np
     >>> import uqmbd
@@ -77,16 +74,16 @@ class SamplingDesign(Protocol):
         Parameters
         ----------
         dimension : int
-            Number of inputs, 1 or more.
+            Number of inputs, at least 1.
         numbers : range
-            Which points; ``range(n)``, where the design is not extendable: all n of them.
+            Indices of the points; ``range(n)`` for all n points of a design that is not extendable.
         seed : int or numpy.random.SeedSequence
-            Of the random numbers: the same seed gives the same bits, another one independent points.
+            Seed of the random numbers. The same seed gives the same bits; another seed gives independent points.
 
         Returns
         -------
         array, shape (len(numbers), dimension)
-            0 to 1.
+            Points with coordinates from 0 to 1.
         """
         ...
 
@@ -122,7 +119,7 @@ class Sobol:
     base = 2
 
     def points(self, dimension: int, numbers: range, seed: Seed) -> Array:
-        """Draw points; a power of two of them, which keep the balance, and leave out the others."""
+        """Draw a balanced set, whose size is a power of two, and return the requested points."""
         from scipy.stats import qmc
 
         engine = qmc.Sobol(dimension, rng=np.random.default_rng(seed))
@@ -154,17 +151,17 @@ class BuiltInDesigns:
 
 @dataclass(frozen=True)
 class Design:
-    """A sampling design as methods use it.
+    """Sampling design with checked declarations, for use by methods.
 
     Attributes
     ----------
     made : SamplingDesign
-        The design itself.
+        Object with the points of the design.
     name : str
     independent, extendable : bool
-        What it declares.
+        Declared properties.
     base : int
-        What it declares; 1: points of any number are balanced.
+        Declared base; with 1, points of any number are balanced.
 
     Examples
     --------
@@ -190,7 +187,7 @@ class Design:
         Raises
         ------
         uqmbd.StudyError
-            If the class declares something that cannot be used.
+            If a declaration of the class is invalid.
         """
         base = getattr(kind, "base", 1)
         if not isinstance(base, int) or base < 1:
@@ -204,21 +201,21 @@ class Design:
         Parameters
         ----------
         dimension : int
-            Of the cube.
+            Dimension of the cube.
         count : int
-            How many.
+            Number of points.
         seed : int or sequence of int
-            Of the random numbers.
+            Seed of the random numbers.
 
         Returns
         -------
         array, shape (count, dimension)
-            More than 0 and less than 1.
+            Coordinates above 0 and below 1.
 
         Raises
         ------
         uqmbd.StudyError
-            If the design gives something else.
+            If points have another shape or are outside of the unit cube.
         """
         if not dimension:
             return np.zeros((count, 0))
@@ -230,11 +227,11 @@ class Design:
 
 
 def design_problem(points: Array, shape: tuple[int, int]) -> str:
-    """Return a message on faulty points of a design, or nothing."""
+    """Return a message about invalid points of a design; empty if they are valid."""
     if points.shape != shape:
-        return f"gave points of shape {points.shape}; expected {shape}"
+        return f"returned points of shape {points.shape}; expected {shape}"
     if not ((points >= 0) & (points <= 1)).all():
-        return "gave points outside the unit cube"
+        return "returned points outside the unit cube"
     return ""
 
 
@@ -244,7 +241,7 @@ def _offered() -> dict[str, type]:
 
 
 def sampling_designs() -> tuple[str, ...]:
-    """Return the names of all that there are, those of the core first.
+    """Return the names of all sampling designs, first the designs of the core.
 
     Examples
     --------
@@ -255,21 +252,21 @@ def sampling_designs() -> tuple[str, ...]:
 
 
 def sampling_design(name: str, where: str = "sampling_design: name", others: Sequence[str] = ()) -> Design:
-    """Return the sampling design of a name.
+    """Return a sampling design by its name.
 
     Parameters
     ----------
     name : str
-        One of `sampling_designs`.
+        Name of the design, one of `sampling_designs`.
     where : str
-        Who asks, and for what, in messages.
+        Origin of the request, for messages.
     others : sequence of str
-        What else could have been given, for messages.
+        Other accepted values, for messages.
 
     Raises
     ------
     uqmbd.StudyError
-        If there is none; the message lists those that are installed.
+        If there is no such design; the message lists the installed designs.
 
     Examples
     --------
@@ -279,7 +276,7 @@ def sampling_design(name: str, where: str = "sampling_design: name", others: Seq
     """
     if not isinstance(name, str):
         raise StudyError(f"{where} is {name!r}; expected the name of a sampling design.")
-    # plugins are not loaded for what the core has
+    # a design of the core does not need the plugins to be loaded
     found = _offered().get(name) or designs_of_plugins().get(name)
     if found is not None:
         return Design.of(found)

@@ -1,7 +1,7 @@
-"""Distributions of scipy.stats and OpenTURNS, taken where those of chaospy are.
+"""Conversion of distributions of scipy.stats and OpenTURNS to distributions of chaospy.
 
-A family with classical polynomials becomes chaospy's own, so that it has them; any other is wrapped, and evaluated by
-its package.  No package is imported to find out where an object comes from.
+A family with classical polynomials becomes the same family of chaospy, which provides the polynomials. Any other
+distribution is wrapped, and its package evaluates it. The package of an object is determined without imports.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PROBE = np.array([1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
 """Probabilities at which a translated family is compared with the original."""
 
 OF_DATA = {"rv_histogram", "rv_sample"}
-"""Distributions of scipy that are made of data, and need no parameters."""
+"""Distributions of scipy that are constructed from data and need no parameters."""
 
 Parameters = Mapping[str, float]
 
@@ -50,15 +50,15 @@ FAMILIES: Mapping[str, Callable[[Any, Parameters], Any]] = {
     "ChiSquare": lambda c, p: c.Gamma(p["nu"] / 2, 2.0),
     "LogNormal": lambda c, p: c.LogNormal(p["muLog"], p["sigmaLog"], p["gamma"]),
 }
-"""Families with classical polynomials, or that are functions of a normal variable, by their names in each package."""
+"""Families with classical polynomials, and functions of a normal variable, by their names in each package."""
 
 
 def adopt_distribution(where: str, distribution: Any) -> Any:
-    """Return a distribution of scipy.stats or OpenTURNS as one of chaospy; any other argument unchanged.
+    """Convert a distribution of scipy.stats or OpenTURNS to chaospy; return any other argument unchanged.
 
-    Those of scipy.stats are frozen, or of its new infrastructure. `where` stands before messages. Raise StudyError for
-    a distribution without its parameters, several at once, discrete values that are no whole numbers, or a dependence
-    unknown to chaospy.
+    Distributions of scipy.stats are frozen, or belong to its new infrastructure. `where` begins each message. Raise
+    StudyError for missing parameters, arrays of distributions, discrete values that are not whole numbers, or a
+    dependence that cannot be converted.
 
     >>> import scipy.stats
     >>> adopt_distribution("here", scipy.stats.norm(0.15, 0.003))
@@ -73,7 +73,7 @@ def adopt_distribution(where: str, distribution: Any) -> Any:
     names = {name for module, name in bases if module.startswith("scipy.stats")}
     if names & {"rv_generic", "rv_frozen", "_ProbabilityDistribution"}:
         _require_parameters(where, distribution, names)
-        if "rv_generic" in names:  # of data: it has no parameters
+        if "rv_generic" in names:  # from data, without parameters
             return distribution_of(where, Frozen(distribution), f"scipy.stats.{kind.__name__}(...)")
         return _of_frozen(where, distribution) if "rv_frozen" in names else _of_infrastructure(where, distribution)
     if "multivariate_normal_frozen" in names:
@@ -86,9 +86,9 @@ def adopt_distribution(where: str, distribution: Any) -> Any:
         return chaospy.MvStudentT(float(distribution.df), np.asarray(distribution.loc), np.asarray(distribution.shape))
     if "multi_rv_frozen" in names or "multi_rv_generic" in names:
         raise StudyError(
-            f"{where}: the distribution is {kind.__name__} of scipy.stats; of those of several variables "
-            "scipy.stats.multivariate_normal(mean, covariance) and multivariate_t(loc, shape, df) are taken. Others "
-            "are made of marginal distributions by chaospy.Nataf(chaospy.J(...), correlation)."
+            f"{where}: the distribution is {kind.__name__} of scipy.stats; multivariate distributions of scipy.stats "
+            "can only be multivariate_normal(mean, covariance) and multivariate_t(loc, shape, df). Construct others "
+            "from marginal distributions by chaospy.Nataf(chaospy.J(...), correlation)."
         )
     if any(module.startswith("openturns.") and name == "DistributionImplementation" for module, name in bases) or (
         kind.__module__.startswith("openturns.") and hasattr(kind, "computeQuantile")
@@ -98,7 +98,7 @@ def adopt_distribution(where: str, distribution: Any) -> Any:
 
 
 def _require_parameters(where: str, distribution: Any, names: set[str]) -> None:
-    """Refuse classes, and families of scipy that no parameters were given to."""
+    """Raise StudyError for a class, or for a family of scipy without parameters."""
     if isinstance(distribution, type):
         text = f"the class scipy.stats.{distribution.__name__}"
         example = "scipy.stats.Normal(mu=0.15, sigma=0.003)"
@@ -107,7 +107,7 @@ def _require_parameters(where: str, distribution: Any, names: set[str]) -> None:
         example = f"scipy.stats.{distribution.name}({'..., ' if distribution.numargs else ''}loc=0.15, scale=0.003)"
     else:
         return
-    raise StudyError(f"{where}: the distribution is {text}; give it its parameters, as in {example}.")
+    raise StudyError(f"{where}: the distribution is {text}; expected an object with parameters, e.g. {example}.")
 
 
 def _of_frozen(where: str, given: Any) -> Any:
@@ -121,8 +121,8 @@ def _of_frozen(where: str, given: Any) -> Any:
     if several:
         name, shape = next(iter(several.items()))
         raise StudyError(
-            f"{where}: the distribution is {text}, whose {name} has the shape {shape}; expected one number. Several "
-            "variables are several random variables."
+            f"{where}: the distribution is {text}, whose {name} has the shape {shape}; expected one number. Declare "
+            "several variables as several random variables."
         )
     numbers = {name: float(np.ravel(x)[0]) for name, x in parameters.items()}
     if hasattr(given, "pmf"):
@@ -134,7 +134,7 @@ def _of_frozen(where: str, given: Any) -> Any:
         return distribution_of(where, Frozen(given), text)
     from uqmbd.randomness.distributions.wrapped import MovedDistribution, WrappedDistribution
 
-    # a mean that is large compared with the deviation costs no digits
+    # avoids the loss of digits if the mean is much larger than the deviation
     standard = WrappedDistribution(Frozen(family(**numbers)), text)
     return MovedDistribution(standard, shift, scale, text)
 
@@ -143,8 +143,9 @@ def _of_infrastructure(where: str, given: Any) -> Any:
     text = _shortened(f"{given} of scipy.stats")
     if np.size(given.median()) != 1:
         raise StudyError(
-            f"{where}: the distribution is {text}, of several variables (the shape {np.shape(given.median())}); "
-            "expected one. Several variables are several random variables."
+            f"{where}: the distribution is {text}, a distribution of several variables (shape "
+            f"{np.shape(given.median())}); "
+            "expected one variable. Declare several variables as several random variables."
         )
     source = Infrastructure(given)
     name = type(given).__name__
@@ -159,8 +160,8 @@ def _of_infrastructure(where: str, given: Any) -> Any:
 def _of_openturns(where: str, given: Any) -> Any:
     if isinstance(given, type):
         raise StudyError(
-            f"{where}: the distribution is the class openturns.{given.__name__}; give it its parameters, as in "
-            "openturns.Normal(0.15, 0.003)."
+            f"{where}: the distribution is the class openturns.{given.__name__}; expected an object with parameters, "
+            "e.g. openturns.Normal(0.15, 0.003)."
         )
     if given.getDimension() > 1:
         return _coupled(where, given)
@@ -174,7 +175,7 @@ def _of_openturns(where: str, given: Any) -> Any:
 
 
 def _coupled(where: str, given: Any) -> Any:
-    """Translate joint distributions of OpenTURNS that are Gaussian copulas, or independent."""
+    """Convert a joint distribution of OpenTURNS with a Gaussian copula or independent variables."""
     import chaospy
 
     marginals = [_of_openturns(where, given.getMarginal(k)) for k in range(given.getDimension())]
@@ -184,8 +185,8 @@ def _coupled(where: str, given: Any) -> Any:
     kind = (copula.getImplementation() if hasattr(copula, "getImplementation") else copula).getClassName()
     if kind != "NormalCopula":
         raise StudyError(
-            f"{where}: the distribution {given} couples its variables by {kind} of OpenTURNS; expected NormalCopula or "
-            "none. Other copulas are those of chaospy, such as chaospy.Clayton(chaospy.J(...), 2)."
+            f"{where}: the distribution {given} has the copula {kind} of OpenTURNS; expected NormalCopula, or no "
+            "copula. For other copulas use chaospy, e.g. chaospy.Clayton(chaospy.J(...), 2)."
         )
     if all(type(m).__name__ == "Normal" for m in marginals):
         return chaospy.MvNormal(list(given.getMean()), np.array(given.getCovariance()))
@@ -193,7 +194,7 @@ def _coupled(where: str, given: Any) -> Any:
 
 
 def _translated(source: DistributionSource, family: str, parameters: Parameters) -> Any:
-    """Return the distribution of chaospy of a family, confirmed by its quantiles; None where there is none."""
+    """Return chaospy's distribution of a family; None if chaospy lacks it or its quantiles differ."""
     import chaospy
 
     make = FAMILIES.get(family)
@@ -203,14 +204,14 @@ def _translated(source: DistributionSource, family: str, parameters: Parameters)
         try:
             found, theirs = make(chaospy, parameters), source.quantile(PROBE)
             ours = np.asarray(found.inv(PROBE), dtype=float)
-        except Exception:  # the wrapper reports parameters that belong to no distribution
+        except Exception:  # the wrapper reports invalid parameters
             return None
         slack = 1e-9 * np.ptp(theirs) + 1e-14 * np.abs(theirs).max()
         return found if np.abs(ours - theirs).max() <= slack else None
 
 
 def distribution_of(where: str, source: DistributionSource, text: str) -> Any:
-    """Return a distribution of chaospy that evaluates a source, and is shown as a text."""
+    """Return a distribution of chaospy that evaluates `source` and is printed as `text`."""
     from uqmbd.randomness.distributions.wrapped import WholeNumbers, WrappedDistribution
 
     if not source.discrete:
@@ -222,7 +223,7 @@ def distribution_of(where: str, source: DistributionSource, text: str) -> Any:
 
 
 def _shortened(text: str) -> str:
-    """Bring a text into one line that tables hold: kernel densities show all of their data."""
+    """Shorten a text to one line of at most 100 characters for tables; kernel densities print all of their data."""
     return textwrap.shorten(text, 100, placeholder=" ...")
 
 

@@ -1,4 +1,4 @@
-"""A distribution about a number, of a given standard deviation, that stays within the range of the number."""
+"""Distributions with a given mean and standard deviation within the range of a number."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["KINDS", "distribution_about", "is_distribution", "strays"]
 KINDS = ("normal", "lognormal", "uniform")
 
 RARE = 1e-9
-"""Probability that may be outside of a range: it is never sampled."""
+"""Accepted probability outside of a range; such values are never sampled."""
 
 
 def distribution_about(
@@ -23,9 +23,9 @@ def distribution_about(
 ) -> chaospy.Distribution:
     """Return a distribution of given mean and (positive) standard deviation within a range.
 
-    `kind` is one of `KINDS`. If it is empty, the distribution is normal where the number has no range; lognormal,
-    counted from the end of the range, where it has one end; a beta distribution where it has two. Raise StudyError,
-    with a part of a sentence, if no such distribution stays within the range.
+    `kind` is one of `KINDS`. By default, the distribution is normal without a range, lognormal in a range with one end,
+    and beta in a range with two ends. The lognormal distribution starts at the end of the range. Raise StudyError,
+    whose message is part of a sentence, if no such distribution stays within the range.
 
     >>> import chaospy
     >>> found = distribution_about(2.0, 0.1, minimum=0)
@@ -38,24 +38,24 @@ def distribution_about(
     if kind == "uniform":
         half = math.sqrt(3) * std
         if half > min(low, high):
-            raise StudyError(f"a uniform distribution reaches from {mean - half:g} to {mean + half:g}")
+            raise StudyError(f"a uniform distribution would extend from {mean - half:g} to {mean + half:g}")
         return chaospy.Uniform(mean - half, mean + half)
     bounded = math.isfinite(low), math.isfinite(high)
     if kind == "normal" or (not kind and not any(bounded)):
         found = chaospy.Normal(mean, std)
         if strays(found, minimum, maximum):
-            raise StudyError(f"a normal distribution with a standard deviation of {std:g} reaches beyond its range")
+            raise StudyError(f"a normal distribution with the standard deviation {std:g} would exceed this range")
         return found
-    if kind == "lognormal" and not any(bounded):  # away from zero, on the side of the number
+    if kind == "lognormal" and not any(bounded):  # zero is the end of the range, on the side of the number
         low, high, bounded = mean, -mean, (mean > 0, mean < 0)
     if min(low, high) <= 0 and not (kind == "lognormal" and max(low, high) > 0 and not all(bounded)):
-        raise StudyError("it is at the end of its range, so that it cannot vary to both sides")
+        raise StudyError("the number is at the end of this range, so it cannot vary to both sides")
     if not kind and all(bounded):
         share, spread = low / (low + high), std / (low + high)
         shape = share * (1 - share) / spread**2 - 1
         alpha, beta = share * shape, (1 - share) * shape
         if min(alpha, beta) < 1:
-            raise StudyError(f"no distribution with a single peak and a standard deviation of {std:g} fits in there")
+            raise StudyError(f"no unimodal distribution with the standard deviation {std:g} fits into this range")
         return chaospy.Beta(alpha, beta, minimum, maximum)
     size = low if bounded[0] else high
     variance = math.log1p((std / size) ** 2)
@@ -63,7 +63,7 @@ def distribution_about(
     found = (mean - size) + spread if bounded[0] else (mean + size) - spread
     found = spread if bounded[0] and mean == size else found
     if strays(found, minimum, maximum):
-        raise StudyError("a lognormal distribution reaches beyond its range")
+        raise StudyError("a lognormal distribution would exceed this range")
     return found
 
 

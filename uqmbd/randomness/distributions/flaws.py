@@ -1,4 +1,4 @@
-"""Check of distributions: chaospy accepts parameters without a distribution, and samples a constant or NaN."""
+"""Check of distributions: chaospy accepts invalid parameters, and then samples a constant or NaN."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ __all__ = ["flaw_of"]
 
 
 LEVELS = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 1 - 1e-3])
-"""Probabilities at which quantiles are checked: within them even the heaviest tails are finite."""
+"""Probabilities at which quantiles are checked; even the heaviest tails have finite quantiles at these."""
 
 RARE = 1e-9
 """Probability beyond which a discrete distribution is not checked."""
 
 ROUGH = 1e-3
-"""Quantiles that are found by iteration may fall by this, relative to their span."""
+"""Accepted decrease of consecutive quantiles, relative to their span, because quantiles from iterations have errors."""
 
 MISFIT = 0.1
-"""Probabilities of quantiles may be off by this: quantiles are found by iteration, and infinite supports cut."""
+"""Accepted error of the probabilities of quantiles, because of iterations and cuts of infinite supports."""
 
 POINTS = 16
-"""Points at which the map of a dependent distribution is checked."""
+"""Number of points at which the map of a dependent distribution is checked."""
 
 
 def flaw_of(distribution: Any) -> str:
-    """Return why a distribution of any dimension is invalid; empty where it is valid.
+    """Return why a distribution of any dimension is invalid; empty if it is valid.
 
-    Quantiles must be finite and increase; so must those of all its parts, as arithmetic hides a flaw.
+    Quantiles of the distribution and of all its parts must be finite and increase; arithmetic hides a flaw of a part.
 
     >>> import chaospy
     >>> flaw_of(chaospy.Normal(1, 0.02)), flaw_of(chaospy.Normal(1, -0.02))
@@ -39,7 +39,7 @@ def flaw_of(distribution: Any) -> str:
     with np.errstate(all="ignore"):
         try:
             return _flaw(distribution)
-        except Exception as error:  # whatever chaospy raises: it has no common class for bad parameters
+        except Exception as error:  # any exception, because chaospy has no common class for bad parameters
             said = " ".join(str(error).split())
             return f"chaospy cannot sample it ({said or type(error).__name__})"
 
@@ -50,7 +50,7 @@ def _flaw(distribution: Any) -> str:
             return _flaw_of_map(distribution)
         flaws = [(k, _flaw(part)) for k, part in enumerate(distribution)]
         return next((f"of component {k + 1} {flaw}" for k, flaw in flaws if flaw), "")
-    # looked at first: with such a parameter chaospy may search for quantiles without an end
+    # first, because chaospy may search endlessly for quantiles with such a parameter
     if name := _not_a_number(distribution):
         return f"its parameter {name} is not a number"
     law = AffineDistribution.of(distribution)
@@ -69,12 +69,14 @@ def _flaw(distribution: Any) -> str:
     if not law.discrete:
         passed = law.cdf(quantiles) if law.mends else np.ravel(distribution.fwd(quantiles)).astype(float)
         if not np.abs(passed - levels).max() < MISFIT:
-            return f"its quantiles ({', '.join(f'{x:.4g}' for x in quantiles)}) are not those of its probabilities"
+            return (
+                f"its quantiles ({', '.join(f'{x:.4g}' for x in quantiles)}) do not correspond to their probabilities"
+            )
     return next((flaw for flaw in map(_flaw, _inner(distribution)) if flaw), "")
 
 
 def _inner(distribution: Any) -> list[Any]:
-    """Distributions that one is made of."""
+    """Return the distributions inside a distribution."""
     import chaospy
 
     parts = [getattr(distribution, "_dist", None), *distribution._parameters.values()]
@@ -82,7 +84,7 @@ def _inner(distribution: Any) -> list[Any]:
 
 
 def _not_a_number(distribution: Any) -> str:
-    """Return the name of a parameter that is NaN, of a distribution or its parts; empty if there is none."""
+    """Return the name of a NaN parameter of a distribution or its parts; empty if there is none."""
     inner = _inner(distribution)
     numbers = {name: x for name, x in distribution._parameters.items() if not any(x is part for part in inner)}
     bad = [name for name, x in numbers.items() if np.isnan(np.asarray(x, dtype=float)).any()]
@@ -90,8 +92,8 @@ def _not_a_number(distribution: Any) -> str:
 
 
 def _flaw_of_map(distribution: Any) -> str:
-    """Check dependent variables at some points of the unit cube."""
-    steps = np.sqrt(np.arange(2, 2 + len(distribution)))[:, None]  # a lattice that is not aligned with anything
+    """Return a flaw of dependent variables at some points of the unit cube; empty if there is none."""
+    steps = np.sqrt(np.arange(2, 2 + len(distribution)))[:, None]  # a lattice with irrational steps
     points = 0.05 + 0.9 * np.mod(steps * np.arange(1, POINTS + 1), 1.0)
     values = np.asarray(distribution.inv(points), dtype=float)
     for k, row in enumerate(values):

@@ -1,4 +1,4 @@
-"""Distributions that are tables of their quantiles, alone or coupled."""
+"""Distributions given as tables of quantiles, univariate or coupled."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ __all__ = ["tabulated"]
 
 @typechecked
 def tabulated(normal: ArrayLike, values: ArrayLike, correlation: ArrayLike | None = None) -> chaospy.Distribution:
-    """Return the distribution of increasing functions, given as tables, of standard normal variables.
+    """Return the distribution of increasing functions of standard normal variables, given as tables.
 
     Parameters
     ----------
     normal : array_like, shape (N,)
-        Standard normal variable, increasing.
+        Values of the standard normal variable, increasing.
     values : array_like, shape (N,) or (N, d)
-        The value, or each of several values, there: quantiles, not decreasing.  Between them the functions are
-        monotone and smooth.
+        Quantiles: non-decreasing values of one function, or of each of several functions, at `normal`. The
+        interpolation between the values is monotone and smooth.
     correlation : array_like, shape (d, d), optional
-        Of the standard normal variables, where there are several values.
+        Correlation matrix of the standard normal variables; required for several functions.
 
     Returns
     -------
     chaospy.Distribution
-        Of `uqmbd.RandomVariable`, or of `uqmbd.random_vector`.
+        Distribution for `uqmbd.RandomVariable`, or joint distribution for `uqmbd.random_vector`.
 
     Raises
     ------
     uqmbd.StudyError
-        If shapes do not fit, a table does not increase, or several values have no correlation.
+        If shapes do not fit, if a table does not increase, or if several functions have no correlation.
 
     Examples
     --------
@@ -60,9 +60,9 @@ def tabulated(normal: ArrayLike, values: ArrayLike, correlation: ArrayLike | Non
         )
     columns = tables if several else tables[:, None]
     if np.any(np.diff(at) <= 0) or np.any(np.diff(columns, axis=0) < 0) or np.any(columns[0] >= columns[-1]):
-        raise StudyError("tabulated: a table does not increase; expected quantiles in order.")
+        raise StudyError("tabulated: the quantiles of a table do not increase; expected increasing values.")
     if not np.isfinite(at).all() or not np.isfinite(columns).all():
-        raise StudyError("tabulated: a table contains a value that is not finite.")
+        raise StudyError("tabulated: a table contains a value that is not finite; expected finite quantiles.")
     marginals = [TabulatedDistribution(at, column) for column in columns.T]
     if not several:
         return marginals[0]

@@ -1,6 +1,6 @@
-"""Distributions of other packages as those of chaospy, which evaluate the wrapped object.
+"""Distributions of chaospy that evaluate a wrapped object of another package.
 
-`chaospy.UserDistribution` holds functions, has no moments, and is always continuous.
+`chaospy.UserDistribution` contains functions, has no moments, and is always continuous.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from uqmbd.typing import Array
 __all__ = ["MovedDistribution", "WholeNumbers", "WrappedDistribution"]
 
 RARE = 1e-15
-"""Probability beyond an end of the support that chaospy gets where the true one is infinite, as for its own."""
+"""Probability beyond the finite bound that replaces an infinite end of the support, as in chaospy's distributions."""
 
 MOST_VALUES = 100_000
-"""Most whole numbers that a discrete distribution may take."""
+"""Largest number of whole numbers that a discrete distribution may take."""
 
 
 class _Printed:
@@ -38,7 +38,7 @@ class WrappedDistribution(_Printed, SimpleDistribution):
     """Continuous distribution of another package, printed as `text`."""
 
     tabulated = True
-    """Whether its quantiles are found numerically, which may take a while."""
+    """Whether quantiles are computed numerically, which may be slow."""
 
     def __init__(self, source: DistributionSource, text: str) -> None:
         super().__init__(parameters={}, repr_args=[])
@@ -68,7 +68,7 @@ class WrappedDistribution(_Printed, SimpleDistribution):
 
 
 class MovedDistribution(_Printed, ShiftScaleDistribution):
-    """The distribution of ``shift + scale * x``, with ``x`` distributed as another; shown as its package shows it."""
+    """Distribution of ``shift + scale * x``, with ``x`` of the distribution `standard`; printed as `text`."""
 
     tabulated = True
 
@@ -78,10 +78,10 @@ class MovedDistribution(_Printed, ShiftScaleDistribution):
 
 
 class WholeNumbers(_Printed, SimpleDistribution):
-    """Distribution of whole numbers as a table, spread over an interval of length one about each, as in chaospy.
+    """Table of a distribution of whole numbers; as in chaospy, each number spreads over an interval of length one.
 
-    The source is read once; `text` is the printed form. Raise StudyError, with a part of a sentence, if it takes a
-    value that is no whole number, or too many.
+    The constructor reads the source once; `text` is the printed form. Raise StudyError, whose message is part of a
+    sentence, if the source takes other values than whole numbers, or too many values.
     """
 
     interpret_as_integer = True
@@ -92,12 +92,14 @@ class WholeNumbers(_Printed, SimpleDistribution):
         low = low if np.isfinite(low) else source.lower_quantile(RARE)
         high = high if np.isfinite(high) else source.upper_quantile(RARE)
         if not (np.isfinite([low, high]).all() and high - low < MOST_VALUES):
-            raise StudyError(f"it takes whole numbers from {low:g} to {high:g}; expected at most {MOST_VALUES} of them")
+            raise StudyError(
+                f"its values are whole numbers from {low:g} to {high:g}; expected at most {MOST_VALUES} values"
+            )
         numbers = np.arange(np.floor(low), np.ceil(high) + 1)
         probability = source.density(numbers)
         if abs(probability.sum() - 1) > 1e-9:
             raise StudyError(
-                f"single values have probabilities, and those of whole numbers sum to {probability.sum():.6g}; "
+                f"it is discrete, but the probabilities of whole numbers sum to {probability.sum():.6g}; "
                 "expected whole numbers only"
             )
         self._text, self._numbers, self._probability = text, numbers, probability / probability.sum()
@@ -112,7 +114,7 @@ class WholeNumbers(_Printed, SimpleDistribution):
             out=np.zeros_like(u),
             where=self._probability[chosen] > 0,
         )
-        # chaospy rounds halves to even numbers: what is drawn stays inside of the interval of its number
+        # chaospy rounds halves to even numbers, so each value must stay inside the interval of its number
         found: Array = self._numbers[chosen] + np.clip(part - 0.5, -0.5 + 1e-10, 0.5 - 1e-10)
         return found
 

@@ -20,7 +20,7 @@ __all__ = ["Germ"]
 
 
 STORED = 64
-"""Recurrence coefficients that a classical germ stores; more are computed on demand."""
+"""Number of recurrence coefficients that a classical germ stores; more are computed on demand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +28,19 @@ class Germ:
     """Independent standard variable with its orthonormal polynomials.
 
     Every operation treats each point separately: evaluating some points, or all, gives the same bits. Gauss nodes of a
-    discrete germ lie between its values, except for the rule with as many nodes as values.
+    discrete germ are between its values, except for the rule with as many nodes as values.
     """
 
     name: str
     family: str
     """Family of `recurrence` (hermite, legendre, jacobi, laguerre), discrete (finitely many values) or stieltjes
     (others)."""
-    alpha: Array  # (N,) recurrence coefficients of the monic polynomials; a discrete germ has as many as values
+    alpha: Array  # (N,) recurrence coefficients of the monic polynomials; a discrete germ has one per value
     beta: Array  # (N,), ``beta[0] = 1``
     parameters: tuple[float, ...] = ()  # ``a, b`` of the beta density, the shape of the gamma density
     bounds: tuple[float, float] = (-np.inf, np.inf)  # the support
     table: Array | None = None
-    """(2, M), "stieltjes": quantiles over the probit scale; "discrete": cumulated probabilities, values."""
+    """(2, M): quantiles over the probit scale ("stieltjes"), or cumulative probabilities and values ("discrete")."""
 
     @classmethod
     def classical(cls, name: str, family: str, *parameters: float) -> Germ:
@@ -60,7 +60,7 @@ class Germ:
 
     @property
     def highest_degree(self) -> int | None:
-        """Highest degree of an orthonormal polynomial; None: unlimited."""
+        """Highest degree of an orthonormal polynomial; None if unlimited."""
         return None if self.family in CLASSICAL else len(self.alpha) - 1
 
     def coefficients(self, count: int) -> tuple[Array, Array]:
@@ -72,17 +72,18 @@ class Germ:
             return self.alpha[:count], self.beta[:count]
         if self.family in CLASSICAL:
             return recurrence(self.family, self.parameters, count)
-        only = f" takes {self.values} values only: it" if self.values == len(self.alpha) else ""
+        only = f" has only {self.values} values, so it" if self.values == len(self.alpha) else ""
         raise StudyError(
-            f"Input {self.name!r}{only} has polynomials up to degree {len(self.alpha) - 1} and Gauss rules of up to "
-            f"{len(self.alpha)} nodes; degree {count - 1} or {count} nodes were asked for. Lower the order for it."
+            f"Input {self.name!r}{only} has polynomials up to degree {len(self.alpha) - 1} and Gauss "
+            f"rules of up to {len(self.alpha)} nodes; degree {count - 1} or {count} nodes are "
+            "requested. Use a lower order for this input."
         )
 
     def polynomials(self, x: ArrayLike, degree: int) -> Array:
         """Evaluate the orthonormal polynomials of degree 0 to `degree` by their three-term recurrence.
 
-        Points (...) give values (..., degree + 1). Raise StudyError if the degree is no whole number of at least 0, or
-        above :attr:`highest_degree`.
+        Points (...) give values (..., degree + 1). Raise StudyError if the degree is not a whole number of at least 0,
+        or is above :attr:`highest_degree`.
         """
         whole_number(degree, f"The degree of the polynomials of {self.name!r}", 0)
         points = np.asarray(x, dtype=float)
@@ -118,8 +119,8 @@ class Germ:
         """Return ascending nodes (count,) and weights (count,) of sum 1, exact up to the degree ``2 * count - 1``.
 
         Golub and Welsch, Math. Comp. 23 (1969) 221: nodes are eigenvalues of the Jacobi matrix; weights are Christoffel
-        numbers, ``1 / sum(p_k(node)**2)``, with small relative errors. Raise StudyError if `count` is no whole number
-        of at least 1, or above ``highest_degree + 1``.
+        numbers, ``1 / sum(p_k(node)**2)``, with small relative errors. Raise StudyError if `count` is not a whole
+        number of at least 1, or is above ``highest_degree + 1``.
         """
         whole_number(count, f"The number of Gauss nodes of {self.name!r}", 1)
         if count not in self._gauss_rules:
@@ -164,8 +165,8 @@ class Germ:
     def linearisation(self, degree: int) -> Array:
         """Return ``E[p_i p_j p_k]`` for ``i, j <= degree``, ``k <= 2 * degree``.
 
-        The shape is (degree + 1, degree + 1, 2 * degree + 1). Values come from an exact Gauss rule. A discrete germ has
-        polynomials up to one less than its number of values; entries of higher degrees, which have no norm, are zero.
+        The shape is (degree + 1, degree + 1, 2 * degree + 1). Values come from an exact Gauss rule. The highest degree
+        of a discrete germ is its number of values minus one; entries of higher degrees have no norm, and are zero.
         """
         highest = 2 * whole_number(degree, f"The degree of products of {self.name!r}", 0)
         if self.values == len(self.alpha):
@@ -182,7 +183,7 @@ class Germ:
 
     @cached_property
     def _gauss_rules(self) -> dict[int, tuple[Array, Array]]:
-        """Rules by their number of nodes: a sparse grid asks for the same ones hundreds of times."""
+        """Cached rules by their number of nodes: a sparse grid uses the same rules hundreds of times."""
         return {}
 
     @cached_property
@@ -190,5 +191,5 @@ class Germ:
         return self.family in ("hermite", "legendre") or bool(self.family == "jacobi" and not np.any(self.alpha))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle plain arrays only; derived data are computed again."""
+        """Return the fields for pickling; derived data are computed again."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}

@@ -1,4 +1,4 @@
-"""Germs within an interval: the conditional distribution, its orthonormal polynomials and its Gauss rules."""
+"""Germs conditional on an interval, with orthonormal polynomials and Gauss rules."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ __all__ = ["TruncatedGerm", "cumulated", "median", "truncate_germ"]
 
 
 POINTS = 24
-"""Nodes of the Gauss rule on each panel of a density."""
+"""Number of nodes of the Gauss rule on each panel of a density."""
 
 FAR = 26.0
 """Standard normal variable at which the density times a polynomial of degree 80 is below rounding."""
 
 SMALLEST = 1e-12
-"""Probability of an interval below which it is none."""
+"""Probability of an interval up to which the interval is rejected as empty."""
 
 
 @dataclass(frozen=True, eq=False)
 class TruncatedGerm(Germ):
     """Germ conditional on an interval (its ``bounds``), in the coordinate of the whole germ.
 
-    It is made by :func:`truncate_germ`.
+    :func:`truncate_germ` constructs it.
     """
 
     parent: Germ | None = None  # the whole germ
-    ends: tuple[float, float] = (0.0, 1.0)  # its cumulated probabilities at the ends of the interval
+    ends: tuple[float, float] = (0.0, 1.0)  # cumulative probabilities of `parent` at the ends of the interval
 
     def from_uniform(self, u: ArrayLike) -> Array:
-        """Quantile function of the condition: map uniform numbers, of any shape, into the interval."""
+        """Map uniform numbers, of any shape, into the interval by the conditional quantile function."""
         assert self.parent is not None
         low, high = self.ends
         whole = self.parent.from_uniform(low + (high - low) * np.asarray(u, dtype=float))
@@ -78,13 +78,13 @@ def cumulated(germ: Germ, x: ArrayLike) -> Array:
 
 
 def truncate_germ(germ: Germ, lower: float, upper: float) -> Germ:
-    """Return a germ (not truncated itself) conditional on an interval.
+    """Return a germ, which must not be truncated already, conditional on an interval.
 
-    Infinite ends, or those of the support, are no condition. The coordinate stays that of the germ, so that maps to
-    inputs hold. A uniform germ keeps Legendre polynomials, in closed form; others get polynomials of a Stieltjes
-    procedure on their density, or on their quantile function if no density is known. See Wan and Karniadakis, SIAM
-    Journal on Scientific Computing 28 (2006) 901-928. A discrete germ keeps the values above `lower`, up to and with
-    `upper`. Raise StudyError if the interval is empty, or too improbable for any computation.
+    Infinite ends and ends of the support impose no condition. The coordinate of the germ is unchanged, so that
+    maps to inputs remain valid. A uniform germ keeps Legendre polynomials, in closed form. Polynomials of other germs
+    come from a Stieltjes procedure on the density, or on the quantile function if no density is known. See Wan and
+    Karniadakis, SIAM Journal on Scientific Computing 28 (2006) 901-928. A discrete germ keeps values above `lower` and
+    up to and including `upper`. Raise StudyError if the interval is empty, or too improbable for any computation.
     """
     low, high = max(float(lower), germ.bounds[0]), min(float(upper), germ.bounds[1])
     if germ.family == "discrete":
@@ -95,7 +95,7 @@ def truncate_germ(germ: Germ, lower: float, upper: float) -> Germ:
     if not low < high or not ends[1] - ends[0] > SMALLEST:
         raise StudyError(
             f"The interval from {lower:g} to {upper:g} of the germ {germ.name!r} has the probability "
-            f"{max(ends[1] - ends[0], 0.0):.3g}; more than {SMALLEST:g} is expected."
+            f"{max(ends[1] - ends[0], 0.0):.3g}; expected more than {SMALLEST:g}."
         )
     alpha, beta = _recurrence(germ.family, germ.parameters, _key(germ), low, high)
     return TruncatedGerm(germ.name, "truncated", alpha, beta, (), (low, high), None, germ, ends)
@@ -110,7 +110,7 @@ def _key(germ: Germ) -> bytes:
 def _recurrence(
     family: str, parameters: tuple[float, ...], table: bytes, low: float, high: float
 ) -> tuple[Array, Array]:
-    """Return the recurrence coefficients on an interval; cached, since elements share their intervals."""
+    """Return the recurrence coefficients on an interval; cached, because elements share intervals."""
     if family == "legendre":
         alpha, beta = recurrence("legendre", (), STORED)
         shift, scale = (low + high) / 2, (high - low) / 2
@@ -122,7 +122,7 @@ def _recurrence(
         shift = float(weights @ nodes / weights.sum())
         scale = float(np.sqrt(weights @ (nodes - shift) ** 2 / weights.sum()))
         alpha, beta = lanczos((nodes - shift) / scale, weights, COUNT)
-    # of the standardised variable -> of the germ's own coordinate
+    # from the standardised variable to the coordinate of the germ
     beta = scale**2 * beta
     beta[0] = 1.0
     alpha = shift + scale * alpha
@@ -149,13 +149,13 @@ def _by_density(family: str, parameters: tuple[float, ...], low: float, high: fl
 def _with_ends(
     low: float, high: float, singular: tuple[float, float], powers: tuple[float, float], smooth: object, width: float
 ) -> tuple[Array, Array]:
-    """Integrate ``(x - s0)^p0 (s1 - x)^p1 smooth(x)``: Gauss-Jacobi where an end is singular, panels that grow else."""
+    """Return a rule for ``(x - s0)^p0 (s1 - x)^p1 smooth(x)``: Gauss-Jacobi at singular ends, else growing panels."""
     assert callable(smooth)
     edges = [low, high]
     for side, point in enumerate(singular):
         if not np.isfinite(point):
             continue
-        # panels no longer than their distance to the singularity
+        # panels are at most as long as their distance to the singularity
         distance = max((low, high)[side] - point, 0.0) if side == 0 else max(point - (low, high)[side], 0.0)
         step = distance or (high - low) / 4
         at = step + distance if not distance else distance
@@ -186,7 +186,7 @@ def _with_ends(
 
 
 def _by_quantiles(table: Array, low: float, high: float) -> tuple[Array, Array]:
-    """Return nodes and weights through a tabulated quantile function: exactly the distribution that is sampled."""
+    """Return nodes and weights from a tabulated quantile function, exactly for the sampled distribution."""
     inside = np.clip([low, high], table[1, 0], table[1, -1])
     start, stop = (float(z) for z in invert(table, inside))
     start, stop = (
@@ -222,7 +222,7 @@ def _values_between(germ: Germ, lower: float, upper: float) -> Germ:
 
 
 def median(germ: Germ) -> float:
-    """Return where a germ is exceeded with the probability one half; of a discrete one between two values."""
+    """Return the median of a germ; for a discrete germ, a point between two values."""
     if germ.family == "discrete" and germ.table is not None:
         steps, values = germ.table
         k = int(np.clip(np.abs(steps[:-1] - 0.5).argmin(), 0, len(values) - 2))

@@ -1,4 +1,4 @@
-"""Quadrature rules over the germs, and how accurate they are for the projection on a basis."""
+"""Quadrature rules over the germs, and their accuracy for the projection on a basis."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ __all__ = [
 
 
 MOST_NODES = 20_000_000
-"""Numbers (nodes times germs) that a rule may hold; more is a mistake, and would fill the memory."""
+"""Largest size (nodes times germs) of a rule; a larger size is a mistake, and would fill the memory."""
 
 
 FINEST = 62
-"""Level of nested rules, at most: it doubles the nodes."""
+"""Highest level of nested rules; each level doubles the number of nodes."""
 
 
 @typechecked
@@ -44,13 +44,13 @@ class Quadrature:
     Parameters
     ----------
     nodes : array, shape (K, d)
-        Germs.
+        Germ points.
     weights : array, shape (K,)
-        They sum to 1; sparse rules have negative ones.
+        Weights with the sum 1; sparse rules have negative weights.
     exactness : int or None
-        Highest total degree of polynomials in the germs that are integrated exactly; None: no such degree is known.
+        Highest total degree of polynomials in the germs that the rule integrates exactly; None if unknown.
     name : str
-        What the rule is, for people.
+        Name of the rule, for messages.
 
     Examples
     --------
@@ -78,19 +78,19 @@ def gauss_tensor(space: GermSpace, counts: int | Sequence[int]) -> Quadrature:
     Parameters
     ----------
     space : GermSpace
-        The germs, ``d`` of them.
+        Space of the ``d`` germs.
     counts : int or sequence of int, length d
-        Nodes of each germ.  A rule of n nodes is exact to the degree ``2 n - 1`` in its germ.
+        Number of nodes for each germ. A rule of n nodes is exact to the degree ``2 n - 1`` in its germ.
 
     Returns
     -------
     Quadrature
-        Of ``prod(counts)`` nodes; the last germ changes fastest.
+        Rule of ``prod(counts)`` nodes; the last germ changes fastest.
 
     Raises
     ------
     uqmbd.StudyError
-        If a count cannot be used, or there would be more than a memory holds.
+        If a count is invalid, or the nodes do not fit into memory.
 
     Examples
     --------
@@ -121,21 +121,22 @@ def clenshaw_curtis(space: GermSpace, level: int | Sequence[int]) -> Quadrature:
     """Return the product of nested rules with Chebyshev nodes in the probability of each germ.
 
     A germ of bounded support gets the rule of Clenshaw and Curtis (Numer. Math. 2 (1960) 197) with 1, 3, 5, 9, ...
-    nodes; any other Fejer's second rule, the same without the ends, with 1, 3, 7, 15, ... nodes.  On a uniform germ the
-    rule is exact to the degree of its number of nodes.  On any other germ, nodes are mapped by its quantile function:
-    nested, but exact for constants only, and slow to converge for functions that grow in a tail; prefer Gauss there.
+    nodes. Any other germ gets Fejer's second rule, which excludes the ends, with 1, 3, 7, 15, ... nodes. For a uniform
+    germ, the rule is exact up to the degree that equals its number of nodes. For any other germ, the quantile function
+    maps the nodes: the rule is nested, but exact for constants only. It converges slowly for functions that grow in a
+    tail; Gauss rules are preferable for such functions.
 
     Parameters
     ----------
     space : GermSpace
-        The germs, ``d`` of them.
+        Space of the ``d`` germs.
     level : int or sequence of int, length d
-        0 for one node; each further level halves their distances.
+        Level of each germ: 0 for one node; each further level halves the distances between nodes.
 
     Raises
     ------
     uqmbd.StudyError
-        If a level cannot be used, or there would be more nodes than a memory holds.
+        If a level is invalid, or the nodes do not fit into memory.
 
     Examples
     --------
@@ -166,23 +167,23 @@ def monte_carlo_rule(space: GermSpace, count: Count, seed: Seed, sequence: str =
     Parameters
     ----------
     space : GermSpace
-        The germs.
+        Space of the germs.
     count : int
-        Number of samples; for ``"sobol"`` a power of two keeps the balance of the sequence.
+        Number of samples; for ``"sobol"``, a power of two keeps the sequence balanced.
     seed : int
-        Of the random numbers, or of the scrambling.
+        Seed of the random numbers or of the scrambling.
     sequence : str
         Name of a sampling design: ``"random"``, ``"latin-hypercube"``, ``"sobol"``, ``"halton"``, or one of a plugin.
 
     Returns
     -------
     Quadrature
-        Exact for no polynomial but constants: ``exactness`` is 0.
+        Rule with equal weights, which is exact for constants only: ``exactness`` is 0.
 
     Raises
     ------
     uqmbd.StudyError
-        If an argument cannot be used.
+        If an argument is invalid.
 
     Examples
     --------
@@ -206,27 +207,28 @@ def monte_carlo_rule(space: GermSpace, count: Count, seed: Seed, sequence: str =
 def gram_error(space: GermSpace, quadrature: Quadrature, multi_index: ArrayLike) -> float:
     """Return the largest error of a rule for products of all pairs of a basis.
 
-    Projecting on a basis needs the integrals of its pairs: a term whose products are integrated wrongly is mixed with
-    others (internal aliasing; Conrad and Marzouk, SIAM J. Sci. Comput. 35 (2013) A2643).
+    The projection on a basis needs the integrals of products of its terms. A wrong integral mixes coefficients of terms
+    (internal aliasing; Conrad and Marzouk, SIAM J. Sci. Comput. 35 (2013) A2643).
 
     Parameters
     ----------
     space : GermSpace
-        The germs.
+        Space of the germs.
     quadrature : Quadrature
-        The rule.
+        Rule to test.
     multi_index : array_like of int, shape (P, d)
-        The basis.
+        Degrees of the basis polynomials.
 
     Returns
     -------
     float
-        Largest entry of ``abs(Psi.T @ W @ Psi - identity)``: below 1e-10 the rule suits the basis, above 0.1 hardly.
+        Largest entry of ``abs(Psi.T @ W @ Psi - identity)``. Below 1e-10 the rule suits the basis; above 0.1 it does
+        not.
 
     Raises
     ------
     uqmbd.StudyError
-        If the basis has other axes.
+        If basis and space have different numbers of germs.
 
     Examples
     --------
@@ -271,16 +273,16 @@ def _each(space: GermSpace, value: int | Sequence[int], what: str) -> list[int]:
     numbers: list[int] = [value] * space.dimension if np.ndim(value) == 0 else np.asarray(value).tolist()  # type: ignore[list-item]
     if len(numbers) != space.dimension:
         raise StudyError(
-            f"{what} has {len(numbers)} entries; expected one number, or one for each of the {space.dimension} germs "
-            f"({', '.join(space.names)})."
+            f"{what} has {len(numbers)} entries; expected one number for all germs, or one number for each of the "
+            f"{space.dimension} germs ({', '.join(space.names)})."
         )
     return numbers
 
 
 def check_size(count: int, space: GermSpace, where: str) -> None:
-    """Raise where a rule would fill the memory."""
+    """Raise StudyError if a rule would fill the memory."""
     if count * max(1, space.dimension) > MOST_NODES:
         raise StudyError(
-            f"{where}: {count} nodes for {space.dimension} germs are more than {MOST_NODES} numbers. Use a sparse "
-            "grid, regression, or fewer nodes for germs of little influence."
+            f"{where}: {count} nodes for {space.dimension} germs exceed the limit of {MOST_NODES} numbers. Use a "
+            "sparse grid, regression, or fewer nodes for germs with little influence."
         )

@@ -1,4 +1,4 @@
-"""Sparse grids: Smolyak's combination of small tensor rules, for any downward closed set of levels."""
+"""Sparse grids: Smolyak's combination of small tensor rules for any downward closed set of levels."""
 
 from __future__ import annotations
 
@@ -27,37 +27,37 @@ RULES = ("gauss", "clenshaw-curtis")
 GROWTHS = ("slow", "linear")
 
 SAME = 1e-12
-"""Nodes of one germ nearer than this, relative to the largest, are one node."""
+"""Distance of nodes of one germ, relative to the largest node, up to which they are one node."""
 
 CANCELLED = 1e-13
-"""Weights below this, relative to the sum of the contributions to the node, are zero."""
+"""Limit of a weight, relative to the sum of the absolute contributions to its node, up to which it is zero."""
 
 
 @typechecked
 def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gauss") -> Quadrature:
-    """Return Smolyak's sparse rule: exact to the total degree ``2 * level + 1`` at least, with Gauss rules.
+    """Return Smolyak's sparse rule; with Gauss rules, it is exact at least up to the total degree ``2 * level + 1``.
 
     Parameters
     ----------
     space : GermSpace
-        The germs.
+        Space of the germs.
     level : int
-        0 for a single node.
+        Level of the rule: 0 for a single node.
     growth : {"slow", "linear"}
-        Nodes of the Gauss rule at level l: ``l + 1``, or ``2 l + 1`` (which share the middle of symmetric germs, and
-        are more accurate in single germs).
+        Number of nodes of the Gauss rule at level l: ``l + 1`` or ``2 l + 1``. The latter rules share the middle node
+        of symmetric germs, and are more accurate in single germs.
     rule : {"gauss", "clenshaw-curtis"}
-        Gauss rules, or nested ones (see `uqmbd.extend.clenshaw_curtis`; `growth` does not matter).
+        Gauss rules or nested rules. See `uqmbd.extend.clenshaw_curtis` for nested rules, which ignore `growth`.
 
     Returns
     -------
     Quadrature
-        Equal nodes are combined; weights may be negative.
+        Rule with distinct nodes; weights may be negative.
 
     Raises
     ------
     uqmbd.StudyError
-        If an argument cannot be used.
+        If an argument is invalid.
 
     References
     ----------
@@ -80,25 +80,26 @@ def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gau
 
 @typechecked
 def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule: str = "gauss") -> Quadrature:
-    """Return the sparse rule of a set of levels, which a dimension-adaptive refinement lets grow.
+    """Return the sparse rule of a set of levels, as for a dimension-adaptive refinement.
 
     Parameters
     ----------
     space : GermSpace
-        The germs, ``d`` of them.
+        Space of the ``d`` germs.
     levels : array_like of int, shape (n, d)
-        Levels of the tensor rules; with each row all smaller ones belong to the set.
+        Levels of the tensor rules. For each row, the set must contain all rows with smaller levels.
     growth, rule : str
-        See :func:`smolyak`.
+        Growth and kind of the rules, as for :func:`smolyak`.
 
     Returns
     -------
     Quadrature
+        Sparse rule.
 
     Raises
     ------
     uqmbd.StudyError
-        If the set is not downward closed, or another argument cannot be used.
+        If the set is not downward closed, or another argument is invalid.
 
     Examples
     --------
@@ -113,7 +114,9 @@ def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule:
             raise StudyError(f"smolyak: {what} is {value!r}; expected one of {', '.join(known)}.")
     rows = np.asarray(levels)
     if rows.ndim != 2 or rows.shape[1] != space.dimension or not len(rows):
-        raise StudyError(f"The levels have shape {rows.shape}; expected (rows, {space.dimension}), at least one row.")
+        raise StudyError(
+            f"The levels have the shape {rows.shape}; expected (rows, {space.dimension}) with at least one row."
+        )
     coefficients = combination_coefficients(rows)
     used = rows[coefficients != 0]
     catalogues = [_Catalogue(germ, int(rows[:, k].max(initial=0)), growth, rule) for k, germ in enumerate(space.germs)]
@@ -151,12 +154,12 @@ def combination_coefficients(levels: ArrayLike) -> Index:
     Parameters
     ----------
     levels : array_like of int, shape (n, d)
-        A downward closed set.
+        Downward closed set of levels.
 
     Returns
     -------
     array of int, shape (n,)
-        Their sum is 1.
+        Factors of the tensor rules, with the sum 1.
 
     Raises
     ------
@@ -176,13 +179,16 @@ def combination_coefficients(levels: ArrayLike) -> Index:
     rows = [tuple(row) for row in given.tolist()]
     factors = dict.fromkeys(rows, 1)
     if len(factors) != len(rows):
-        raise StudyError("The set of levels holds a row twice.")
+        raise StudyError("The set of levels contains a row twice; expected different rows.")
     for row in rows:
         for k, digit in enumerate(row):
             smaller = (*row[:k], digit - 1, *row[k + 1 :])
             if digit < 0 or (digit and smaller not in factors):
-                raise StudyError(f"The set of levels is not downward closed: it holds {row} but not {smaller}.")
-    # the product over the germs of (1 - shift), one germ after the other
+                raise StudyError(
+                    f"The set of levels is not downward closed: it contains {row}, but not {smaller}. Add the "
+                    "missing levels."
+                )
+    # product over the germs of (1 - shift), one germ after another
     for k in range(len(rows[0]) if rows else 0):
         larger = {row: factors.get((*row[:k], row[k] + 1, *row[k + 1 :]), 0) for row in rows}
         factors = {row: factors[row] - larger[row] for row in rows}
@@ -190,7 +196,7 @@ def combination_coefficients(levels: ArrayLike) -> Index:
 
 
 class _Catalogue:
-    """The rules of one germ at all levels, as places in one list of distinct nodes."""
+    """Rules of one germ at all levels, as indices into one list of distinct nodes."""
 
     def __init__(self, germ: Germ, highest: int, growth: str, rule: str) -> None:
         rules = [self._rule(germ, level, growth, rule) for level in range(highest + 1)]
@@ -216,17 +222,17 @@ class _Catalogue:
             return (*nested_rule(germ, level), nested_exactness(germ, level))
         count = level + 1 if growth == "slow" else 2 * level + 1
         if germ.values is not None and count >= germ.values:
-            return (*germ.gauss(germ.values), 10**6)  # the rule on all values is the expectation
+            return (*germ.gauss(germ.values), 10**6)  # a rule on all values gives the exact expectation
         return (*germ.gauss(count), 2 * count - 1)
 
 
 def _exactness(rows: Index, catalogues: list[_Catalogue]) -> int | None:
-    """Return the highest total degree whose monomials all belong to a product of spaces in the set."""
+    """Return the highest total degree up to which all monomials belong to a product of spaces in the set."""
     members = {tuple(int(v) for v in row) for row in rows}
 
     @cache
     def cheapest(row: tuple[int, ...]) -> int:
-        # the lowest total degree of a monomial that needs a level outside the set and at least this one
+        # lowest total degree of a monomial that needs a level outside the set, at or above `row`
         if row not in members:
             return sum(catalogues[k].exactness[level - 1] + 1 for k, level in enumerate(row) if level)
         steps = ((*row[:k], row[k] + 1, *row[k + 1 :]) for k in range(len(row)))

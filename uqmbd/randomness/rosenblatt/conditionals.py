@@ -1,11 +1,11 @@
 """Distributions of one variable whose parameters are expressions in other variables.
 
-chaospy evaluates such distributions, too.  Five of its ways are wrong or fail, and are mended here: a whole number is
-seen by its dependents before it is rounded; ``chaospy.Trunc`` with two bounds leaves probability at the upper one;
-arithmetic on arithmetic has no inverse; a binomial distribution takes no array of probabilities; and quantiles without
-a formula are searched for with random steps, which gives other bits in each run.
+chaospy evaluates such distributions, too. This module corrects five defects of chaospy. Variables that depend on a
+whole number receive the value before rounding. ``chaospy.Trunc`` with two bounds leaves an atom at the upper bound.
+Arithmetic on arithmetic has no inverse. A binomial distribution accepts no array of probabilities. Quantiles without a
+formula come from a search with random steps, so that each run gives other bits.
 
-Length: each kind of distribution is a class with the same methods, and what is read from a file names all kinds.
+Length: each kind of distribution is a class with the same methods, and the decoder of files refers to all kinds.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ __all__ = ["AffineConditional", "Conditional", "Core", "Cut", "Mapped", "Spanned
 
 
 COLLECTION = "chaospy.distributions.collection."
-"""Modules of the standard families of chaospy; a stored distribution may name no other module."""
+"""Package of the standard families of chaospy; a stored distribution must not name another module."""
 
 
 class Conditional(Protocol):
-    """The distribution of one variable, given values of all members of a joint distribution, shape (n, N)."""
+    """Distribution of one variable, conditional on values (n, N) of all members of a joint distribution."""
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution takes single values only."""
 
     @property
     def given(self) -> frozenset[int]:
-        """Places of the members that its parameters depend on."""
+        """Indices of the members on which the parameters depend."""
 
     def ends(self, values: Array) -> tuple[Array, Array]:
-        """Return the ends of its support, each of shape (N,)."""
+        """Return the ends of the support, each of shape (N,)."""
 
     def upto(self, x: Array, values: Array) -> Array:
         """Return the probability of values up to, and including, `x`, shape (N,)."""
@@ -53,28 +53,28 @@ class Conditional(Protocol):
         """Return quantiles, shape (N,)."""
 
     def encoded(self) -> Any:
-        """Return it as numbers, texts and lists."""
+        """Return the distribution as numbers, texts and lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class Core:
-    """Family of chaospy with its own parameters: the formulas."""
+    """Family of chaospy with parameters, evaluated by its formulas."""
 
     family: Any  # distribution whose formulas are evaluated
-    parameters: tuple[tuple[str, Expression], ...]  # by their names in the formulas
+    parameters: tuple[tuple[str, Expression], ...]  # keyed by the names in the formulas
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes whole numbers only."""
+        """Whether the distribution takes whole numbers only."""
         return bool(getattr(self.family, "interpret_as_integer", False))
 
     @property
     def given(self) -> frozenset[int]:
-        """Places of the members that its parameters depend on."""
+        """Indices of the members on which the parameters depend."""
         return frozenset().union(*(used(expression) for _, expression in self.parameters))
 
     def ends(self, values: Array) -> tuple[Array, Array]:
-        """Return the ends of its support; those of whole numbers are the numbers."""
+        """Return the ends of the support; for whole numbers, the smallest and the largest number."""
         given, shape = self._given(values), values.shape[1]
         low = np.broadcast_to(np.asarray(self.family._lower(**given), dtype=float), shape)
         high = np.broadcast_to(np.asarray(self.family._upper(**given), dtype=float), shape)
@@ -96,7 +96,7 @@ class Core:
         return self.upto(np.ceil(x) - 1, values) if self.discrete else self.upto(x, values)
 
     def quantile(self, u: Array, values: Array) -> Array:
-        """Return quantiles, by the formula where there is one, else by bisection."""
+        """Return quantiles by the formula of the family, or by bisection if it has none."""
         import chaospy
 
         low, high = self.ends(values)
@@ -116,7 +116,7 @@ class Core:
         return np.asarray(np.clip(np.broadcast_to(found, u.shape), low, high))
 
     def encoded(self) -> Any:
-        """Return it as data, by the name of its family."""
+        """Return the distribution as data, with the name of its family."""
         name = f"{type(self.family).__module__}.{type(self.family).__name__}"
         if not name.startswith(COLLECTION):
             raise NotUnderstood(str(self.family))
@@ -141,20 +141,20 @@ class AffineConditional:
     inner: Conditional  # distribution of y
     shift: Expression
     scale: Expression
-    turns: bool = False  # whether the scale may be negative: in arithmetic, but not as a parameter of a family
+    turns: bool = False  # whether the scale may be negative, as in arithmetic but not as a parameter of a family
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution takes single values only."""
         return self.inner.discrete
 
     @property
     def given(self) -> frozenset[int]:
-        """Places of the members that its parameters depend on."""
+        """Indices of the members on which the parameters depend."""
         return self.inner.given | used(self.shift) | used(self.scale)
 
     def ends(self, values: Array) -> tuple[Array, Array]:
-        """Return the ends of its support."""
+        """Return the ends of the support."""
         shift, scale = self._map(values)
         low, high = self.inner.ends(values)
         first, last = shift + scale * low, shift + scale * high
@@ -177,7 +177,7 @@ class AffineConditional:
         return found
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["moved", self.inner.encoded(), encoded(self.shift), encoded(self.scale), self.turns]
 
     def _map(self, values: Array) -> tuple[Any, Any]:
@@ -189,7 +189,7 @@ class AffineConditional:
         shift, scale = self._map(values)
         y = (x - shift) / scale
         if self.discrete:
-            near = np.rint(y)  # what an affine map of a whole number was rounded by
+            near = np.rint(y)  # removes the rounding of an affine map of a whole number
             y = np.where(np.abs(y - near) <= 1e-9 * np.maximum(1.0, np.abs(near)), near, y)
         turned = np.broadcast_to(np.asarray(scale) < 0, y.shape)
         if not turned.any():
@@ -199,7 +199,7 @@ class AffineConditional:
 
 @dataclass(frozen=True, eq=False)
 class Spanned:
-    """Distribution of bounded support, stretched to other ends."""
+    """Distribution of bounded support, mapped linearly to other ends."""
 
     inner: Conditional
     lower: Expression
@@ -207,16 +207,16 @@ class Spanned:
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution takes single values only."""
         return self.inner.discrete
 
     @property
     def given(self) -> frozenset[int]:
-        """Places of the members that its parameters depend on."""
+        """Indices of the members on which the parameters depend."""
         return self.inner.given | used(self.lower) | used(self.upper)
 
     def ends(self, values: Array) -> tuple[Array, Array]:
-        """Return the ends of its support."""
+        """Return the ends of the support."""
         shape = values.shape[1]
         low, high = (np.broadcast_to(evaluated(end, values), shape) for end in (self.lower, self.upper))
         return low, high
@@ -237,7 +237,7 @@ class Spanned:
         return found
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["spanned", self.inner.encoded(), encoded(self.lower), encoded(self.upper)]
 
     def _map(self, values: Array) -> tuple[Array, Array, Array]:
@@ -247,7 +247,7 @@ class Spanned:
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Truncated distribution; a bound that is left out is None."""
+    """Truncated distribution; a missing bound is None."""
 
     inner: Conditional
     lower: Expression | None
@@ -255,16 +255,16 @@ class Cut:
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution takes single values only."""
         return self.inner.discrete
 
     @property
     def given(self) -> frozenset[int]:
-        """Places of the members that its parameters depend on."""
+        """Indices of the members on which the parameters depend."""
         return self.inner.given.union(*(used(end) for end in (self.lower, self.upper) if end is not None))
 
     def ends(self, values: Array) -> tuple[Array, Array]:
-        """Return the ends of its support."""
+        """Return the ends of the support."""
         low, high = self.inner.ends(values)
         return (
             low if self.lower is None else np.maximum(low, evaluated(self.lower, values)),
@@ -288,7 +288,7 @@ class Cut:
         return found
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         ends = [None if end is None else encoded(end) for end in (self.lower, self.upper)]
         return ["cut", self.inner.encoded(), *ends]
 
@@ -306,7 +306,7 @@ class Cut:
 class Mapped:
     """Monotone function of a continuous variable y.
 
-    It is ``y ** number``, ``number ** y``, or the logarithm of y to the base `number`.
+    The function is ``y ** number``, ``number ** y``, or the logarithm of y to the base `number`.
     """
 
     inner: Conditional
@@ -315,12 +315,12 @@ class Mapped:
 
     @property
     def discrete(self) -> bool:
-        """Whether it takes single values only."""
+        """Whether the distribution takes single values only."""
         return self.inner.discrete
 
     @property
     def given(self) -> frozenset[int]:
-        """Places of the members that its parameters depend on."""
+        """Indices of the members on which the parameters depend."""
         return self.inner.given
 
     @property
@@ -328,7 +328,7 @@ class Mapped:
         return self.number < 0 if self.kind == "power" else self.number < 1
 
     def ends(self, values: Array) -> tuple[Array, Array]:
-        """Return the ends of its support."""
+        """Return the ends of the support."""
         first, last = (self._forth(end) for end in self.inner.ends(values))
         return np.minimum(first, last), np.maximum(first, last)
 
@@ -347,7 +347,7 @@ class Mapped:
         return self._forth(self.inner.quantile(1 - u if self._falls else u, values))
 
     def encoded(self) -> Any:
-        """Return it as data."""
+        """Return the distribution as data."""
         return ["mapped", self.inner.encoded(), self.kind, self.number]
 
     def _forth(self, y: Array) -> Array:
@@ -376,12 +376,12 @@ def decoded_conditional(data: Any) -> Conditional:
         module, _, name = parts[0].rpartition(".")
         family = getattr(importlib.import_module(COLLECTION + module), name)
         if not (isinstance(family, type) and issubclass(family, chaospy.SimpleDistribution)):
-            raise ValueError(f"{parts[0]!r} is no family of chaospy")
+            raise ValueError(f"{parts[0]!r} is not a family of chaospy")
         parameters = tuple((key, decoded(value)) for key, value in parts[1].items())
-        # its formulas take all parameters as arguments: those that it is made with are not used
+        # formulas take all parameters as arguments, so those of the constructor are unused
         try:
             made = family(**{key: value if isinstance(value, float) else 1.0 for key, value in parameters})
-        except Exception:  # the constructor compares them
+        except Exception:  # the constructor checks its arguments
             made = object.__new__(family)
         return Core(made, parameters)
     inner = decoded_conditional(parts[0])

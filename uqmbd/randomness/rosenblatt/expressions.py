@@ -1,4 +1,4 @@
-"""Parameters of a conditional distribution: expressions in the values of other members."""
+"""Parameters of conditional distributions, as expressions in the values of other members."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = [
 
 
 class NotUnderstood(Exception):
-    """A part of a distribution of chaospy has a structure that is not known here; the message names the part."""
+    """The structure of a part of a chaospy distribution is unknown; the message names the part."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def evaluated(expression: Expression, values: Array) -> Any:
 
 
 def used(expression: Expression) -> frozenset[int]:
-    """Return the places of the members that an expression depends on."""
+    """Return the indices of the members on which an expression depends."""
     if isinstance(expression, MemberValue):
         return frozenset({expression.place})
     if isinstance(expression, Operation):
@@ -99,8 +99,8 @@ def decoded(data: Any) -> Expression:
 def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) -> Expression:
     """Return a parameter of a distribution of chaospy as an expression.
 
-    `places` holds the index of each earlier member, keyed by the identity of its distribution and its component there;
-    `component` selects one of a value that has several. Raise NotUnderstood if the value is no expression.
+    `places` contains the index of each earlier member, keyed by the identity of its distribution and the component in
+    it. `component` selects a component of a value with several. Raise NotUnderstood if the value is not an expression.
     """
     import chaospy
 
@@ -127,11 +127,11 @@ def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) 
 
 
 def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
-    """Return the distribution of each component of a ``chaospy.J``, and the index in it.
+    """Return, for each component of a ``chaospy.J``, the index in its distribution and the distribution.
 
-    chaospy loses components of vectors and of later members. Its arguments and the remaining entries still hold the
-    members; their order follows from the dependence of each component, which chaospy stores. Raise NotUnderstood if a
-    member is lost.
+    chaospy loses components of vectors and of later members. Its arguments and the remaining entries still contain the
+    members. The order of members follows from the dependence of each component, which chaospy stores. Raise
+    NotUnderstood if a member is lost.
     """
     import chaospy
 
@@ -140,7 +140,7 @@ def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
     if set(found) == set(range(count)):
         return found
     arguments = [x for name, x in sorted(distribution._parameters.items()) if name.startswith("_")]
-    # arguments may be those of a binomial variable in its place, which depend on the same as another member
+    # arguments of a binomial variable may replace it, and may have the dependence of another member
     kinds = [{id(x): x for x in part} for part in ([owner for _, owner in found.values()], arguments)]
     rows: list[tuple[int, Any]] = []
     while len(rows) < count:
@@ -153,8 +153,6 @@ def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
                 if isinstance(x, chaospy.Distribution) and x._dependencies == rest[: len(x)]
             ]
         if len(fitting) != 1:
-            raise NotUnderstood(
-                f"{distribution}, of which chaospy loses members that are given with vectors (put the vectors last),"
-            )
+            raise NotUnderstood(f"{distribution}, whose parameters after a vector chaospy ignores (put vectors last),")
         rows += [(place, fitting[0]) for place in range(len(fitting[0]))]
     return dict(enumerate(rows))

@@ -1,7 +1,7 @@
-"""Distributions of chaospy of independent variables that are rewritten where they are given.
+"""Replacement of distributions of independent variables that chaospy evaluates incorrectly.
 
-chaospy treats a whole number that is doubled, shifted or truncated as a continuous variable. Its arithmetic of
-independent variables has no components, and it searches for quantiles of mixtures with random steps.
+chaospy treats a doubled, shifted or truncated whole number as a continuous variable. Its arithmetic of independent
+variables provides no components, and it searches for quantiles of mixtures with random steps.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ __all__ = ["rewritten"]
 
 
 BLOCK = 1024
-"""Quantiles that are computed at once."""
+"""Number of quantiles that are computed at once."""
 
 
 def rewritten(distribution: Any) -> Any:
-    """Return a distribution of chaospy of the same variables that chaospy evaluates correctly.
+    """Return an equivalent distribution that chaospy evaluates correctly.
 
-    It is the argument if chaospy does so. Raise StudyError, with a part of a sentence, if whole numbers become others,
-    or if chaospy loses members.
+    The result is the argument if chaospy evaluates it correctly. Raise StudyError, whose message is part of a sentence,
+    if arithmetic gives values that are not whole numbers, or if chaospy loses members.
 
     >>> import chaospy
     >>> odd = rewritten(2 * chaospy.Binomial(2, 0.5) + 1)
@@ -52,7 +52,7 @@ def rewritten(distribution: Any) -> Any:
             distribution._owners = dict(owners_of(distribution))
         except NotUnderstood:
             raise StudyError(
-                f"chaospy loses members of {distribution} that are given together with vectors; give the vectors last"
+                f"chaospy ignores parameters of {distribution} that follow vectors; put the vectors last"
             ) from None
     if is_dependent(distribution) and not _cut(distribution):
         return distribution
@@ -65,7 +65,7 @@ def rewritten(distribution: Any) -> Any:
 
 
 def _cut(distribution: Any) -> bool:
-    """Whether it is a truncation of independent variables, which chaospy does not tell from one of dependent ones."""
+    """Return whether a distribution truncates independent variables; chaospy treats such variables as dependent."""
     import chaospy
 
     return isinstance(distribution, chaospy.Trunc) and not is_dependent(distribution._dist)
@@ -92,7 +92,7 @@ def _component(distribution: Any, k: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class _DiscreteTable:
-    """Values of a discrete variable and their probabilities, as `uqmbd.randomness.distributions.sources.Source`."""
+    """Table of a discrete variable; a `uqmbd.randomness.distributions.sources.DistributionSource`."""
 
     numbers: Array
     probability: Array
@@ -128,7 +128,7 @@ class _DiscreteTable:
 
 @dataclass(frozen=True, eq=False)
 class _Mixed:
-    """A mixture of normal variables, as `uqmbd.randomness.distributions.sources.Source`."""
+    """Mixture of normal variables; a `uqmbd.randomness.distributions.sources.DistributionSource`."""
 
     mixture: NormalMixture
 
@@ -167,7 +167,7 @@ class _Mixed:
         centres = self.mixture.centres[:, 0]
         terms = np.zeros_like(centres)
         for j in range(order // 2 + 1):
-            # of a standard normal variable the moment of order 2 j
+            # moment of order 2 j of a standard normal variable
             own = math.factorial(2 * j) / (2**j * math.factorial(j))
             terms = terms + math.comb(order, 2 * j) * own * centres ** (order - 2 * j) * self._spread ** (2 * j)
         return float(self.mixture.weights @ terms)
@@ -199,7 +199,7 @@ def _whole_numbers(distribution: Any) -> Any:
     numbers = None if found is None else np.rint(found[0][:, 0])
     if found is None or numbers is None or np.abs(found[0][:, 0] - numbers).max() > 1e-9:
         raise StudyError(
-            f"the distribution {distribution} takes values that are no whole numbers, or too many of them; declare the "
+            f"the distribution {distribution} has values that are not whole numbers, or too many values. Declare the "
             "whole number as a random variable, and write the arithmetic into the mechanism"
         )
     return distribution_of("", _DiscreteTable(numbers, found[1][:, 0]), str(distribution))

@@ -1,4 +1,4 @@
-"""Means of dependent variables: by the law of total expectation, or by quadrature over their transform."""
+"""Means and covariances of dependent variables, from closed forms or by quadrature over the transform."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from uqmbd.randomness.rosenblatt.transform import Transform
 from uqmbd.randomness.rosenblatt.vectors import NormalMixture, Vector
 from uqmbd.typing import Array
 
-__all__ = ["means_of"]
+__all__ = ["covariances_of", "known_covariance", "means_of"]
 
 
 COUNTS = (6, 9, 13, 19, 28, 41, 60, 88, 130)
-"""Nodes of the Gauss rule for each variable, in turn until two agree."""
+"""Numbers of nodes of the Gauss rule per variable, tried in turn until two rules agree."""
 
 MOST = 2**18
-"""Points of a rule."""
+"""Largest number of points of a rule."""
 
 CLOSE = 1e-8
-"""Difference of two rules at which they agree, relative to the standard deviation."""
+"""Difference of two rules, relative to the standard deviation, up to which they agree."""
 
 STATED, REFUSED = 1e-6, 1e-3
-"""Errors, relative to the standard deviation, above which a mean is stated with its error, and above which none is."""
+"""Errors, relative to the standard deviation, that are logged, and that raise StudyError."""
 
 REPLICATES, SAMPLES = 8, 2**13
 """Replicates and points of a scrambled Sobol' sequence, if a rule has too many points."""
 
 MeanOf = Callable[[Any], float]
-"""Returns the mean of a distribution of chaospy of one variable."""
+"""Function that returns the mean of a univariate distribution of chaospy."""
 
 
 def means_of(names: tuple[str, ...], transform: Transform, mean_of: MeanOf) -> Array:
     """Return the means of the components of a joint distribution, shape (n,).
 
     Components without a mean get their value at the medians of all variables. `mean_of` returns the mean of a
-    distribution of chaospy of one variable with numbers as parameters. Raise StudyError if a quadrature is less
+    univariate distribution of chaospy whose parameters are numbers. Raise StudyError if a quadrature is less
     accurate than 0.1 % of the standard deviation.
     """
     known = _Means(transform.law, mean_of)
@@ -55,21 +55,77 @@ def means_of(names: tuple[str, ...], transform: Transform, mean_of: MeanOf) -> A
     return np.array([known.of(k) for k in range(len(names))], dtype=float)
 
 
+def known_covariance(distribution: Any, transform: Transform) -> Array | None:
+    """Return the covariances (n, n) of vectors and mixtures from their parameters; None for other distributions."""
+    import chaospy
+
+    law, given = transform.law, distribution._parameters
+    if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal)) and transform.gaussian:
+        exponential = isinstance(distribution, chaospy.MvLogNormal)
+        matrix = np.asarray(given["sigma" if exponential else "covariance"], dtype=float)
+        if not exponential:
+            return matrix
+        means = np.exp(np.asarray(given["mu"], dtype=float) + np.diag(matrix) / 2)
+        return np.asarray(np.outer(means, means) * np.expm1(matrix))
+    if isinstance(law, NormalMixture):
+        away = law.centres - law.weights @ law.centres
+        parts = law.factors @ law.factors.transpose(0, 2, 1) + away[:, :, None] * away[:, None, :]
+        return np.asarray(np.tensordot(law.weights, parts, 1))
+    if isinstance(law, Vector) and not law.exponential and not any(map(used, law.centre)):
+        square = law.factor @ law.factor.T
+        return np.asarray(square if np.isinf(law.freedom) else square * law.freedom / (law.freedom - 2))
+    return None
+
+
+def covariances_of(names: tuple[str, ...], transform: Transform, means: Array) -> Array:
+    """Return the covariances (n, n) of the components of a joint distribution, by quadrature.
+
+    Raise StudyError if a covariance is less accurate than 0.1 % of the standard deviations.
+    """
+    count = transform.dimension
+    found, errors, scales = np.zeros((count, count)), np.zeros((count, count)), np.ones((count, count))
+    columns = [transform.law.given[k] | {k} for k in range(count)]
+    for i in range(count):
+        for j in range(i + 1):
+            if columns[i] & columns[j]:
+                found[i, j], errors[i, j], scales[i, j] = _product_by_rules(
+                    transform, columns[i] | columns[j], means, i, j
+                )
+    if not (errors <= STATED * scales).all():
+        sampled, uncertain = _products_by_samples(transform, means)
+        better = np.tril(~(errors <= np.maximum(uncertain, STATED * scales)))
+        found, errors = np.where(better, sampled, found), np.where(better, uncertain, errors)
+        spread = np.sqrt(np.diag(found))
+        scales = np.where(better, np.outer(spread, spread), scales)
+    relative = np.tril(errors / scales)
+    worst = tuple(int(k) for k in np.unravel_index(np.argmax(relative), relative.shape))
+    if not relative.max() <= REFUSED:
+        raise StudyError(
+            f"random_vector {names}: the error of the computed covariance of {names[worst[0]]!r} and "
+            f"{names[worst[1]]!r} is {relative.max():.2g} of their standard deviations. The distribution is not "
+            "smooth or has a heavy tail. Declare independent random variables, and define the dependent ones as "
+            "expressions of them."
+        )
+    if relative.max() > STATED:
+        logs.methods.warning("covariances of %s: by quadrature, accurate to %.1g", ", ".join(names), relative.max())
+    return np.tril(found) + np.tril(found, -1).T
+
+
 class _Means:
-    """Means that follow from those of single variables: sums of expectations are expectations of sums."""
+    """Means that follow from the means of single variables by the linearity of expectations."""
 
     def __init__(self, law: JointLaw, mean_of: MeanOf, larger: _Means | None = None) -> None:
         self._law, self._mean_of, self._larger = law, mean_of, larger
         self.found: dict[int, float | None] = {}
 
     def of(self, k: int) -> float | None:
-        """Return the mean of a component; None where it does not follow."""
+        """Return the mean of a component; None if it does not follow."""
         if k not in self.found:
             self.found[k] = self._within(self._law, k)
         return self.found[k]
 
     def _within(self, law: JointLaw, k: int) -> float | None:
-        if isinstance(law, Chain) and law is not self._law:  # its expressions name its own members
+        if isinstance(law, Chain) and law is not self._law:  # expressions of a chain refer to its own members
             return _Means(law, self._mean_of, self).of(k)
         if isinstance(law, Chain):
             step = next(step for step in law.steps if k in step.columns)
@@ -82,7 +138,7 @@ class _Means:
             inner, shift = self._within(law.inner, k), self._expected(law.shift[k])
             scale = self._expected(law.scale[k]) if not used(law.scale[k]) else None
             return None if inner is None or shift is None or scale is None else shift + scale * inner
-        if isinstance(law, Copulated):  # a copula leaves distributions as they are that do not depend on each other
+        if isinstance(law, Copulated):  # a copula does not change the distributions of independent components
             return None if any(law.margins.given) or law.margins.outer else self._within(law.margins, k)
         if isinstance(law, Vector) and not law.exponential:
             return self._expected(law.centre[k])
@@ -135,8 +191,9 @@ def _integrated(names: tuple[str, ...], transform: Transform, k: int) -> float:
     if not error <= REFUSED * spread:
         raise StudyError(
             f"random_vector {names}: the error of the computed mean of {names[k]!r} is {error:.2g}, for a standard "
-            f"deviation of about {spread:.2g}. Its distribution given the others is not smooth or has a heavy tail. "
-            "Declare the variables that it depends on as random variables, and write it as an expression of them."
+            f"deviation of about {spread:.2g}. Its conditional distribution is not smooth or has a heavy tail. "
+            f"Declare the variables on which {names[k]} depends as random variables, and write {names[k]} as an "
+            "expression of them."
         )
     if error > STATED * spread:
         logs.methods.warning("mean of %s: %.6g by quadrature, accurate to %.1g", names[k], mean, error)
@@ -144,7 +201,7 @@ def _integrated(names: tuple[str, ...], transform: Transform, k: int) -> float:
 
 
 def _without_mean(transform: Transform, k: int) -> bool:
-    """Return whether the tails of a component are too heavy for a mean, at any of some values of the others."""
+    """Return whether tails of a component are too heavy for a mean, at any of three probabilities of the others."""
     if transform.law.discrete[k]:
         return False
     for level in (0.05, 0.5, 0.95):
@@ -161,14 +218,12 @@ def _without_mean(transform: Transform, k: int) -> bool:
 
 
 def _by_rules(transform: Transform, k: int) -> tuple[float, float, float]:
-    """Return the mean, its error and the standard deviation by Gauss rules with ever more nodes."""
+    """Return the mean, its error and the standard deviation by Gauss rules with increasing numbers of nodes."""
     columns = transform.law.given[k] | {k}
     last: float | None = None
     result = (np.nan, np.inf, 1.0)
     for count in COUNTS:
-        nodes, weights = np.polynomial.hermite_e.hermegauss(count)
-        u = np.clip(scipy.special.ndtr(nodes), 1e-16, 1 - 2.0**-53)
-        points = _expanded(transform.law, columns, u, weights / weights.sum())
+        points = _expanded(transform.law, columns, *_normal_rule(count))
         if points is None:
             break
         x, p = points[0][k], points[1]
@@ -182,8 +237,46 @@ def _by_rules(transform: Transform, k: int) -> tuple[float, float, float]:
     return result
 
 
+def _product_by_rules(
+    transform: Transform, columns: frozenset[int], means: Array, i: int, j: int
+) -> tuple[float, float, float]:
+    """Return the covariance of two components, its error and the product of their deviations, by Gauss rules."""
+    last: float | None = None
+    result = (0.0, np.inf, 1.0)
+    for count in COUNTS:
+        points = _expanded(transform.law, columns, *_normal_rule(count))
+        if points is None:
+            break
+        x, p = points[0] - means[:, None], points[1]
+        value, scale = float(p @ (x[i] * x[j])), float(np.sqrt((p @ x[i] ** 2) * (p @ x[j] ** 2)))
+        if last is not None:
+            result = (value, abs(value - last), scale)
+            if result[1] <= CLOSE * scale:
+                break
+        last = value
+    return result
+
+
+def _products_by_samples(transform: Transform, means: Array) -> tuple[Array, Array]:
+    """Return the covariances (n, n) and twice their standard errors, by scrambled Sobol' sequences."""
+    from scipy.stats import qmc
+
+    parts = []
+    for seed in range(REPLICATES):
+        uniform = np.clip(qmc.Sobol(transform.dimension, seed=seed).random(SAMPLES), 1e-12, 1 - 1e-12)
+        x = transform.inverse(uniform) - means
+        parts.append(x.T @ x / SAMPLES)
+    return np.mean(parts, axis=0), 2 * np.std(parts, axis=0, ddof=1) / np.sqrt(REPLICATES)
+
+
+def _normal_rule(count: int) -> tuple[Array, Array]:
+    """Return uniform nodes (count,) of a Gauss rule over the probit scale, and weights of sum 1."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+    return np.clip(scipy.special.ndtr(nodes), 1e-16, 1 - 2.0**-53), weights / weights.sum()
+
+
 def _expanded(law: JointLaw, columns: frozenset[int], u: Array, weights: Array) -> tuple[Array, Array] | None:
-    """Return points (n, N) and weights (N,) of a tensor rule in some components; None where there are too many."""
+    """Return points (n, N) and weights (N,) of a tensor rule in some components; None if impossible or too large."""
     steps = law.steps if isinstance(law, Chain) else None
     x, p = np.zeros((len(law.order), 1)), np.ones(1)
     if steps is None:
@@ -244,7 +337,7 @@ def _by_samples(transform: Transform, k: int) -> tuple[float, float, float]:
 
 
 def _spread(x: Array, p: Array) -> float:
-    """Return the standard deviation, or half the range of the inner two thirds if that is less: tails may be heavy."""
+    """Return the standard deviation, or half the range of the inner two thirds if smaller, for heavy tails."""
     deviation = float(np.sqrt(np.maximum(p @ (x - p @ x) ** 2, 0.0)))
     order = np.asarray(np.argsort(x))
     low, high = np.interp(np.array([1 / 6, 5 / 6]), np.cumsum(p[order]), x[order])

@@ -1,4 +1,4 @@
-"""Joint distributions of chaospy, taken apart."""
+"""Conversion of joint distributions of chaospy to maps."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ Places = Mapping[tuple[int, int], int]
 def joint_law(distribution: Any) -> JointLaw:
     """Return the map of a joint distribution of chaospy.
 
-    Raise NotUnderstood if the structure of a part is unknown; StudyError, with a part of a sentence, if a part is no
-    distribution.
+    Raise NotUnderstood if the structure of a part is unknown. Raise StudyError, whose message is part of a sentence, if
+    a part is not a valid distribution.
 
     >>> import chaospy
     >>> a = chaospy.Uniform(1, 2)
@@ -51,13 +51,13 @@ def _law(distribution: Any, places: Places) -> JointLaw:
         return Copulated(_copula(given["trans"]), _law(given["dist"], places))
     if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal, chaospy.MvStudentT)):
         return _vector(distribution, places)
-    if isinstance(distribution, chaospy.GaussianKDE):  # mixtures are kernel densities in chaospy
+    if isinstance(distribution, chaospy.GaussianKDE):  # chaospy represents mixtures as kernel densities
         return mixture_of(distribution)
     if isinstance(distribution, chaospy.Trunc):
         if is_dependent(distribution._dist):
             raise StudyError(
                 f"chaospy does not truncate dependent variables correctly ({distribution}); truncate the marginal "
-                "distributions, and couple them by chaospy.Nataf(chaospy.J(...), correlation)"
+                "distributions, and combine them with chaospy.Nataf(chaospy.J(...), correlation)"
             )
         singles = [Single(conditional(distribution, places, k)) for k in range(len(distribution))]
         return Chain(tuple(ChainStep((k,), law) for k, law in enumerate(singles)), _count(places))
@@ -67,7 +67,7 @@ def _law(distribution: Any, places: Places) -> JointLaw:
 
 
 def _chain(distribution: Any, places: Places) -> Chain:
-    """Return a joint distribution; members of a larger one, at these places, come before its own."""
+    """Return the map of a joint distribution; members of a larger one, at `places`, precede its own members."""
     owners = owners_of(distribution)
     groups: dict[int, tuple[Any, list[int]]] = {}
     for column in map(int, distribution._rotation):
@@ -79,7 +79,7 @@ def _chain(distribution: Any, places: Places) -> Chain:
     waiting = list(groups.values())
     while waiting:
         unknown: NotUnderstood | None = None
-        # the order of chaospy is one of components: a vector may come before what another of its components depends on
+        # chaospy sorts components: a vector may precede a variable on which another component of it depends
         for one in waiting:
             owner, columns = one[0], sorted(one[1], key=lambda k: int(owners[k][0]))
             if len(columns) != len(owner):
@@ -100,7 +100,7 @@ def _chain(distribution: Any, places: Places) -> Chain:
 
 
 def _count(places: Places) -> int:
-    """Return how many variables of a larger distribution these places are among."""
+    """Return the number of variables of the larger distribution to which the places belong."""
     return 1 + max(places.values(), default=-1)
 
 

@@ -18,21 +18,21 @@ __all__ = ["GermBox", "located"]
 
 
 NARROWEST = 2.0**-24
-"""Probability of a germ's interval, within the germ, below which it is not divided."""
+"""Probability of an interval of a germ up to which the interval is not divided."""
 
 
 @typechecked
 @dataclass(frozen=True, eq=False)
 class GermBox:
-    """A box in the germ space, an element of multi-element polynomial chaos.
+    """Box in the germ space: an element of multi-element polynomial chaos.
 
     Parameters
     ----------
     space : GermSpace
-        The whole.
+        Whole germ space.
     lower, upper : tuple of float, length d
-        Ends of each germ, in its coordinate; infinite ones allowed.  A box holds its upper ends, not its lower ones
-        (but for those of the support).
+        Ends of the interval of each germ, in its coordinate; they may be infinite. A box contains its upper ends, but
+        not its lower ends, except for the lower ends of the support.
 
     Raises
     ------
@@ -62,11 +62,13 @@ class GermBox:
             object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
         if not len(self.lower) == len(self.upper) == self.space.dimension:
             raise StudyError(
-                f"A box has {len(self.lower)} lower and {len(self.upper)} upper ends; expected "
+                f"A box has {len(self.lower)} lower and {len(self.upper)} upper limits; expected "
                 f"{self.space.dimension} of each, one for every germ."
             )
         if not self.probability > 0:
-            raise StudyError(f"The box from {self.lower} to {self.upper} is empty; its ends must enclose something.")
+            raise StudyError(
+                f"The box from {self.lower} to {self.upper} is empty; expected lower limits below upper limits."
+            )
 
     @classmethod
     def whole(cls, space: GermSpace) -> GermBox:
@@ -85,18 +87,18 @@ class GermBox:
 
     @property
     def probability(self) -> float:
-        """Probability of the box: germs are independent."""
+        """Probability of the box: the product of `probabilities`, because germs are independent."""
         return float(np.prod(self.probabilities))
 
     @cached_property
     def local(self) -> GermSpace:
-        """Germ space of the conditional distribution, in the coordinates of the whole: its maps hold."""
+        """Germ space of the conditional distribution, in the coordinates of the whole space; its maps remain valid."""
         parts = zip(self.space.germs, self.lower, self.upper, strict=True)
         germs = tuple(truncate_germ(germ, low, high) for germ, low, high in parts)
         return GermSpace(self.space.inputs, germs, self.space.groups)
 
     def contains(self, germs: ArrayLike) -> NDArray[np.bool_]:
-        """Test which germ points (K, d) lie in the box, shape (K,).
+        """Return whether germ points (K, d) are in the box, shape (K,).
 
         Raises
         ------
@@ -115,7 +117,7 @@ class GermBox:
         return found
 
     def divisible(self, germ: Size) -> bool:
-        """Test whether the box can be split along a germ: it is not too narrow, and has several values.
+        """Return whether the box can be split along a germ: it is not too narrow, and contains several values.
 
         Raises
         ------
@@ -124,34 +126,34 @@ class GermBox:
         """
         if not 0 <= germ < len(self.lower):
             raise StudyError(
-                f"GermBox.divisible: germ is {germ!r:.40}; expected the number of one, below {len(self.lower)}."
+                f"GermBox.divisible: germ is {germ!r:.40}; expected the number of a germ, below {len(self.lower)}."
             )
         local = self.local.germs[germ]
         return bool(self.probabilities[germ] > NARROWEST and (local.values or 2) > 1)
 
     def split(self, germ: int, at: str = "median") -> tuple[GermBox, GermBox]:
-        """Split along a germ.
+        """Split the box along a germ.
 
         Parameters
         ----------
         germ : int
             Number of the germ.
         at : {"median", "midpoint"}
-            Of the conditional distribution, so that both have the same probability; or the middle of an interval
-            with two finite ends.
+            Point of the split: the median of the conditional distribution, so that both parts have the same
+            probability; or the midpoint of a finite interval.
 
         Returns
         -------
         GermBox, GermBox
-            The lower and the upper part.
+            Lower and upper part.
 
         Raises
         ------
         uqmbd.StudyError
-            If it cannot be split there.
+            If the box cannot be split there.
         """
         if at not in ("median", "midpoint"):
-            raise StudyError(f"A box is split at its 'median' or 'midpoint'; {at!r} was given.")
+            raise StudyError(f"GermBox.split: at is {at!r}; expected 'median' or 'midpoint'.")
         if not self.divisible(germ):
             raise StudyError(f"The box from {self.lower} to {self.upper} cannot be split along germ {germ}.")
         local = self.local.germs[germ]
@@ -166,7 +168,7 @@ class GermBox:
 
 
 def located(boxes: Sequence[GermBox], germs: ArrayLike) -> NDArray[np.int64]:
-    """Return the index (K,) of the box that contains each germ point (K, d); -1: none."""
+    """Return the index (K,) of the box that contains each germ point (K, d); -1 if there is none."""
     points = np.asarray(germs, dtype=float)
     found = np.full(len(points), -1, dtype=np.int64)
     for k, box in enumerate(boxes):

@@ -1,4 +1,4 @@
-"""Dependent inputs: Gaussian copulas found exactly, by Nataf's equation, or Rosenblatt's transform."""
+"""Germs of dependent inputs: exact Gaussian copulas, copulas by Nataf's equation, or the Rosenblatt transform."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ __all__ = ["dependent_part", "nataf_correlation"]
 
 
 Copula = tuple[tuple[Marginal, ...], Array]
-"""Maps of standard normals to the inputs, and the correlation of those normals."""
+"""Maps of standard normal variables to the inputs, and the correlation of these variables."""
 
 
 def dependent_part(
     joint: JointDistribution, columns: tuple[int, ...], transform: str
 ) -> tuple[tuple[Germ, ...], Group]:
-    """Return germs and map of inputs that depend on each other, at `columns` of all inputs; see `GermSpace.of`.
+    """Return germs and map of dependent inputs, at `columns` of all inputs; see `GermSpace.of`.
 
-    Raise StudyError if moments are infinite, or if marginals or the correlation that Nataf's transform needs are
+    Raise StudyError if moments are infinite, or if Nataf's transform needs marginals or a correlation that are
     unavailable.
 
     >>> import chaospy
@@ -47,14 +47,14 @@ def dependent_part(
     for k, name in enumerate(names):
         if transform_.law.discrete[k]:
             why = (
-                "is a part of arithmetic of several variables"
+                "is part of an expression of several variables"
                 if transform_.alone(k)
-                else "depends on other inputs or they on it"
+                else "is statistically dependent on other inputs"
             )
             raise StudyError(
-                f"Input {name!r}, of {described}, takes single values only, and {why}: no smooth function of "
-                "independent germs is distributed so, which surrogates need. Use Monte Carlo, or declare it as a "
-                "random variable of its own, and write what depends on it as an expression of the mechanism."
+                f"Input {name!r}, of {described}, is discrete, and {why}. Surrogates need inputs that are smooth "
+                "functions of independent germs. Use Monte Carlo, or declare a separate random variable for it, and "
+                "define dependent quantities as expressions in the mechanism."
             )
     if isinstance(distribution, chaospy.MvStudentT):
         freedom = float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])
@@ -68,11 +68,12 @@ def dependent_part(
 
 
 def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> float:
-    """Solve Nataf's integral equation: the correlation of two standard normals whose images have `correlation`.
+    """Solve Nataf's equation for the correlation of two standard normal variables whose images have `correlation`.
 
-    By Mehler's formula, the double integral over the bivariate normal density is a power series in the unknown. A
-    Gauss-Hermite rule gives the Hermite coefficients of the two maps (Liu and Der Kiureghian, Probab. Eng. Mech. 1
-    (1986) 105; Xiao, Struct. Saf. 49 (2014) 33). Raise StudyError if no Gaussian copula gives that correlation.
+    By Mehler's formula, the double integral over the bivariate normal density is a power series in the unknown
+    correlation. A Gauss-Hermite rule gives the Hermite coefficients of the two maps (Liu and Der Kiureghian, Probab.
+    Eng. Mech. 1 (1986) 105; Xiao, Struct. Saf. 49 (2014) 33). Raise StudyError if no Gaussian copula gives that
+    correlation.
     """
     from scipy.optimize import brentq
 
@@ -91,8 +92,8 @@ def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> 
 
     if miss(-1.0) > 0 or miss(1.0) < 0:
         raise StudyError(
-            f"no Gaussian copula gives these marginal distributions the correlation {correlation:.6g} (possible are "
-            f"{miss(-1.0) + correlation:.6g} to {miss(1.0) + correlation:.6g}); use transform='rosenblatt'."
+            f"no Gaussian copula gives these marginal distributions the correlation {correlation:.6g} (the possible "
+            f"range is {miss(-1.0) + correlation:.6g} to {miss(1.0) + correlation:.6g}); use transform='rosenblatt'."
         )
     return float(brentq(miss, -1.0, 1.0, xtol=1e-15))
 
@@ -108,7 +109,7 @@ def _coupled(
     except np.linalg.LinAlgError:
         raise StudyError(
             f"The correlation of the inputs {', '.join(names)} is singular or indefinite for a Gaussian copula: "
-            f"{correlation.round(6).tolist()}. Leave out an input that the others determine, or use "
+            f"{correlation.round(6).tolist()}. Omit an input that is a function of the others, or use "
             "transform='rosenblatt'."
         ) from None
     labels = conditional_names(tuple(names), order, factor)
@@ -123,7 +124,7 @@ def _rosenblatt(
     for k, name in enumerate(names):
 
         def conditional(u: Array, k: int = k) -> Array:
-            """Quantiles of one input where those before it are at their medians."""
+            """Return quantiles of one input with the earlier inputs at their medians."""
             uniform = np.full((len(u), len(names)), 0.5)
             uniform[:, k] = u
             return transform.inverse(uniform)[:, k]
@@ -145,7 +146,7 @@ def _rosenblatt(
 def _gaussian_copula(
     names: Sequence[str], distribution: Any, transform: Transform, order: tuple[int, ...]
 ) -> Copula | None:
-    """Return the marginals and the correlation of a joint that is a Gaussian copula, confirmed by numbers."""
+    """Return marginals and correlation of a Gaussian copula, verified by its values; None for other distributions."""
     import chaospy
 
     given = distribution._parameters
@@ -190,15 +191,15 @@ def _inner_marginals(names: Sequence[str], distribution: Any) -> tuple[Marginal,
 
 
 def _nataf(names: Sequence[str], distribution: Any, transform: Transform) -> Copula:
-    """Keep the marginals and the correlation of a joint, with a Gaussian copula."""
+    """Return a Gaussian copula with the marginals and the correlation of a joint distribution."""
     import chaospy
 
     marginals = _inner_marginals(names, distribution) if isinstance(distribution, chaospy.CopulaDistribution) else None
     if marginals is None:
         raise StudyError(
-            f"Nataf's transform needs the marginal distributions of the inputs {', '.join(names)}, which chaospy does "
-            f"not tell for {distribution}; use transform='rosenblatt', or declare them with a copula, e.g. "
-            "chaospy.Nataf(chaospy.J(...), correlation)."
+            f"Nataf's transform needs the marginal distributions of the inputs {', '.join(names)}, which chaospy "
+            f"does not provide for {distribution}; use transform='rosenblatt', or declare the inputs with a copula, "
+            "e.g. chaospy.Nataf(chaospy.J(...), correlation)."
         )
     wanted = _correlation(transform)
     correlation = np.eye(len(names))
@@ -213,7 +214,7 @@ def _nataf(names: Sequence[str], distribution: Any, transform: Transform) -> Cop
 
 
 def _correlation(transform: Transform) -> Array:
-    """Correlation of a joint distribution, by quadrature over its Rosenblatt transform."""
+    """Return the correlation matrix of a joint distribution, by quadrature over its Rosenblatt transform."""
     dimension = transform.dimension
     if dimension <= 3:
         points, rule = Germ.classical("z", "hermite").gauss(40 if dimension == 2 else 20)

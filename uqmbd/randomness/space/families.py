@@ -1,4 +1,4 @@
-"""Germ and map of an input: families are recognised by the structure of a distribution and by numbers."""
+"""Germ and map of an input; the structure of a distribution and its values identify the family."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["independent_part", "normal_marginal", "refuse_tail"]
 
 
 PROBE = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999])
-"""Probabilities at which a recognised family is confirmed."""
+"""Probabilities at which quantiles verify the family of a distribution."""
 
 
 def independent_part(name: str, distribution: Any) -> tuple[Germ, Marginal]:
-    """Return the germ of an input that depends on no other, and the map to it.
+    """Return the germ of an independent input, and the map from the germ to the input.
 
     Raise StudyError if the distribution has no finite moments, or cannot be evaluated.
     """
@@ -33,17 +33,19 @@ def independent_part(name: str, distribution: Any) -> tuple[Germ, Marginal]:
     found = _recognised(name, law)
     if found is not None:
         return found
-    # Student's t distribution turns into a power law too far out to be measured
+    # the power law of Student's t distribution begins too far out to be measured
     if not tail.polynomial or (law.kind == "student_t" and law.parameters("a")[0] < 2.5 * COUNT):
         return Germ.classical(name, "hermite"), _tabulated(law)
     return _discretised(name, law)
 
 
 def normal_marginal(name: str, distribution: Any) -> Marginal:
-    """Return the map of a standard normal to an input: affine or exponential where possible, else a table."""
+    """Return the map from a standard normal variable to an input: affine or exponential if possible, else a table."""
     law = checked_law(name, distribution)
     if law.discrete:
-        raise StudyError(f"Input {name!r} takes whole numbers only; they cannot depend on other inputs.")
+        raise StudyError(
+            f"Input {name!r} has only integer values; inputs with integer values cannot depend on other inputs."
+        )
     refuse_tail(name, str(distribution), heaviest_tail(law))
     found = _recognised(name, law)
     if found is not None and found[0].family == "hermite":
@@ -52,17 +54,17 @@ def normal_marginal(name: str, distribution: Any) -> Marginal:
 
 
 def refuse_tail(name: str, description: str, tail: Tail) -> None:
-    """Raise where moments that statistics need are infinite."""
+    """Raise StudyError if moments that statistics need are infinite."""
     if tail.power_law and tail.index <= FEWEST * 1.02:
         raise StudyError(
             f"Input {name!r}, {description}, has a tail so heavy that its moments of order {max(tail.index, 0):.2g} "
-            "and above are infinite: it has no complete set of orthogonal polynomials, nor a finite kurtosis. "
+            "and above are infinite. It has neither a complete set of orthogonal polynomials nor a finite kurtosis. "
             "Use Monte Carlo, whose quantiles are valid, or truncate it: chaospy.Trunc(distribution, lower, upper)."
         )
 
 
 def checked_law(name: str, distribution: Any) -> AffineDistribution:
-    """Decompose a distribution, and check that it can be evaluated and is consistent."""
+    """Decompose a distribution; raise StudyError if it cannot be evaluated or is inconsistent."""
     try:
         law = AffineDistribution.of(distribution)
         quantiles = law.quantile(PROBE)
@@ -70,27 +72,27 @@ def checked_law(name: str, distribution: Any) -> AffineDistribution:
     except Exception as error:
         raise StudyError(
             f"Input {name!r}: chaospy cannot evaluate the distribution {distribution} "
-            f"({type(error).__name__}: {error}). Put the arithmetic into the mechanism (an expression in "
-            "random variables) instead of the distribution."
+            f"({type(error).__name__}: {error}). Write the arithmetic as an expression in random "
+            "variables in the mechanism, not in the distribution."
         ) from error
     if law.discrete:
         if (law.shift, law.scale) != (0.0, 1.0):
             raise StudyError(
-                f"Input {name!r}, {distribution}: arithmetic turns a distribution of whole numbers into one that "
-                "chaospy treats as continuous. Declare the plain distribution, and write the arithmetic into the "
-                "mechanism."
+                f"Input {name!r}, {distribution}: chaospy treats the result of arithmetic with a distribution of "
+                "whole numbers as continuous. Declare the distribution without arithmetic, and write the arithmetic "
+                "into the mechanism."
             )
     elif not (np.all(np.diff(quantiles) > 0) and np.allclose(back, PROBE, atol=1e-6, rtol=0)):
         raise StudyError(
-            f"Input {name!r}: the distribution {distribution} contradicts itself (its distribution function at its "
-            f"quantiles {PROBE.tolist()} is {back.round(6).tolist()}). Put the arithmetic into the mechanism (an "
-            "expression in random variables) instead of the distribution."
+            f"Input {name!r}: the distribution {distribution} is inconsistent (its distribution function at its "
+            f"quantiles {PROBE.tolist()} is {back.round(6).tolist()}). Write the arithmetic as an expression in "
+            "random variables in the mechanism, not in the distribution."
         )
     return law
 
 
 def _recognised(name: str, law: AffineDistribution) -> tuple[Germ, Marginal] | None:
-    """Return germ and map of a family of Askey's scheme or a lognormal distribution, confirmed by its quantiles."""
+    """Return germ and map of a lognormal distribution or a family of Askey's scheme, if quantiles agree; else None."""
     kind, shift, scale = law.kind, law.shift, law.scale
     if kind == "normal":
         germ, marginal = Germ.classical(name, "hermite"), Marginal("affine", shift, abs(scale))
@@ -123,7 +125,7 @@ def _recognised(name: str, law: AffineDistribution) -> tuple[Germ, Marginal] | N
 
 
 def _discretised(name: str, law: AffineDistribution) -> tuple[Germ, Marginal]:
-    # without its shift and scale: a mean that is large compared with the deviation costs no digits
+    # without shift and scale, a mean that is large compared with the deviation costs no digits
     core = replace(law, shift=0.0, scale=float(np.sign(law.scale)))
     found = _best_discretisation(core)
     shift, scale = law.shift + abs(law.scale) * found.shift, abs(law.scale) * found.scale
@@ -148,7 +150,7 @@ def _best_discretisation(law: AffineDistribution) -> Discretised:
 
 
 def _tabulated(law: AffineDistribution) -> Marginal:
-    """Tabulate quantiles over the probit scale."""
+    """Return a table of quantiles over the probit scale."""
     uniform = np.minimum(scipy.special.ndtr(KNOTS), LARGEST)
     low, high = law.bounds
     values = law.far_quantile(uniform)

@@ -1,6 +1,6 @@
-"""The germs of all inputs of a study, and the map between germs and inputs.
+"""Germs of all inputs of a study, and maps between germs and inputs.
 
-The germs of all inputs, and the maps of their groups: dependent inputs together, each other one alone.
+Each group of dependent inputs has one map, and so does each independent input.
 """
 
 from __future__ import annotations
@@ -62,15 +62,15 @@ class GermSpace:
     Parameters
     ----------
     inputs : tuple of str
-        Names of the inputs, in the order in which the joint distribution has them.
+        Names of the inputs, in the order of the joint distribution.
     germs : tuple of Germ
-        One for each input.
-    groups : tuple of Coupled or Rosenblatt
-        Maps of the groups of dependent inputs, and of each independent one.
+        Germ of each input.
+    groups : tuple of CorrelatedTransform or Rosenblatt
+        Maps of the groups of dependent inputs, and of each independent input.
 
     Notes
     -----
-    What is evaluated point by point has the same bits whichever other points are evaluated with it.
+    Results at a point have the same bits for any set of other points in the same call.
 
     Examples
     --------
@@ -96,22 +96,22 @@ class GermSpace:
 
         Independent inputs get polynomials that are orthonormal for their own distribution: Hermite, Legendre, Jacobi or
         Laguerre polynomials if the distribution is one of Askey's scheme. Otherwise a discretised Stieltjes procedure
-        on the affinely standardised input gives them. An input whose upper or lower tail is too heavy for polynomials
-        (lognormal and its like: all moments exist, but do not determine the distribution) becomes a function of a
-        standard normal germ.
+        on the affinely standardised input computes them. An input becomes a function of a standard normal germ if its
+        upper or lower tail is too heavy for polynomials. This is the case for lognormal and similar distributions: all
+        moments exist, but do not determine the distribution.
 
         Parameters
         ----------
         inputs : JointInput
-            The inputs.
+            Inputs of the study.
         transform : {"rosenblatt", "nataf"}
-            How inputs that depend on each other become functions of independent germs.
-            ``"rosenblatt"``: conditional distributions, in the order in which the joint distribution declares them; for
-            (log)normal vectors and Gaussian copulas analytic, with standard normal germs; otherwise germs are uniform
-            where the support is bounded, standard normal where it is not.
-            ``"nataf"``: the marginal distributions and a Gaussian copula whose correlation is solved for so that the
-            inputs have the correlation of the joint distribution.  Exact for (log)normal vectors and Gaussian copulas;
-            **any other joint distribution is approximated**: it keeps its marginals and correlations, no more.
+            Method that expresses dependent inputs as functions of independent germs.
+            ``"rosenblatt"`` uses conditional distributions, in the order in which the joint distribution declares them.
+            For (log)normal vectors and Gaussian copulas, the map is analytic, with standard normal germs. Otherwise,
+            germs are uniform for a bounded support, and standard normal for an unbounded support.
+            ``"nataf"`` uses the marginal distributions and a Gaussian copula, whose correlation gives the inputs the
+            correlation of the joint distribution. The map is exact for (log)normal vectors and Gaussian copulas.
+            **Any other joint distribution is approximated**: it keeps only its marginals and correlations.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class GermSpace:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the germs: the input's own where it depends on no other, else ``"b | a"`` (b given a)."""
+        """Names of the germs: the name of the input, or ``"b | a"`` (b given a) for a conditional input."""
         return tuple(germ.name for germ in self.germs)
 
     def to_inputs(self, germs: ArrayLike) -> Array:
@@ -149,17 +149,17 @@ class GermSpace:
         Parameters
         ----------
         germs : array_like, shape (K, d)
-            Points.
+            Germ points.
 
         Returns
         -------
         array, shape (K, d)
-            In the units of the inputs.
+            Inputs, in their units.
 
         Raises
         ------
         uqmbd.StudyError
-            If the shape is another one, or the map was not stored.
+            If the shape is wrong, or the map was not stored.
         """
         points = self._checked(germs, "germs")
         values = np.empty_like(points)
@@ -174,16 +174,17 @@ class GermSpace:
         Parameters
         ----------
         inputs : array_like, shape (K, d)
-            In the units of the inputs.
+            Inputs, in their units.
 
         Returns
         -------
         array, shape (K, d)
+            Germ points.
 
         Raises
         ------
         uqmbd.StudyError
-            If an input lies outside its support, the shape is another one, or the map was not stored.
+            If an input is outside its support, the shape is wrong, or the map was not stored.
         """
         values = self._checked(inputs, "inputs")
         points = np.empty_like(values)
@@ -193,7 +194,7 @@ class GermSpace:
             wrong = np.argwhere(~np.isfinite(points[:, columns]))
             if len(wrong):
                 row, place = wrong[0]
-                # a NaN spreads to those that are conditioned on it: name the first in the order of conditioning
+                # NaN spreads to inputs that are conditional on this one: name the first in the order of conditioning
                 first = next(k for k in group.order if not np.isfinite(points[row, columns[k]]))
                 raise StudyError(self._outside(columns[first], int(row), float(values[row, columns[first]])))
         return points
@@ -209,7 +210,7 @@ class GermSpace:
     def from_normal(self, points: ArrayLike) -> Array:
         """Map independent standard normal variables, shape (K, d), one for each germ, to germs.
 
-        A Hermite germ is a standard normal variable itself; another one is the quantile of it.
+        A Hermite germ is the standard normal variable itself; any other germ is its quantile at the same probability.
 
         Examples
         --------
@@ -233,18 +234,19 @@ class GermSpace:
         Parameters
         ----------
         germs : array_like, shape (K, d)
-            Points.
+            Germ points.
         multi_index : array_like of int, shape (P, d)
             Degrees of the terms.
 
         Returns
         -------
         array, shape (K, P)
+            Values of the products.
 
         Raises
         ------
         uqmbd.StudyError
-            If a shape does not fit, or a germ has no polynomials of a degree.
+            If a shape does not fit, or a germ has no polynomial of a degree.
         """
         points = self._checked(germs, "germs")
         degrees = self._degrees(multi_index)
@@ -263,18 +265,19 @@ class GermSpace:
         Parameters
         ----------
         germs, multi_index
-            As of :meth:`evaluate`.
+            Germ points and degrees, as for :meth:`evaluate`.
         germ : int
             Number of the germ.
 
         Returns
         -------
         array, shape (K, P)
+            Derivatives of the products.
 
         Raises
         ------
         uqmbd.StudyError
-            As of :meth:`evaluate`.
+            If an argument is invalid, as for :meth:`evaluate`.
 
         Examples
         --------
@@ -302,18 +305,18 @@ class GermSpace:
         Parameters
         ----------
         germs : array_like, shape (K, d)
-            Points.
+            Germ points.
 
         Returns
         -------
         array, shape (K, d, d)
-            Of germ j with respect to input i at [:, j, i], in one over the units of the inputs.  Infinite where several
-            germ points are one input.
+            Derivative of germ j with respect to input i at [:, j, i], in one over the units of the inputs. It is
+            infinite if several germ points belong to one input.
 
         Raises
         ------
         uqmbd.StudyError
-            If the shape is another one, or the map was not stored.
+            If the shape is wrong, or the map was not stored.
 
         Examples
         --------
@@ -333,34 +336,34 @@ class GermSpace:
     def basis(self, order: int, kind: str = "total", weights: Sequence[float] | None = None) -> Index:
         """Return the degrees of the terms of a chaos, shape (P, d), as `uqmbd.extend.index_set`.
 
-        Degrees that a germ of few values does not have are left out: below them its basis is complete.
+        The set excludes degrees that a germ of few values does not have; its basis is complete without them.
 
         Parameters
         ----------
         order : int
             Highest total degree.
         kind : str
-            As of `uqmbd.extend.index_set`.
+            Kind of the index set, as for `uqmbd.extend.index_set`.
         weights : sequence of float, length d, optional
-            As of `uqmbd.extend.index_set`.
+            Weights of the germs, as for `uqmbd.extend.index_set`.
 
         Returns
         -------
         array of int, shape (P, d)
-            A row for each term, that of the mean first.
+            Degrees of the terms; the first row is the mean.
         """
         degrees = index_set(self.dimension, order, kind, weights)
         highest = [order if germ.values is None else germ.values - 1 for germ in self.germs]
         return np.asarray(degrees[(degrees <= highest).all(axis=1)])
 
     def to_dataset(self) -> xr.Dataset:
-        """Return everything as plain arrays and texts, which :meth:`from_dataset` reads.
+        """Return the germ space as plain arrays and texts, which :meth:`from_dataset` reads.
 
-        Rosenblatt's transform of a general joint distribution is stored as text, and evaluated by formulas of chaospy.
-        If it holds functions of a user it is left out: :meth:`to_inputs` and :meth:`to_germs` then fail, everything
-        else works.  Recurrence coefficients and affine, lognormal and multivariate normal maps are kept exactly.  Other
-        quantile functions are tables over the probit scale, the same that are used before storing: nothing changes by
-        storing.
+        The Rosenblatt transform of a general joint distribution is stored as text, and formulas of chaospy evaluate it.
+        A transform that contains functions of a user is not stored: :meth:`to_inputs` and :meth:`to_germs` then fail,
+        but everything else works. Recurrence coefficients and affine, lognormal and multivariate normal maps are stored
+        exactly. Other quantile functions are tables over the probit scale. The same tables are in use before storage,
+        so storage does not change results.
 
         Examples
         --------
@@ -375,27 +378,28 @@ class GermSpace:
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset) -> GermSpace:
-        """Read the result of :meth:`to_dataset`; other variables in the dataset are ignored.
+        """Return the germ space from a result of :meth:`to_dataset`; ignore other variables in the dataset.
 
         Raises
         ------
         uqmbd.StudyError
-            If it lacks something.
+            If a variable is missing.
         """
         return cls(*from_dataset(dataset))
 
     def _checked(self, array: ArrayLike, what: str) -> Array:
         values = np.asarray(array, dtype=float)
         if values.ndim != 2 or values.shape[1] != self.dimension:
-            raise StudyError(f"The {what} have shape {values.shape}; expected (points, {self.dimension}).")
+            raise StudyError(f"The {what} have the shape {values.shape}; expected (points, {self.dimension}).")
         return values
 
     def _degrees(self, multi_index: ArrayLike) -> Index:
-        """Return degrees of terms (P, d), none below zero."""
+        """Return degrees of terms (P, d); raise StudyError for an invalid shape or degree."""
         degrees = np.asarray(multi_index)
         if degrees.ndim != 2 or degrees.shape[1] != self.dimension or (degrees.size and degrees.min() < 0):
             raise StudyError(
-                f"The multi-index has shape {degrees.shape}; expected (terms, {self.dimension}), no degree below zero."
+                f"The multi-index has the shape {degrees.shape}; expected (terms, {self.dimension}) "
+                "with degrees of 0 or more."
             )
         if degrees.dtype.kind not in "iu":
             raise StudyError(f"The multi-index has numbers of the type {degrees.dtype}; expected whole numbers.")
@@ -410,5 +414,5 @@ class GermSpace:
         support = "" if low is None else f", which is [{low:.10g}, {high:.10g}]"
         return (
             f"Input {self.inputs[column]!r} is {value:.10g} in row {row}, outside the support of its "
-            f"distribution{support}; give a value within it."
+            f"distribution{support}; use a value within the support."
         )

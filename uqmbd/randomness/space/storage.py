@@ -1,4 +1,4 @@
-"""Germ spaces as plain arrays and texts."""
+"""Storage of germ spaces as plain arrays and texts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["from_dataset", "to_dataset"]
 
 
 CONDITIONAL = {True: "conditional, standard normal", False: "conditional, uniform"}
-"""Kinds of map of a general joint distribution, which is stored as text, by whether the germ is standard normal."""
+"""Kinds of map of a general joint distribution, stored as text, keyed by whether the germ is standard normal."""
 
 COEFFICIENTS = ("shift", "scale", "mu", "sigma")
 """Numbers of a map, along the dimension ``germ_coefficient``."""
@@ -95,13 +95,13 @@ def to_dataset(
 def from_dataset(dataset: xr.Dataset) -> tuple[tuple[str, ...], tuple[Germ, ...], tuple[Group, ...]]:
     """Return names of inputs, germs and maps from a dataset of :func:`to_dataset`.
 
-    Raise StudyError if one is missing.
+    Raise StudyError if a variable is missing.
     """
     missing = [name for name in ("germ", "input", *REQUIRED) if name not in dataset.variables]
     if missing:
         raise StudyError(
-            f"The dataset holds no germ space: it lacks {', '.join(missing)}. Give the dataset that "
-            "GermSpace.to_dataset() returned."
+            f"The dataset contains no germ space, because {', '.join(missing)} is missing. Use a dataset from "
+            "GermSpace.to_dataset()."
         )
     data = {name: dataset[name].values for name in REQUIRED}
     names = [str(name) for name in dataset["germ"].values]
@@ -130,7 +130,7 @@ def from_dataset(dataset: xr.Dataset) -> tuple[tuple[str, ...], tuple[Germ, ...]
         if kinds[0] in CONDITIONAL.values():
             text = str(dataset["germ_joint"].values[columns[0]]) if "germ_joint" in dataset.variables else ""
             if text:
-                columns, joint = _joint(text)  # the distribution has its components in an order of its own
+                columns, joint = _joint(text)  # the distribution orders its components differently
                 order = tuple(int(k) for k in np.argsort(data["germ_order"][list(columns)]))
             normal = tuple(str(data["germ_map"][c]) == CONDITIONAL[True] for c in columns)
             groups.append(Rosenblatt(columns, order, normal, joint if text else None))
@@ -155,13 +155,13 @@ def _joint(text: str) -> tuple[tuple[int, ...], Transform]:
         return tuple(map(int, columns)), Transform.read(json.dumps(law))
     except (ValueError, TypeError, KeyError, AttributeError, ImportError, IndexError) as error:
         raise StudyError(
-            f"The dataset holds a joint distribution that cannot be read ({error}): {text[:200]}. It is of a later "
-            "version, or damaged; build the GermSpace from the study again."
+            f"The dataset contains a joint distribution that cannot be read ({error}): {text[:200]}. A later version "
+            "wrote the dataset, or it is damaged. Build the GermSpace from the study again."
         ) from error
 
 
 def _keep(table: Array | None, tables: list[Array]) -> int:
-    """Append a table; return its place, -1 for none."""
+    """Append a table and return its index, or -1 without a table."""
     if table is None:
         return -1
     tables.append(table)

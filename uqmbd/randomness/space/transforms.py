@@ -1,4 +1,4 @@
-"""Maps between independent germs and groups of inputs: Gaussian copulas, and Rosenblatt's transform of any joint."""
+"""Maps between independent germs and groups of inputs: Gaussian copulas and general Rosenblatt transforms."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ __all__ = ["CorrelatedTransform", "Group", "JointMap", "Rosenblatt", "conditiona
 
 
 SMALLEST, LARGEST = 1e-300, 1 - 2.0**-53
-"""Ends of probabilities that have a finite normal germ."""
+"""Smallest and largest probability with a finite normal germ."""
 
 STEP = 2e-3
-"""Step of germs, for derivatives of maps that are known only numerically."""
+"""Step of germs for derivatives of maps that are known only numerically."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +31,15 @@ class CorrelatedTransform:
     factor 1 and any germ.
     """
 
-    columns: tuple[int, ...]  # of the inputs, and of the germs
-    marginals: tuple[Marginal, ...]  # one for each
+    columns: tuple[int, ...]  # of the inputs and of the germs
+    marginals: tuple[Marginal, ...]  # one for each input
     factor: Array  # (n, n) with rows of norm one
     order: tuple[int, ...]
     """Positions in `columns`, in the order of conditioning: ``factor[order][:, order]`` is lower triangular."""
 
     @classmethod
     def single(cls, column: int, marginal: Marginal) -> CorrelatedTransform:
-        """Return the map of an input that depends on no other."""
+        """Return the map of an independent input."""
         return cls((column,), (marginal,), np.ones((1, 1)), (0,))
 
     @property
@@ -55,7 +55,7 @@ class CorrelatedTransform:
         return inputs
 
     def to_germs(self, inputs: Array) -> Array:
-        """Map inputs, shape (K, n), to germs by forward substitution; NaN where an input is outside its support."""
+        """Map inputs, shape (K, n), to germs by forward substitution; NaN for an input outside its support."""
         germs = np.empty_like(inputs)
         for place, row in enumerate(self.order):
             standard = self.marginals[row].to_germ(np.ascontiguousarray(inputs[:, row]))
@@ -70,11 +70,11 @@ class CorrelatedTransform:
         inverse = np.linalg.inv(self.factor)
         with np.errstate(divide="ignore"):
             steep = 1.0 / slopes
-        # no product of zero and infinity
+        # avoid the product of zero and infinity
         return np.where(inverse == 0, 0.0, inverse * np.where(np.isfinite(steep), steep, np.inf)[:, None, :])
 
     def _sum(self, germs: Array, row: int, others: tuple[int, ...]) -> Array:
-        # no matrix product: its rounding depends on the number of rows
+        # not a matrix product, whose rounding depends on the number of rows
         total = np.zeros(len(germs))
         for column in others:
             if self.factor[row, column]:
@@ -83,7 +83,7 @@ class CorrelatedTransform:
 
 
 class JointMap(Protocol):
-    """The map of uniform numbers to dependent inputs, and back."""
+    """Map between uniform numbers and dependent inputs."""
 
     def inverse(self, uniform: Array) -> Array:
         """Map uniform numbers, shape (K, n), to inputs."""
@@ -98,12 +98,12 @@ class JointMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Rosenblatt:
-    """Rosenblatt's transform of a joint distribution: germs are functions of conditional probabilities."""
+    """Rosenblatt transform of a joint distribution: germs are functions of conditional probabilities."""
 
-    columns: tuple[int, ...]  # of the inputs, and of the germs
+    columns: tuple[int, ...]  # of the inputs and of the germs
     order: tuple[int, ...]  # positions in `columns`, in the order of conditioning
     normal: tuple[bool, ...]  # which germs are standard normal; the others are uniform on [-1, 1]
-    joint: JointMap | None = None  # None after reading from a file that does not hold it
+    joint: JointMap | None = None  # None after reading from a file without it
 
     @property
     def independent(self) -> bool:
@@ -118,19 +118,19 @@ class Rosenblatt:
         return self.joint.inverse(np.clip(uniform, 0, 1))
 
     def to_germs(self, inputs: Array) -> Array:
-        """Map inputs, shape (K, n), to germs; NaN where an input is outside its support."""
+        """Map inputs, shape (K, n), to germs; NaN for an input outside its support."""
         if self.joint is None:
             raise _not_stored("to germs")
         uniform = self.joint.forward(inputs)
-        # far out a probability is rounded to one: the germ there is large, and not infinite
+        # far out, probabilities are rounded to one: germs there are large, but not infinite
         inside = np.clip(uniform, SMALLEST, LARGEST)
         return np.where(self.normal, scipy.special.ndtri(inside), 2 * uniform - 1)
 
     def germ_derivatives(self, germs: Array) -> Array:
         """Return the derivatives (K, n, n) of the germs with respect to the inputs, at germ points (K, n).
 
-        Those of the inputs by central differences of fourth order within the germs' supports, inverted: conditional
-        distributions are known as numbers only.
+        The method inverts derivatives of the inputs with respect to the germs. Central differences of fourth order give
+        these within the supports of the germs, because conditional distributions are known only numerically.
         """
         count = germs.shape[1]
         forth = np.empty((len(germs), count, count))
@@ -153,20 +153,20 @@ class Rosenblatt:
 
 
 Group = CorrelatedTransform | Rosenblatt
-"""Map of a group of inputs that depend on each other, or of one input."""
+"""Map of a group of dependent inputs, or of one input."""
 
 
 def _not_stored(direction: str) -> StudyError:
     return StudyError(
-        f"The map {direction} of dependent inputs (Rosenblatt's transform of a general joint distribution) is not "
-        "stored with this polynomial chaos: the distribution holds functions of a user, as chaospy.UserDistribution "
-        "does, or arithmetic that only chaospy evaluates, or the results are of an earlier version. Evaluate it at "
+        f"This polynomial chaos does not contain the map {direction} of dependent inputs (Rosenblatt's transform of "
+        "a general joint distribution). The distribution may contain user functions, as chaospy.UserDistribution, "
+        "or arithmetic that only chaospy evaluates, or an earlier version wrote the results. Evaluate the chaos at "
         "germs, or build the GermSpace from the study again."
     )
 
 
 def conditional_names(names: tuple[str, ...], order: tuple[int, ...], factor: Array | None = None) -> tuple[str, ...]:
-    """Return names of germs: ``"c | a, b"`` is the germ of c when a and b are given; `order` is that of conditioning.
+    """Return names of germs: ``"c | a, b"`` is the germ of c given a and b; `order` is the order of conditioning.
 
     >>> conditional_names(("a", "b", "c"), (1, 0, 2))
     ('a | b', 'b', 'c | b, a')

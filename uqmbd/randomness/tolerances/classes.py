@@ -1,6 +1,6 @@
-"""The limits of size that ISO 286 gives to a class such as H7 or g6.
+"""Limits of size of ISO 286 for a class such as H7 or g6.
 
-Tables of ISO 286-1:2010 for sizes up to 500 mm, in micrometres: what the standard prescribes are its rounded tables.
+The tables of ISO 286-1:2010 are for sizes up to 500 mm, in micrometres. The standard prescribes these rounded values.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["DEVIATIONS", "GRADES", "SIZES", "STANDARD", "SUBDIVIDED", "deviations", "iso286", "place"]
 
 SIZES = (3, 6, 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)
-"""Ends of the ranges of size, mm; each belongs to the range below it."""
+"""Ends of the ranges of size, mm; each end belongs to the range below it."""
 
 SUBDIVIDED = (
     3, 6, 10, 14, 18, 24, 30, 40, 50, 65, 80, 100, 120, 140, 160, 180, 200, 225, 250, 280, 315, 355, 400, 450, 500,
@@ -44,7 +44,7 @@ STANDARD = (
     (3, 5, 7, 9, 13, 18, 25, 36, 57, 89, 140, 230, 360, 570, 890, 1400, 2300, 3600, 5700, 8900),
     (4, 6, 8, 10, 15, 20, 27, 40, 63, 97, 155, 250, 400, 630, 970, 1550, 2500, 4000, 6300, 9700),
 )
-"""Standard tolerances: a row for each of `SIZES`, a column for each of `GRADES`."""
+"""Standard tolerances, micrometres, with a row for each of `SIZES` and a column for each of `GRADES`."""
 
 DEVIATIONS: dict[str, tuple[int | None, ...]] = {
     "a": (270, 270, 280, 290, 290, 300, 300, 310, 320, 340, 360, 380, 410, 460, 520, 580, 660, 740, 820, 920, 1050,
@@ -87,7 +87,7 @@ DEVIATIONS: dict[str, tuple[int | None, ...]] = {
     "zc": (60, 80, 97, 130, 150, 188, 218, 274, 325, 405, 480, 585, 690, 800, 900, 1000, 1150, 1250, 1350, 1550, 1700,
            1900, 2100, 2400, 2600),
 }  # fmt: skip
-"""Distance of a letter's zone from the nominal size, for each of `SIZES` or of `SUBDIVIDED`; None: there is none."""
+"""Distance of the zone of a letter from the nominal size, by `SIZES` or `SUBDIVIDED`; None if it does not exist."""
 
 SHAFTS_J: dict[str, tuple[int | None, ...]] = {
     "5": (-2, -2, -2, -3, -4, -5, -7, -9, -11, -13, -16, -18, -20),
@@ -95,26 +95,26 @@ SHAFTS_J: dict[str, tuple[int | None, ...]] = {
     "7": (-4, -4, -5, -6, -8, -10, -12, -15, -18, -21, -26, -28, -32),
     "8": (-6, None, None, None, None, None, None, None, None, None, None, None, None),
 }
-"""Lower deviations of shafts j, by the grade."""
+"""Lower deviations of shafts j, by grade."""
 
 HOLES_J: dict[str, tuple[int | None, ...]] = {
     "6": (2, 5, 5, 6, 8, 10, 13, 16, 18, 22, 25, 29, 33),
     "7": (4, 6, 8, 10, 12, 14, 18, 22, 26, 30, 36, 39, 43),
     "8": (6, 10, 12, 15, 20, 24, 28, 34, 41, 47, 55, 60, 66),
 }
-"""Upper deviations of holes J, by the grade."""
+"""Upper deviations of holes J, by grade."""
 
 
 def place(size: float, ends: tuple[int, ...]) -> int:
-    """Return the index of the range that a size, mm, belongs to."""
+    """Return the index of the range to which a size, mm, belongs."""
     return next(k for k, end in enumerate(ends) if size <= end)
 
 
 UNITS = {"mm": 1.0, "m": 1e3, "um": 1e-3}
-"""Millimetres in a unit."""
+"""Length of each unit, mm."""
 
 SMALLEST = 1.0
-"""mm; for sizes up to it the standard has exceptions."""
+"""Size, mm, up to which the standard has exceptions."""
 
 CORRECTED = range(3, 9)
 """Grades for which the standard tabulates the correction of holes: IT3 to IT8."""
@@ -125,37 +125,37 @@ CORRECTED = range(3, 9)
 def iso286(
     nominal: float, tolerance_class: str, cpk: float = 1.33, units: str = "mm", inspected: bool = False
 ) -> chaospy.Distribution:
-    """Make the distribution of a size with a tolerance class of ISO 286, such as 30 H7.
+    """Return the distribution of a size with a tolerance class of ISO 286, such as 30 H7.
 
     Parameters
     ----------
     nominal : float
-        Nominal size, in `units`; more than 1 mm, at most 500 mm.
+        Nominal size, in `units`; above 1 mm, at most 500 mm.
     tolerance_class : str
-        A letter, capital for holes and small for shafts, and a grade: ``"H7"``, ``"g6"``, ``"js9"``.
+        Letter (capital for holes, small for shafts) and grade, such as ``"H7"``, ``"g6"`` or ``"js9"``.
     cpk : float
-        Process capability index, as in `uqmbd.tolerance`.
+        Process capability index, as for `uqmbd.tolerance`.
     units : {"mm", "m", "um"}
-        Units of `nominal`, and of what is returned.  A random variable that is made of it is in these units, too.
+        Units of `nominal` and of the returned distribution, and thus of a random variable with this distribution.
     inspected : bool
-        Whether what lies beyond the limits is sorted out.
+        Whether parts beyond the limits are rejected.
 
     Returns
     -------
     chaospy.Distribution
-        As from `uqmbd.tolerance`.
+        Distribution of the size, as from `uqmbd.tolerance`.
 
     Raises
     ------
     uqmbd.StudyError
-        If the standard gives no such class to the size.
+        If the standard has no such class for the size.
 
     Notes
     -----
-    Limits are those of the tables of ISO 286-1:2010. They include the correction of holes K, M, N up to grade 8 and P
-    to ZC up to grade 7. Zones js are half the standard tolerance to either side, without the rounding to whole
-    micrometres that some tables of grades 7 to 11 have. Not given, and refused: sizes up to 1 mm, the letters cd, ef
-    and fg above 10 mm, and holes K to ZC of grades below 3.
+    Limits come from the tables of ISO 286-1:2010. They include the correction of holes K, M, N up to grade 8 and P to
+    ZC up to grade 7. Zones js extend half the standard tolerance to either side, without the rounding to whole
+    micrometres in some tables of grades 7 to 11. The function rejects sizes up to 1 mm and holes K to ZC of grades
+    below 3. It also rejects the letters cd, ef and fg above 10 mm.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def iso286(
     if units not in UNITS:
         raise StudyError(f"{where}: units is {units!r}; expected one of {', '.join(map(repr, UNITS))}.")
     if not isinstance(tolerance_class, str):
-        raise StudyError(f"{where}: the class is {tolerance_class!r}; expected a text such as 'H7' or 'g6'.")
+        raise StudyError(f"{where}: the class is {tolerance_class!r}; expected a string such as 'H7' or 'g6'.")
     per_mm = UNITS[units]
     lower, upper = deviations(where, size * per_mm, tolerance_class)
     low, high = (round(x * 1e-3 / per_mm, 12) for x in (lower, upper))
@@ -181,13 +181,14 @@ def iso286(
 def deviations(where: str, size: float, tolerance_class: str) -> tuple[float, float]:
     """Return the lower and the upper deviation, micrometres, of a size, mm, in a tolerance class such as ``"H7"``.
 
-    Raise StudyError if the standard gives none; `where` stands before messages.
+    Raise StudyError if the standard has no such class; `where` begins messages.
     """
     letter, grade = _split(where, tolerance_class)
     if not SMALLEST < size <= SIZES[-1]:
         raise StudyError(
-            f"{where}: the size is {size:.6g} mm; expected more than {SMALLEST:g} and at most {SIZES[-1]} mm. Sizes in "
-            "metres or micrometres go with units='m' or units='um'; of others give the limits: uqmbd.tolerance."
+            f"{where}: the size is {size:.6g} mm; expected more than {SMALLEST:g} and at most {SIZES[-1]} mm. For "
+            "sizes in metres or micrometres, use units='m' or units='um'. For other sizes, define the limits with "
+            "uqmbd.tolerance."
         )
     row = place(size, SIZES)
     width = STANDARD[row][GRADES.index(grade)]
@@ -200,9 +201,9 @@ def deviations(where: str, size: float, tolerance_class: str) -> tuple[float, fl
     found = values[place(size, SIZES if len(values) == len(SIZES) else SUBDIVIDED)]
     if found is None:
         raise _none(where, f"for {size:.12g} mm")
-    if name <= "h":  # away from the nominal size, into clearance
+    if name <= "h":  # away from the nominal size, towards clearance
         return (found, found + width) if hole else (-found - width, -found)
-    number = GRADES.index(grade) - 1  # of the grades from 1 on
+    number = GRADES.index(grade) - 1  # grades from 1 on
     if not hole:
         lower = 0 if name == "k" and not 4 <= number <= 7 else found
         return lower, lower + width
@@ -213,7 +214,7 @@ def deviations(where: str, size: float, tolerance_class: str) -> tuple[float, fl
 def _upper_of_hole(where: str, name: str, number: int, row: int, found: int) -> float:
     """Return the upper deviation of holes K to ZC, corrected by the difference of the standard tolerances."""
     if number < CORRECTED.start:
-        raise _none(where, f"of grades below {CORRECTED.start}, as no correction is tabulated")
+        raise _none(where, f"of grades below {CORRECTED.start}, because no correction is tabulated")
     up_to = 8 if name in "kmn" else 7
     if row == 0:  # sizes up to 3 mm are not corrected
         return -found
@@ -243,16 +244,16 @@ def _split(where: str, tolerance_class: str) -> tuple[str, str]:
     if letter.lower() in names and grade in GRADES:
         return letter, grade
     if parts and letter.lower() in names:
-        raise StudyError(f"{where}: there is no grade {grade!r}; grades are {', '.join(GRADES)}.")
+        raise StudyError(f"{where}: the grade is {grade!r}; expected one of {', '.join(GRADES)}.")
     hint = did_you_mean(letter.lower(), names) if parts else ""
     raise StudyError(
-        f"{where}: expected a class of ISO 286: a letter, capital for holes and small for shafts, and a grade, such as "
-        f"'H7', 'g6' or 'js9'{hint or '.'}"
+        f"{where}: expected a tolerance class of ISO 286: a letter (upper case for holes, lower case for shafts) and "
+        f"a grade, such as 'H7', 'g6' or 'js9'{hint or '.'}"
     )
 
 
 def _none(where: str, which: str) -> StudyError:
     return StudyError(
-        f"{where}: no deviation of this class is known {which}. Give the limits instead: "
+        f"{where}: the tables contain no deviation of this class {which}. Define the limits instead: "
         "uqmbd.tolerance(nominal, plus, minus)."
     )

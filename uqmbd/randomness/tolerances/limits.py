@@ -1,4 +1,4 @@
-"""Normal distributions of sizes that are given by their limits and a process capability."""
+"""Normal distributions of sizes, from limits and a process capability."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Toleranced", "made", "require_number", "stated_tolerance", "toleranc
 @typechecked
 @dataclass(frozen=True)
 class Toleranced:
-    """Origin of the distribution of a size: `uqmbd.tolerance` and `uqmbd.iso286` attach it.
+    """Tolerance of a size, which `uqmbd.tolerance` and `uqmbd.iso286` attach to its distribution.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ class Toleranced:
     cpk : float
         Process capability index.
     inspected : bool
-        Whether what lies beyond the limits is sorted out.
+        Whether parts beyond the limits are rejected.
     source : str
-        The tolerance as a drawing states it, e.g. ``"30 +0.02/0"``.
+        Tolerance as in a drawing, such as ``"30 +0.02/0"``.
     units : str
-        Units of all sizes, empty where they are not stated.
+        Units of all sizes; empty if they are not stated.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class Toleranced:
     units: str = ""
 
     def __post_init__(self) -> None:
-        """Check that the limits enclose sizes."""
+        """Check that the lower limit is below the upper limit."""
         if not self.lower < self.upper:
             raise StudyError(
                 f"Toleranced: lower is {self.lower:g} and upper is {self.upper:g}; expected a lower limit below the "
@@ -69,16 +69,16 @@ class Toleranced:
 
     @property
     def mean(self) -> float:
-        """The middle of the limits."""
+        """Mean of the process: the middle of the limits."""
         return (self.lower + self.upper) / 2
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the process, before anything is sorted out."""
+        """Standard deviation of the process before parts are rejected."""
         return (self.upper - self.lower) / (6 * self.cpk)
 
     def __str__(self) -> str:
-        """Return e.g. ``30 +0.02/0, Cpk 1.33``."""
+        """Return the tolerance as text, such as ``30 +0.02/0, Cpk 1.33``."""
         return f"{self.source}, Cpk {self.cpk:g}{', inspected' if self.inspected else ''}"
 
 
@@ -86,36 +86,36 @@ class Toleranced:
 def tolerance(
     nominal: float, plus: float, minus: float, cpk: float = 1.33, inspected: bool = False
 ) -> chaospy.Distribution:
-    """Make the distribution of a size that a drawing gives as 30 +0.02/-0.01.
+    """Return the distribution of a size with limits as in a drawing, such as 30 +0.02/-0.01.
 
-    It is normal, with its mean in the middle of the limits and a standard deviation of ``(plus + minus) / (6 cpk)``: a
-    centred process of capability `cpk`.  It reaches beyond the limits as such a process does: 66 parts in a million at
-    1.33, 0.27 % at 1.
+    The distribution is normal, as for a centred process of capability `cpk`. Its mean is in the middle of the limits,
+    and its standard deviation is ``(plus + minus) / (6 cpk)``. Sizes exceed the limits with the probability of such a
+    process: 66 parts in a million for a capability of 1.33, 0.27 % for 1.
 
     Parameters
     ----------
     nominal : float
         Nominal size, in any units.
     plus, minus : float
-        How far the upper limit is above the nominal size, and the lower limit below it, in the same units.
+        Distance of the upper limit above the nominal size, and of the lower limit below it, in the same units.
     cpk : float
         Process capability index: distance from the mean to the nearer limit over three standard deviations.
     inspected : bool
-        Whether every part is measured and sorted out beyond the limits: the normal distribution is cut there.
+        Whether parts beyond the limits are rejected; the normal distribution is then truncated at the limits.
 
     Returns
     -------
     chaospy.Distribution
-        For `uqmbd.RandomVariable`; the table of inputs of a report states the tolerance beside it.
+        Distribution for `uqmbd.RandomVariable`. The table of inputs in a report also states the tolerance.
 
     Raises
     ------
     uqmbd.StudyError
-        If something is no number, the lower limit is not below the upper one, or `minus` is negative.
+        If an argument is not a number, if the lower limit is not below the upper one, or if `minus` is negative.
 
     See Also
     --------
-    uqmbd.iso286 : the limits by a class such as H7.
+    uqmbd.iso286 : limits from a class such as H7.
 
     Examples
     --------
@@ -131,18 +131,20 @@ def tolerance(
     if minus < 0:
         below, above = nominal + minus, nominal - minus
         remedy = (
-            f"if it is {above:.12g}, take the middle of the limits as the nominal size: "
+            f"if it is {above:.12g}, use the middle of the limits as the nominal size: "
             f"tolerance({(nominal + (plus - minus) / 2):.12g}, {(plus + minus) / 2:.12g}, {(plus + minus) / 2:.12g})"
             if plus > -minus
-            else "the upper limit has to be above it"
+            else "the upper limit must be above it"
         )
         raise StudyError(
-            f"{where}: minus is {minus:g}, but it counts downwards from the nominal size. If the lower limit is "
+            f"{where}: minus is {minus:g}, but minus is the distance of the lower limit below the nominal size. If "
+            "the lower limit is "
             f"{below:.12g}, write {-minus:g}; {remedy}."
         )
     if not plus + minus > 0:
         raise StudyError(
-            f"{where}: the upper limit, {nominal + plus:.12g}, is not above the lower one, {nominal - minus:.12g}."
+            f"{where}: the upper limit is {nominal + plus:.12g}, and the lower limit is {nominal - minus:.12g}; "
+            "expected an upper limit above the lower limit."
         )
     source = f"{nominal:.12g} {_signed(plus)}/{_signed(-minus)}" if plus != minus else f"{nominal:.12g} ±{plus:.12g}"
     return made(where, nominal, plus, -minus, cpk, inspected, source)
@@ -166,12 +168,12 @@ def made(
 
 @typechecked
 def stated_tolerance(distribution: Any) -> Toleranced | None:
-    """Return the tolerance that a distribution was made from; None where it was made otherwise.
+    """Return the tolerance from which a distribution was constructed; None for other distributions.
 
     Parameters
     ----------
     distribution : distribution
-        Of chaospy.
+        Distribution of chaospy.
 
     Examples
     --------
@@ -200,7 +202,7 @@ def _distribution(toleranced: Toleranced) -> chaospy.Distribution:
 
 @cache
 def _classes() -> tuple[type[chaospy.Distribution], type[chaospy.Distribution]]:
-    """Distributions of chaospy that know their tolerance, as processes make them and as inspection leaves them."""
+    """Return the classes of distributions with a tolerance, before and after inspection."""
     import chaospy
 
     class Process(chaospy.Normal):

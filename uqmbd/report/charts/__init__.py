@@ -1,7 +1,8 @@
-"""Charts: plain data, drawn on a page by scripts, and on paper by Matplotlib."""
+"""Charts as plain data, which scripts draw on a page and Matplotlib draws in files."""
 
 from __future__ import annotations
 
+from uqmbd.report.charts.arrays import Kind, packed, packed_relative, packed_within, share_arrays, unpacked
 from uqmbd.report.charts.checks import checked_chart
 from uqmbd.report.charts.html import chart_figure, chart_html, charted, charts_html, still_html
 from uqmbd.report.charts.model import (
@@ -18,7 +19,7 @@ from uqmbd.report.charts.model import (
     Views,
     several,
 )
-from uqmbd.report.charts.page import MOST_TIMES, Kind, chart_script, json_script, packed, page_data, thinned, unpacked
+from uqmbd.report.charts.page import MOST_TIMES, chart_script, json_script, page_data, thinned
 from uqmbd.report.charts.paper import draw_on_paper
 
 __all__ = [
@@ -43,9 +44,12 @@ __all__ = [
     "checked_chart",
     "json_script",
     "packed",
+    "packed_relative",
+    "packed_within",
     "page_data",
     "draw_on_paper",
     "several",
+    "share_arrays",
     "still_html",
     "thinned",
     "unpacked",

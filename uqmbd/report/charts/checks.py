@@ -1,4 +1,4 @@
-"""Whether the parts of a chart fit together: the messages say which do not."""
+"""Check the consistency of the parts of a chart; the messages name inconsistent parts."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ __all__ = ["checked", "checked_chart"]
 
 
 def _encodable(text: str) -> bool:
-    """Return whether a page can hold a text: halves of characters have no code in UTF-8."""
+    """Return whether UTF-8 can encode a text; it cannot encode lone surrogates."""
     return not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def checked(
     name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "", *, categories: bool = False
 ) -> tuple[Array, list[Curve]]:
-    """Return the times and curves of a chart as arrays; of another axis places may be equal, and one is enough.
+    """Return times and curves of a chart as arrays, after a check of their shapes and values.
 
-    Bars are for categories: they are as wide as these are apart.
-
-    Raise StudyError if they do not fit together; the message says which.
+    Times must increase. Along another `axis`, places may repeat, and a single place is sufficient. Bars require
+    categories, whose distance is the width of a bar. A StudyError names inconsistent parts.
     """
     where = f"chart {name!r}"
     if not isinstance(name, str):
         raise StudyError(f"{where}: its name is a {type(name).__name__}; expected a text.")
     if not _encodable(name):
-        raise StudyError(f"chart {name!r}: its name contains half a character, which no page can hold.")
+        raise StudyError(
+            f"chart {name!r}: its name contains half of a Unicode surrogate pair, which an HTML page cannot contain."
+        )
     moments = _numbers(f"{where}: times", times)
     numbers = moments.ndim == 1 and bool(np.isfinite(moments).all())
     if axis and not (numbers and len(moments) > 0 and np.all(np.diff(moments) >= 0)):
@@ -90,7 +91,7 @@ def checked(
 
 
 def _check_columns(where: str, curve: Curve, count: int) -> None:
-    """Refuse columns of the table that have not one entry for each place, and marks that are nowhere."""
+    """Raise StudyError for columns without one entry for each place, and for marks without a place."""
     for column in curve.columns:
         values = column.values
         given = () if isinstance(values, (str, bytes)) else np.shape(np.asarray(values, dtype=object))
@@ -101,7 +102,7 @@ def _check_columns(where: str, curve: Curve, count: int) -> None:
     for mark in curve.marks:
         pair = mark if isinstance(mark, (Sequence, np.ndarray)) and not isinstance(mark, (str, bytes)) else ()
         if len(pair) != 2 or not all(map(_finite, pair)):
-            raise StudyError(f"{where}: marks hold {mark!r}; expected a place and a value, both finite numbers.")
+            raise StudyError(f"{where}: marks contain {mark!r}; expected a place and a value, both finite numbers.")
 
 
 def _numbers(what: str, values: ArrayLike) -> Array:
@@ -112,14 +113,14 @@ def _numbers(what: str, values: ArrayLike) -> Array:
 
 
 def checked_chart(chart: Chart) -> Chart:
-    """Return a chart with arrays, and with its horizontal axis in full.
+    """Return a chart with arrays and a complete horizontal axis.
 
-    Raise StudyError if its parts do not fit together.
+    Raise StudyError if its parts are inconsistent.
     """
     where = f"chart {chart.name!r}"
     texts = {key: getattr(chart, key) for key in ("title", "units", "across", "across_units")}
     if wrong := [f"{key} is {x!r}" for key, x in texts.items() if not isinstance(x, str) or not _encodable(x)]:
-        raise StudyError(f"{where}: {', '.join(wrong)}; expected a text that a page can hold.")
+        raise StudyError(f"{where}: {', '.join(wrong)}; expected a text that an HTML page can contain.")
     names = _categories(chart)
     places = np.arange(1.0, len(names) + 1) if names else chart.places
     axis = chart.across or ("category" if names else "")
@@ -142,7 +143,7 @@ def checked_chart(chart: Chart) -> Chart:
 
 
 def _categories(chart: Chart) -> list[str]:
-    """Return the names of categories; none where the places are numbers."""
+    """Return the names of the categories; empty if the places are numbers."""
     if isinstance(chart.places, str):
         raise StudyError(f"chart {chart.name!r}: places is the text {chart.places!r}; expected a list of names.")
     given = chart.places.tolist() if isinstance(chart.places, np.ndarray) else chart.places

@@ -1,8 +1,10 @@
-"""Charts in a page: their data, with a picture where no script runs, and the figure for a file."""
+"""HTML of charts: data, a still picture for pages without scripts, and the figure for a file."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -11,7 +13,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts.checks import checked_chart
 from uqmbd.report.charts.model import Chart, Curve, Views
-from uqmbd.report.charts.page import chart_script, json_script, page_data
+from uqmbd.report.charts.page import chart_script, json_script, page_data, thinned_chart
 from uqmbd.report.charts.paper import draw_on_paper
 from uqmbd.report.drawing import drawn_source, image_html
 
@@ -21,7 +23,10 @@ if TYPE_CHECKING:
 __all__ = ["chart_figure", "chart_html", "charted", "charts_html", "still_html"]
 
 NOTHING_TO_DRAW = "Not drawn, because the output does not vary or has fewer than two values: "
-"""What stands in place of a chart without data, before its caption."""
+"""Text in place of a chart without data, before its caption."""
+
+SMALL = 300
+"""Number of places of a chart in a picture of the first screen."""
 
 Shown = Chart | Views
 
@@ -33,41 +38,54 @@ def charted(
     name: str,
     *,
     on_paper: Callable[[], Shown] | None = None,
+    still: bool = False,
 ) -> dict[str, Any]:
-    """Return a chart of the page; where it has no data, or these cannot be made, a note stands.
+    """Return the HTML of a chart; a note replaces a chart that has no data or cannot be drawn.
 
-    ``name``: of the file with its figure, if that is asked for; ``on_paper``: what is drawn there, if it is more.
+    ``name`` is the name of the file with the figure, if requested. ``on_paper`` is the content of this figure, if it
+    contains more. ``still`` requests a picture that is visible if scripts do not run.
     """
     found: dict[str, Any] = {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name}
     try:
         shown = given() if callable(given) else given
         data = chart_script(shown)
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+    except Exception as error:  # noqa: BLE001 - results of other packages may be invalid in any way; the tables must remain
         return found | {"problem": f"{type(error).__name__}: {error}"}
     if shown is not None:
         found["draw"] = lambda: draw_on_paper(shown if on_paper is None else on_paper())
+        if still and data is not None:
+            # without a picture, a sentence states the location of the numbers
+            with contextlib.suppress(Exception):
+                found["source"] = drawn_source(lambda: draw_on_paper(_coarse(shown)))
     return found | ({"note": f"{NOTHING_TO_DRAW}{caption}"} if data is None else {"chart": data})
 
 
+def _coarse(shown: Shown) -> Shown:
+    """Return charts with the number of places of a small picture, including their peaks."""
+    if isinstance(shown, Views):
+        return replace(shown, charts=[thinned_chart(chart, SMALL)[0] for chart in shown.charts])
+    return thinned_chart(shown, SMALL)[0]
+
+
 def still_html(shown: Shown, alt: str, caption: str) -> str:
-    """Return a chart with its picture, which stands where no script runs."""
+    """Return the HTML of a chart with a still picture, which is visible if no script runs."""
     source = drawn_source(lambda: draw_on_paper(shown))
     return image_html({"source": source, "alt": alt, "caption": caption, "problem": ""}, json_script(page_data(shown)))
 
 
 @typechecked
 def chart_figure(*charts: Chart) -> Figure:
-    """Draw charts as a figure: what `charts_html` shows on a page, for files and papers.
+    """Draw the charts of `charts_html` as a Matplotlib figure.
 
     Parameters
     ----------
     *charts : Chart
-        One or more.
+        One or more charts.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With axes for each chart, in two columns if there are several.
+        Figure with axes for each chart, in two columns if there are several.
 
     Raises
     ------
@@ -89,24 +107,25 @@ def chart_figure(*charts: Chart) -> Figure:
 
 @typechecked
 def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str = "Chart") -> str:
-    """Return charts of which one is seen at a time, for a section of the report, as HTML.
+    """Return the HTML of charts for a section of the report; buttons select the visible one.
 
-    They are what `chart_html` says, along any axis; buttons with their titles choose. Without scripts a figure
-    of all charts stands there. On paper all of them are drawn. All texts are plain text, and are escaped here.
+    The charts have the properties of `chart_html`, along any axis; buttons with their titles select the visible chart.
+    Without scripts, a figure shows all charts, and print also shows all charts. All texts are plain text, and this
+    function escapes them.
 
     Parameters
     ----------
     charts : sequence of Chart
-        One or more; the first is seen first.
+        One or more charts; the first chart is initially visible.
     alt, caption : str
-        What stands for the figure, and beneath it.
+        Alternative text of the figure, and its caption.
     choose : str
-        What the buttons choose.
+        Label of the choice that the buttons offer.
 
     Returns
     -------
     str
-        A fragment of HTML.
+        HTML fragment.
 
     Raises
     ------
@@ -136,32 +155,33 @@ def chart_html(
 ) -> str:
     """Return a chart over time for a section of the report, as HTML.
 
-    Where scripts run the page draws it like its own charts: it zooms, tells values, has the time of the page, switches
-    curves on and off, and saves numbers and pictures. Else a figure of the same curves stands there. All texts are
-    plain text, and are escaped here.
+    If scripts run, the page draws the chart like other charts of the report. The reader can zoom, read values, use the
+    time of the page, switch curves on and off, and save numbers and pictures. Otherwise the page shows a figure of the
+    same curves. All texts are plain text, and this function escapes them.
 
     Parameters
     ----------
     name : str
-        What is drawn: that of the vertical axis.
+        Name of the drawn quantity, on the vertical axis.
     times : array_like, shape (T,)
-        Two or more, increasing, s. Of more than 1000 those are in the page that have the peaks of each curve.
+        Two or more increasing times, s. Of more than 1000 times, the page contains a selection with the peaks of each
+        curve.
     curves : sequence of Curve
-        One or more, with names of their own; at most six have colours of their own.
+        One or more curves with unique names; at most six curves have unique colours.
     alt, caption : str
-        What stands for the figure, and beneath the chart.
+        Alternative text of the figure, and caption of the chart.
     units : str
-        Of all curves, as those of outputs are written: ``N*m``.
+        Units of all curves, written like units of outputs: ``N*m``.
 
     Returns
     -------
     str
-        A fragment of HTML.
+        HTML fragment.
 
     Raises
     ------
     StudyError
-        If times and curves do not fit together.
+        If times and curves are inconsistent.
 
     See Also
     --------

@@ -1,6 +1,6 @@
-"""What a chart is, as plain data: curves with bands and points along an axis, or in a plane; boxes; levels; words.
+"""Data model of a chart: curves with bands and points along an axis or in a plane; boxes; levels; texts.
 
-It knows neither a page nor paper: `page` and `paper` draw it.
+The model depends neither on HTML nor on Matplotlib; the modules `page` and `paper` draw it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import shown, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.report.drawing import COLOURS, LINES, ON_DARK, ROLES, line_width
+from uqmbd.typing import Index
 from uqmbd.wording import typeset_units
 
 __all__ = [
@@ -33,10 +36,10 @@ __all__ = [
 ]
 
 MARKS = {"disc": "o", "square": "s", "diamond": "D", "up": "^", "down": "v", "plus": "P", "cross": "x"}
-"""Shapes of points, by the letters that Matplotlib has for them: no two look alike without colour."""
+"""Shapes of points, with their letters in Matplotlib; all of them differ without colour."""
 
 QUIET = ("#8a8f96", "#7d868f")
-"""Colours of what stands for several things, on a light and on a dark page."""
+"""Colours of curves that represent several quantities, on a light and on a dark page."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +49,11 @@ class Band:
     Attributes
     ----------
     name : str
-        What lies in it, such as ``95 % of realisations``.
+        Content of the band, such as ``95 % of realisations``.
     low, high : array_like, shape (T,)
-        Its ends, in the units of the chart; NaN: unknown then.
+        Ends of the band, in the units of the chart; NaN if unknown.
     bars : bool
-        Whether it is a range at each place, drawn as a bar, and not an area.
+        Whether the band is drawn as a bar at each place instead of an area.
 
     Examples
     --------
@@ -69,11 +72,11 @@ class Band:
 
 @dataclass(frozen=True)
 class Look:
-    """How a curve is drawn, where this does not follow from its place among the curves of its chart.
+    """Line style of a curve that differs from the default of its position in the chart.
 
-    ``colour``: the k-th of the series of colours, or the name of a role; ``dash``: lengths on and off, in widths of the
-    line; ``width``: points; ``shape``: of a mark at each point, a key of ``MARKS``; ``size``: of marks, pixels;
-    ``joined``: whether a line goes through marks; ``quiet``: context that the cursor passes over.
+    ``colour`` is an index in the series of colours, or the name of a role. ``dash`` contains lengths on and off, in
+    widths of the line; ``width`` is in points. ``shape`` is the shape of marks, a key of ``MARKS``, and ``size`` their
+    size, pixels. ``joined`` states whether a line joins marks. The cursor ignores a ``quiet`` curve.
     """
 
     colour: int | str | None = None
@@ -88,9 +91,9 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """What the table of values shows of a curve, and nobody draws: numbers, or names, one for each place.
+    """Column of the table of values that is not drawn: one number or name for each place.
 
-    ``units``: None: those of the chart; ``digits``: whether two digits are enough, as of an error.
+    ``units`` are None for the units of the chart. ``digits`` states whether two digits are sufficient, as for an error.
     """
 
     name: str
@@ -103,7 +106,7 @@ class Column:
 class Strands:
     """Thin lines beneath a curve, such as single realisations: ``across`` and ``up`` (N, K).
 
-    In a plane ``at`` names the places (K,) of the cursor at which their points are.
+    In a plane, ``at`` contains the places (K,) of the cursor for their points.
     """
 
     name: str
@@ -114,34 +117,35 @@ class Strands:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line over time, which a chart can switch off, with bands about it.
+    """A line over time with bands; the reader can switch it off.
 
     Attributes
     ----------
     name : str
-        Its name in the chart, such as that of a method.
+        Name of the curve in the chart, such as the name of a method.
     values : array_like, shape (T,)
-        In the units of the chart; NaN: unknown then.
+        Values in the units of the chart; NaN if unknown.
     bands : tuple of Band
-        Two at most: the outer one first, the inner one is drawn darker. Of the first curve bands are areas, of others
-        the ends of the outer band are thin lines.
+        At most two bands: first the outer band, then the inner band, which is darker. The bands of the first curve are
+        areas. For other curves, thin lines show the ends of the outer band.
     quantity : str
-        What the values are, such as ``mean``: the head of their column in the table.
+        Name of the quantity, such as ``mean``, which is the head of its column in the table.
     drawn : {"line", "points", "bars", "dotted", "filled"}
-        How: points have no line between them, and bars stand on zero, or on the lower end of a logarithmic axis; bars
-        are for charts over categories. Dotted lines have a point at each value, filled ones an area down to zero.
+        Style of the curve. Points have no line between them. Bars begin at zero, or at the lower end of a logarithmic
+        axis, and are for charts over categories. Dotted lines have a point at each value; filled lines have an area
+        down to zero.
     look : Look, optional
-        Colour, line and marks; default: those of its place among the curves.
+        Colour, line and marks. The default depends on the index of the curve.
     columns : tuple of Column
         Further values for the table and the cursor, which are not drawn.
     marks : sequence of tuple of float
-        Places and values that are marked.
+        Marked points: places and values.
     strands : Strands, optional
-        Thin lines beneath.
+        Thin lines beneath the curve.
     places : array_like, shape (T,), optional
-        Where its values are along the horizontal axis of a plane.
+        Positions of the values along the horizontal axis of a plane.
     note : str
-        What a legend says after its name.
+        Text in a legend after the name of the curve.
 
     Examples
     --------
@@ -161,8 +165,18 @@ class Curve:
     places: ArrayLike | None = None
     note: str = ""
 
-    def at(self, places: NDArray[np.intp]) -> Curve:
-        """Return the curve at some of its times only."""
+    @typechecked
+    def at(self, places: Index) -> Curve:
+        """Return the curve at a selection of its times.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no such time.
+        """
+        count = len(np.asarray(self.values))
+        if places.ndim != 1 or ((places < -count) | (places >= count)).any():
+            raise StudyError(f"Curve.at: places is {shown(places)}; expected whole numbers from 0 to {count - 1}.")
         bands = tuple(replace(b, low=np.asarray(b.low)[places], high=np.asarray(b.high)[places]) for b in self.bands)
         columns = tuple(replace(column, values=np.asarray(column.values)[places]) for column in self.columns)
         return replace(self, values=np.asarray(self.values)[places], bands=bands, columns=columns)
@@ -172,9 +186,9 @@ class Curve:
 class Axis:
     """A horizontal axis.
 
-    ``units`` are typeset; ``ends``: where it ends (default: with the places); ``whole``: whether its numbers are whole;
-    ``before``: what stands before the number of a place, and ``told``: its units there (default: those of the axis);
-    ``texts``: names of the places, which are its ticks if they are ``categories``.
+    ``units`` are typeset. ``ends`` are the ends of the axis (default: ends of the places). ``whole`` states whether its
+    numbers are integers. ``before`` is the text before the number of a place, and ``told`` are the units of this number
+    (default: units of the axis). ``texts`` are names of the places, and ticks of the axis if they are ``categories``.
     """
 
     name: str
@@ -190,10 +204,11 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes in a plane, shaded by a value (B,): from ``left`` to ``right``, up and down the band of the only curve.
+    """Boxes in a plane, shaded by a value (B,), from ``left`` to ``right``, over the band of the only curve.
 
-    ``ends``: values of the palest and the darkest shade, on a logarithmic scale or not. Of a ``grid`` (paper only) the
-    values are (rows, columns) of equal cells, ``left`` and ``right`` its four ends: left, right, and bottom, top.
+    ``ends`` are the values of the palest and the darkest shade, on a linear or logarithmic scale. A ``grid`` (paper
+    only) has values (rows, columns) of equal cells; ``left`` contains its left and right end, and ``right`` its bottom
+    and top end.
     """
 
     name: str
@@ -208,7 +223,7 @@ class Boxes:
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Runs (R, 2) along the horizontal axis that are covered, as they say nothing (paper only)."""
+    """Shaded intervals (R, 2) of the horizontal axis without information (Matplotlib only)."""
 
     name: str
     runs: NDArray[np.float64]
@@ -221,59 +236,59 @@ class Chart:
     Attributes
     ----------
     name : str
-        What is drawn: that of the vertical axis.
+        Name of the drawn quantity, on the vertical axis.
     places : array_like, shape (T,), or sequence of str
-        Along the horizontal axis: times in s, which increase; numbers of another quantity, which do not decrease; or
-        the names of categories.
+        Positions along the horizontal axis: increasing times, s; non-decreasing numbers of another quantity; or names
+        of categories.
     curves : sequence of Curve
-        One or more, with names of their own.
+        One or more curves with unique names.
     title : str
-        On the button that chooses this chart.
+        Text of the button that selects this chart.
     units : str
-        Of all curves, as those of outputs are written.
+        Units of all curves, written like units of outputs.
     across : str
-        The quantity of the horizontal axis; empty: time, which charts share, or categories.
+        Quantity of the horizontal axis; empty: time, which charts share, or categories.
     across_units : str
-        Of that quantity.
+        Units of the quantity of the horizontal axis.
     ends : tuple of float, optional
-        Between which values the vertical axis ends; default: those of what is drawn.
+        Ends of the vertical axis; default: ends of the drawn data.
     log : bool
-        Whether the vertical axis is logarithmic; it needs ends.
+        Whether the vertical axis is logarithmic; this requires `ends`.
     limits : mapping of str to float
-        Levels that are drawn, by what they are called.
+        Drawn levels, by name.
     references : mapping of str to float
-        Levels to compare with, which limit nothing.
+        Levels for comparison, by name, which are not limits.
     axis : str
-        The name of the vertical axis, where it is shorter than what is drawn.
+        Name of the vertical axis, if it is shorter than the name of the quantity.
     along : Axis, optional
-        The horizontal axis in full, in place of ``across``.
+        Complete horizontal axis, which replaces ``across``.
     plane : Axis, optional
-        The horizontal axis of curves with places of their own; the places of the chart are those of a cursor along
-        the curves.
+        Horizontal axis of curves with separate places. The places of the chart are then positions of a cursor along the
+        curves.
     boxes : Boxes, optional
-        In the plane of the only curve.
+        Boxes in the plane of the only curve.
     spans : tuple of Span
-        What is covered.
+        Intervals without information.
     start : int, optional
-        Place at which the cursor begins; default: where the outer band of the first curve is widest.
+        Initial place of the cursor; default: the place of the widest outer band of the first curve.
     count : int, optional
-        How many places there are; default: as many as are given.
+        Number of places; default: number of given places.
     digits : bool
-        Whether two digits of the values are enough, as of errors.
+        Whether two digits of the values are sufficient, as for errors.
     decimals : int, optional
         Digits after the point of the values.
     hidden : bool
-        Whether heights mean nothing: the vertical axis has no numbers.
+        Whether heights have no meaning, so that the vertical axis has no numbers.
     short : bool
-        Whether seven digits of the values are enough, as of estimates.
+        Whether seven digits of the values are sufficient, as for estimates.
     follows : bool
-        Whether the surrogate of the page may be of this output.
+        Whether the surrogate of the page may belong to this output.
     stacked : bool
-        Whether the bands of all curves are areas, one on another, and there are no lines.
+        Whether the bands of all curves are stacked areas without lines.
     heading : str
-        What stands above the chart on paper.
+        Text above the chart (Matplotlib).
     words : str
-        What stands in the chart on paper where there is nothing to see.
+        Text in a chart without visible data (Matplotlib).
 
     Examples
     --------
@@ -311,10 +326,11 @@ class Chart:
 
 @dataclass(frozen=True)
 class Views:
-    """Charts of one figure: on a page one is seen at a time, on paper all of them are.
+    """Charts of one figure: a page shows one chart at a time, Matplotlib draws all charts.
 
-    ``choose``: what the buttons choose; ``seen``: which is first; ``columns``: on paper; ``shared``: whether the charts
-    above one another on paper share their horizontal axis; ``heights``: of the rows there, inches.
+    ``choose`` is the label of the buttons, and ``seen`` the index of the first visible chart. ``columns`` is the number
+    of columns on paper, and ``heights`` are the heights of its rows, inches. ``shared`` states whether charts in a
+    column on paper share their horizontal axis.
     """
 
     charts: Sequence[Chart]
@@ -329,7 +345,7 @@ TIME = Axis("time", "s")
 
 
 def axis_of(chart: Chart) -> Axis:
-    """Return what the horizontal axis of the places is."""
+    """Return the horizontal axis of a chart."""
     if chart.along is not None:
         return chart.along
     if not chart.across:
@@ -338,14 +354,14 @@ def axis_of(chart: Chart) -> Axis:
 
 
 def several(chart: Chart) -> bool:
-    """Return whether a chart has places that a line joins, or needs none."""
+    """Return whether a chart has at least two places, or requires no line (categories, planes, boxes)."""
     along = chart.along
     standing = along is not None and (along.categories or chart.plane is not None or chart.boxes is not None)
     return standing or len(np.asarray(chart.places)) > 1
 
 
 def painted(curve: Curve, k: int, count: int) -> tuple[tuple[str, str], tuple[float, ...], float]:
-    """Return the colours (on a light and on a dark page), dashes and width of the k-th of some curves."""
+    """Return the colours (light and dark page), dashes and width of the k-th curve."""
     look = curve.look or Look()
     number = look.colour if isinstance(look.colour, int) else k
     named = ROLES | {"quiet": QUIET}

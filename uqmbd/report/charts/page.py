@@ -1,64 +1,54 @@
-"""A chart as data for the page: thinned to what can be seen, and packed as JSON."""
+"""Data of a chart for the page: thinned to the resolution of the screen, and packed as JSON."""
 
 from __future__ import annotations
 
-import base64
 import json
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from uqmbd.report.charts.model import Boxes, Chart, Column, Curve, Views, axis_of, painted, several
+from uqmbd.report.charts.arrays import Kind, packed, packed_relative, packed_selection, packed_within, unpacked
+from uqmbd.report.charts.model import TIME, Boxes, Chart, Column, Curve, Views, axis_of, painted, several
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
 
 __all__ = [
-    "Kind",
     "MOST_TIMES",
     "chart_script",
     "json_script",
-    "packed",
     "page_data",
     "thinned",
     "thinned_chart",
-    "unpacked",
 ]
 
-
-Kind = Literal["float32", "float64", "int32"]
 
 _ESCAPES = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
 
 
-def packed(values: ArrayLike, kind: Kind = "float64") -> dict[str, Any]:
-    """Pack an array as data for JSON; NaN and infinities are kept.
+EXACT = 200
+"""Maximum number of places of a curve with exact numbers in a page; longer curves have the displayed digits."""
 
-    Raise ValueError if numbers do not fit in the kind: they are too large for it, or not whole.
-    """
-    given = np.asarray(values)
-    with np.errstate(over="ignore", invalid="ignore"):
-        made = given.astype(np.dtype(kind).newbyteorder("<"))
-    fits = np.array_equal(made, given) if kind == "int32" else np.array_equal(np.isfinite(made), np.isfinite(given))
-    if not fits:
-        raise ValueError(f"The array has numbers that {kind} does not hold; use float64.")
-    return {"kind": kind, "shape": list(made.shape), "base64": base64.b64encode(made.tobytes()).decode("ascii")}
+DIGITS = 2.5e-4
+"""Allowed error of a number, relative to the half-width of a band; a page shows at best a thousandth of this width."""
 
+SHORT = 1e-5
+"""Allowed relative error of a number over time without a band; the page shows four digits."""
 
-def unpacked(data: Mapping[str, Any]) -> NDArray[Any]:
-    """Return the array of `packed` data."""
-    read = np.frombuffer(base64.b64decode(data["base64"]), dtype=np.dtype(data["kind"]).newbyteorder("<"))
-    return read.reshape(data["shape"]).astype(data["kind"])
+FINE = 4e-7
+"""Allowed relative error of a number along other axes, because densities are integrated."""
+
+RELATIVE = 1e-13
+"""Allowed error relative to the largest value, for a band without width."""
 
 
 def json_script(data: Any) -> str:
-    r"""Return JSON for `<script type="application/json">`: no text in it ends the element, or begins another one.
+    r"""Return JSON that is safe within `<script type="application/json">`: no text ends or opens an element.
 
-    Lone surrogates stay escaped, as all that is not ASCII.
+    Lone surrogates and other characters outside ASCII are escaped.
 
-    Raise ValueError if a number is not finite, which JSON does not hold: use None, or `packed` arrays.
+    Raise ValueError for infinite numbers and NaN, which JSON does not support; use None, or `packed` arrays.
 
     >>> json_script({"name": "</script>"})
     '{"name":"\\u003c/script\\u003e"}'
@@ -70,10 +60,10 @@ MOST_POINTS = 600
 
 
 def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Choose at most ``most`` of many times, such that no peak between a lower and an upper curve is lost.
+    """Choose at most ``most`` of the times, and preserve every peak of a lower and an upper curve.
 
-    `low`, `high` (T,): lower and upper edge of what is drawn; `most`: four or more. Return increasing, with the first
-    and the last.
+    `low` and `high` (T,) are the lower and upper edge of the drawn area; `most` is four or more. Return increasing
+    indices, including the first and the last one.
 
     >>> import numpy as np
     >>> curve = np.zeros(5000)
@@ -94,7 +84,7 @@ def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOS
 
 
 def thinned_chart(chart: Chart, most: int) -> tuple[Chart, NDArray[np.intp]]:
-    """Return a chart of about ``most`` places with the peaks of each curve among them, and which places these are."""
+    """Return a chart of about ``most`` places, including the peaks of each curve, and the indices of the places."""
     places = np.asarray(chart.places)
     every = np.arange(len(places))
     if len(places) <= most or chart.plane is not None or chart.boxes is not None:
@@ -113,11 +103,11 @@ def _with_peaks(curve: Curve, most: int) -> NDArray[np.intp]:
 
 
 MOST_TIMES = 1000
-"""Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
+"""Maximum number of times of a chart, sufficient for lines of two pixels on a screen; peaks are preserved."""
 
 
 def chart_script(shown: Chart | Views | None) -> str | None:
-    """Return what a page draws as JSON; None if there is nothing that lines could join."""
+    """Return the data of a chart as JSON; None if it has too few points for a line."""
     charts = shown.charts if isinstance(shown, Views) else [shown] if shown is not None else []
     if not charts or not all(map(several, charts)):
         return None
@@ -126,7 +116,7 @@ def chart_script(shown: Chart | Views | None) -> str | None:
 
 
 def page_data(shown: Chart | Views) -> dict[str, Any]:
-    """Return a chart, or several of which one is seen at a time, as data for JSON."""
+    """Return one chart, or several charts with one visible at a time, as data for JSON."""
     if isinstance(shown, Views):
         return {"choose": shown.choose, "seen": shown.seen, "views": [page_data(chart) for chart in shown.charts]}
     chart, chosen = thinned_chart(shown, MOST_TIMES)
@@ -134,7 +124,7 @@ def page_data(shown: Chart | Views) -> dict[str, Any]:
     data: dict[str, Any] = {
         "output": chart.name,
         "units": typeset_units(chart.units),
-        "time": packed(np.asarray(chart.places)),
+        "time": packed_selection(np.asarray(shown.places), chosen),
         "of": len(np.asarray(shown.places)) if chart.count is None else chart.count,
         "start": _start(shown, chosen),
         "methods": [_method(curve, k, count, chart) for k, curve in enumerate(chart.curves)],
@@ -178,7 +168,7 @@ def _only(flags: dict[str, Any]) -> dict[str, Any]:
 
 
 def _start(chart: Chart, chosen: NDArray[np.intp]) -> int:
-    """Return the index, among those that are drawn, at which the cursor begins."""
+    """Return the index of the initial place of the cursor among the drawn places."""
     first = chart.curves[0].bands[:1]
     if chart.start is not None:
         return int(np.abs(chosen - chart.start).argmin())
@@ -189,17 +179,27 @@ def _start(chart: Chart, chosen: NDArray[np.intp]) -> int:
 
 
 def _method(curve: Curve, k: int, count: int, chart: Chart) -> dict[str, Any]:
-    """Return a curve: its first line are its values, the ends of bands are stored as the distance from them."""
+    """Return the data of a curve: its values, and each end of a band as the distance from the values."""
     colours, dash, width = painted(curve, k, count)
     values = np.asarray(curve.values, dtype=float)
-    lines = [{"name": curve.quantity, "values": _distance(values, 0.0) if chart.short else packed(values)}]
+    exact = len(values) <= EXACT or chart.plane is not None
+    allowed = None if exact else _allowed(curve, values)
+    # numbers without a band need at most seven digits
+    short = chart.short or not (exact or curve.bands)
+    part = SHORT if axis_of(chart) is TIME else FINE
+    if short:
+        first = _distance(values, 0.0) if exact else packed_relative(values, part)
+    else:
+        first = packed(values) if allowed is None else packed_within(values, allowed)
+    lines = [{"name": curve.quantity, "values": first}]
+    stored = values if short or allowed is None else unpacked(first).astype(float)
     bands = []
     for band in curve.bands:
         ends = {"name": band.name, "low": len(lines), "high": len(lines) + 1}
         bands.append(ends | {"bars": True} if band.bars else ends)
         for end, edge in (("lower", band.low), ("upper", band.high)):
-            # where only the band is known, its ends stand themselves
-            away = _distance(np.asarray(edge, dtype=float), np.nan_to_num(values))
+            # if only the band is known, its ends are stored instead of distances
+            away = _distance(np.asarray(edge, dtype=float), np.nan_to_num(stored), allowed)
             lines.append({"name": f"{end} end of {band.name}", "values": away})
     data: dict[str, Any] = {
         "label": curve.name,
@@ -234,7 +234,8 @@ def _named(column: Column) -> bool:
 def _column(column: Column) -> dict[str, Any]:
     values = np.asarray(column.values, dtype=float)
     if column.units is None:
-        return {"name": column.name, "values": _distance(values, 0.0)}
+        few = len(values) <= EXACT
+        return {"name": column.name, "values": _distance(values, 0.0) if few else packed_relative(values, SHORT)}
     return {"name": column.name, "values": packed(values), "units": column.units, "digits": column.digits}
 
 
@@ -243,8 +244,19 @@ def _boxes(boxes: Boxes) -> dict[str, Any]:
     return {"name": boxes.name, "units": boxes.units, **sides, "ends": list(boxes.ends), "log": boxes.log}
 
 
-def _distance(values: Array, origin: Array | float) -> dict[str, Any]:
-    """Pack what is as small as a spread with seven digits, or, where float32 has no such numbers, with all."""
+def _allowed(curve: Curve, values: Array) -> Array | None:
+    """Return the allowed errors (T,) of the numbers of a curve in a page; None without bands about a line."""
+    if curve.drawn not in ("line", "dotted") or not curve.bands or not np.isfinite(values).any():
+        return None
+    ends = [np.asarray(edge, dtype=float) for band in curve.bands for edge in (band.low, band.high)]
+    widest = np.nan_to_num(np.abs(np.stack(ends) - values)).max(axis=0)
+    least = RELATIVE * np.nanmax(np.abs(values), initial=0.0, where=np.isfinite(values))
+    return np.asarray(np.maximum(DIGITS * widest, least or np.finfo(float).tiny))
+
+
+def _distance(values: Array, origin: Array | float, allowed: Array | None = None) -> dict[str, Any]:
+    """Pack distances with seven digits, or with all digits if float32 cannot represent them."""
     distance = values - origin
     largest = float(np.nan_to_num(np.abs(distance)).max(initial=0.0))
-    return packed(distance, "float32" if largest == 0 or 1e-30 < largest < 1e30 else "float64")
+    kind: Kind = "float32" if largest == 0 or 1e-30 < largest < 1e30 else "float64"
+    return packed(distance, kind) if allowed is None else packed_within(distance, allowed, kind)

@@ -1,4 +1,4 @@
-"""Charts and drawings inside the report, figures of plugins in it, and figures as files."""
+"""Charts and drawings in the report, figures of plugins, and figures as files."""
 
 from __future__ import annotations
 
@@ -24,27 +24,29 @@ if TYPE_CHECKING:
 __all__ = ["CHARTED", "drawn_source", "figure_html", "image_html", "still_image", "svg", "write_images"]
 
 CHARTED = '<figure class="charted"'
-"""How the figure of a chart begins; scripts of the page look for it."""
+"""First characters of the figure of a chart; scripts of the page search for this text."""
 
 UNSEEN = "(This chart needs scripts; its numbers are in the tables.) "
-"""What stands where no script draws a chart that has no picture."""
+"""Text in place of a chart without a picture, if scripts do not run."""
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
 _PLACES = re.compile(r' (?:d|x|y|points)="[^"]*"')
 _BETWEEN = re.compile(r">\s+<")
 _CURVED = re.compile("[A-KN-Y]")
+_ALIKE = re.compile(r'(<g[^>]*)>((?:<use [^>]*?( style="[^"]*")/>)(?:<use [^>]*?\3/>)+)</g>')
+_NAMED = re.compile(r'(?<=id=")m[0-9a-f]{10}(?=")')
 _DIGITS = re.compile(r"(?<=\.\d\d)\d+")
 
 
 LONGEST = 100
-"""Characters of the name of a file: systems allow some 250 bytes."""
+"""Maximum number of characters of a file name; operating systems allow about 250 bytes."""
 
 
 def _rounded(found: re.Match[str]) -> str:
-    """Leave two decimals of places on the page, which are points: the eye sees a tenth, and files shrink by a third.
+    """Round coordinates on the page to 0.01 points; the eye resolves 0.1 points, and files become a third smaller.
 
-    What follows the start of a path is a line to there, unless it says otherwise: lines need no letter.
+    After the start of a path, a pair of coordinates without a letter is a line to this point.
     """
     text = " ".join(_DIGITS.sub("", found.group()).split())
     return " " + (text if _CURVED.search(text) else text.replace(" L ", " "))
@@ -52,7 +54,7 @@ def _rounded(found: re.Match[str]) -> str:
 
 def drawn_source(draw: Callable[[], Figure]) -> str:
     """Return a figure as a data URI."""
-    # A figure is thousands of objects in cycles: looking for garbage once after each, not all the while, saves a sixth.
+    # a figure has thousands of cyclic objects: a single garbage collection after each figure saves a sixth of the time
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -65,33 +67,33 @@ def drawn_source(draw: Callable[[], Figure]) -> str:
 def still_image(
     make: Callable[[], Drawing], alt: str, caption: str, name: str, draw: Callable[[], Figure]
 ) -> dict[str, Any]:
-    """Return a drawing that stands in the page; one that cannot be drawn is a note in its place.
+    """Return the HTML of a drawing; a note replaces a drawing that fails.
 
-    `make`: makes the drawing; `alt`, `caption`: what stands for it, and beneath it; `name`: of the file, if it is
-    written to one; `draw`: makes the figure that is written to a file, if that is asked for.
+    `make` makes the drawing; `alt` and `caption` are alternative text and caption. `name` is the name of a requested
+    file, and `draw` makes the figure of this file.
     """
     found = {"drawing": "", "alt": alt, "caption": caption, "problem": "", "name": name}
     try:
         return found | {"drawing": make().inline(alt), "draw": draw}
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+    except Exception as error:  # noqa: BLE001 - results of other packages may be invalid in any way; the tables must remain
         return found | {"problem": f"{type(error).__name__}: {error}"}
 
 
 @typechecked
 def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
-    """Return a figure for a section of the report, as HTML; one that cannot be drawn is a note in its place.
+    """Return a figure for a section of the report as HTML; a note replaces a figure that fails.
 
     Parameters
     ----------
     draw : callable
-        Makes the figure, of Matplotlib.
+        Function that makes the figure of Matplotlib.
     alt, caption : str
-        What stands for it, and beneath it: plain text.
+        Alternative text and caption: plain text.
 
     Returns
     -------
     str
-        A fragment of HTML, with the figure as an SVG in it.
+        HTML fragment that contains the figure as an SVG.
 
     Examples
     --------
@@ -107,13 +109,13 @@ def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     found = {"source": "", "alt": alt, "caption": caption, "problem": ""}
     try:
         found["source"] = drawn_source(draw)
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+    except Exception as error:  # noqa: BLE001 - results of other packages may be invalid in any way; the tables must remain
         found["problem"] = f"{type(error).__name__}: {error}"
     return image_html(found)
 
 
 def image_html(found: Mapping[str, Any], chart: str = "") -> str:
-    """Return a picture, or a chart, as HTML; ``chart``: JSON, safe in HTML, of the chart in its place."""
+    """Return a picture as HTML; ``chart`` is the JSON, safe in HTML, of a chart that replaces the picture."""
     text = {key: html.escape(found[key]) for key in ("source", "alt", "caption", "problem")}
     if found.get("note"):
         return f'<p class="note">{html.escape(found["note"])}</p>'
@@ -128,27 +130,28 @@ def image_html(found: Mapping[str, Any], chart: str = "") -> str:
 
 
 def write_images(content: object, folder: Path) -> list[Path]:
-    """Write all figures and films that have a name, anywhere in nested lists and dictionaries, to files.
+    """Write all named figures and films in nested lists and dictionaries to files.
 
-    One that cannot be drawn is a warning; the others are written.
+    A figure that cannot be drawn gives a warning; the others are written.
 
-    `content`: what `charted` or `still_image` returned, within any lists and dictionaries; `folder`: made if it does
-    not exist.  Files of the same names are replaced, others left. Return in the order of the content.
+    `content` contains return values of `charted` or `still_image`, within any lists and dictionaries. `folder` is
+    created if missing. Files with the same names are replaced, and others remain. Return the paths in the order of the
+    content.
     """
     written: dict[Path, None] = {}
     for name, make in _named(content):
         try:
             source = make()
-        except Exception as error:  # noqa: BLE001 - whatever a figure of other packages' results raises; others are written
+        except Exception as error:  # noqa: BLE001 - a figure of other packages' results may raise anything; the others are written
             told = f"figure {name!r} is not written to {str(folder)!r}: {type(error).__name__}: {error}"
             warnings.warn(told, UserWarning, stacklevel=3)
             continue
         kind, data = source.removeprefix("data:image/").split(";base64,", 1)
         plain = re.sub(r"[^\w.+-]+", "-", name, flags=re.ASCII).strip("-.")
-        # a long one keeps its end, which tells the figures of an output apart
+        # a long name keeps its end, which distinguishes the figures of an output
         plain = plain if len(plain) <= LONGEST else f"{plain[: LONGEST // 2]}-{plain[-LONGEST // 2 :]}"
         number, target = 1, folder / f"{plain or 'figure'}.{kind.removesuffix('+xml')}"
-        while target in written:  # names that differ in other signs only
+        while target in written:  # names may differ only in replaced characters
             number += 1
             target = folder / f"{plain}-{number}.{kind.removesuffix('+xml')}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -159,7 +162,7 @@ def write_images(content: object, folder: Path) -> list[Path]:
 
 
 def _named(content: object) -> Iterator[tuple[str, Callable[[], str]]]:
-    """Yield the name of each figure and film, and what makes it as a data URI: only who asks for files waits for it."""
+    """Yield the name of each figure and film, and the function that returns its data URI."""
     if isinstance(content, Mapping):
         name = str(content.get("name") or "")
         if name and content.get("draw"):
@@ -174,21 +177,29 @@ def _named(content: object) -> Iterator[tuple[str, Callable[[], str]]]:
 
 
 def svg(figure: Figure) -> str:
-    """Return a figure as the data URI of an SVG; its ticks can no longer change."""
+    """Return a figure as the data URI of an SVG; the ticks of the figure become fixed."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
-    # An image of its own (not inline markup), so that identifiers of many figures never clash, with text as text, which
-    # is small, quickly written, and in the font of the page. The fixed salt makes equal results equal files.
+    # A separate image instead of inline markup avoids clashes of identifiers. Text as text is small, quickly written,
+    # and in the font of the page. With the fixed salt, equal results give equal files.
     with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "uqmbd"}):
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         freeze_ticks(figure)
-        # `savefig` would draw twice: once more for a layout, which is at rest
+        # `savefig` would draw twice, the second time for a layout that does not change
         canvas: Any = FigureCanvasSVG(figure)
         canvas.print_svg(buffer, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
-    # texts of other packages' results may hold what no XML may
+    # texts in results of other packages may contain characters that XML does not allow
     drawn = UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", _PLACES.sub(_rounded, drawn))
-    drawn = _BETWEEN.sub("><", drawn)
+    drawn = _short_markers(_BETWEEN.sub("><", drawn))
     return "data:image/svg+xml;base64," + base64.b64encode(drawn.encode("utf-8", "replace")).decode("ascii")
+
+
+def _short_markers(drawn: str) -> str:
+    """Return an SVG in which equal markers share one style, and their shapes have short names."""
+    drawn = _ALIKE.sub(lambda found: f"{found[1]}{found[3]}>{found[2].replace(found[3], '')}</g>", drawn)
+    for k, name in enumerate(dict.fromkeys(_NAMED.findall(drawn))):
+        drawn = drawn.replace(name, f"m{k}")
+    return drawn

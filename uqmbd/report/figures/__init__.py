@@ -1,6 +1,6 @@
-"""Results as charts, and as figures: what is drawn of them, and functions from xarray data to figures of Matplotlib.
+"""Functions that make charts, and Matplotlib figures, from xarray results.
 
-Nothing here touches pyplot or its global state, so figures can be made anywhere, in any number, in any thread.
+The code does not use pyplot or its global state, so it can make any number of figures in any thread.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from uqmbd.report.figures.failures import (
     failure_words,
     failures_chart,
 )
+from uqmbd.report.figures.kernel_density import density, known_densities
 from uqmbd.report.figures.orders_of_chaos import order_convergence, orders_chart, orders_of
 from uqmbd.report.figures.output_plane import is_function, over_chart, over_output
 from uqmbd.report.figures.over_time import (
@@ -81,6 +82,8 @@ from uqmbd.report.figures.timeless import (
 )
 
 __all__ = [
+    "density",
+    "known_densities",
     "Approach",
     "ENOUGH",
     "FailureGroup",

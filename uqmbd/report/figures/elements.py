@@ -1,4 +1,4 @@
-"""How the germ space was split into elements, and how large the error is in each."""
+"""Charts of the elements of a multi-element chaos, and of the error in each element."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, draw_on
 from uqmbd.report.drawing import decades
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.typing import Array
-from uqmbd.wording import format_number, typeset_units
+from uqmbd.wording import format_cells, format_number, typeset_units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,10 +24,10 @@ __all__ = ["SplitElements", "elements_chart", "elements_in_words", "has_elements
 PROBABILITY = "probability"
 
 SPAN = 1e-3
-"""Smallest value, over the largest, that has a shade or a height of its own: errors of rounding need none."""
+"""Smallest ratio to the largest value that the scale shows; rounding errors are below this ratio."""
 
 _BEYOND = 0.001
-"""Probability of what lies beyond the frame at an end that is infinite."""
+"""Probability outside the frame at an infinite end."""
 
 
 def has_elements(node: xr.DataTree) -> bool:
@@ -37,18 +37,18 @@ def has_elements(node: xr.DataTree) -> bool:
 
 @typechecked
 def split_pattern(results: Results, output: str | None = None) -> Figure:
-    """Draw the elements of a multi-element chaos in the plane of the two inputs that were split most.
+    """Draw the elements of a multi-element chaos in the plane of the two most frequently split inputs.
 
-    Coloured by the stated error within each element, at its largest over time; without verification realisations by
-    the probability.  With more than two inputs elements that lie behind one another are drawn over each other, the
-    largest error on top.  Of a single input, or where one alone was split, the height is the error.
+    The colour is the largest stated error over time within each element, or the probability if there are no
+    verification realisations. With more than two inputs, elements may overlap in this plane, and the largest error is
+    on top. For a single input, or a single split input, the height is the error.
 
     Parameters
     ----------
     results : xarray.DataTree, mapping or iterable of these
-        The node of a propagator with elements; of several the first that has any.
+        Node of a propagator with elements; if there are several nodes, the first one with elements is drawn.
     output : str, optional
-        Whose error; default: the largest of all outputs.
+        Output of the stated error; default: the largest error of all outputs.
 
     Returns
     -------
@@ -76,12 +76,12 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     """
     node = next((n for n in nodes_of(results).values() if has_elements(n)), None)
     if node is None:
-        raise StudyError("None of these results has elements; use elements='adaptive' with collocation or Galerkin.")
+        raise StudyError("These results contain no elements; use elements='adaptive' with collocation or Galerkin.")
     return draw_on_paper(elements_chart(node, output))
 
 
 def elements_chart(node: xr.DataTree, output: str | None = None) -> Chart:
-    """Chart the elements of a method: boxes in the plane of two inputs, steps along the only one that was split.
+    """Chart the elements of a method: boxes in the plane of two inputs, or steps along a single split input.
 
     Raise StudyError if no such output exists.
     """
@@ -90,24 +90,24 @@ def elements_chart(node: xr.DataTree, output: str | None = None) -> Chart:
 
 
 class SplitElements(NamedTuple):
-    """The elements of a method in the plane of the inputs that were split most, or along the only one."""
+    """Elements of a method in the plane of the two most frequently split inputs, or along a single input."""
 
-    names: list[tuple[str, str]]  # name and units of the inputs: first that along the axis
+    names: list[tuple[str, str]]  # name and units of the inputs; the first input is along the horizontal axis
     across: tuple[Array, Array]  # (E,): lower and upper ends of the elements
-    up: tuple[Array, Array] | None  # (E,): the same in the other input; None where one alone was split
-    # (E,): the stated error of each element, over the standard deviation, at its largest; or its probability
+    up: tuple[Array, Array] | None  # (E,): ends in the other input; None for a single split input
+    # (E,): largest stated error of each element, relative to the standard deviation; or probability of the element
     value: Array
-    what: str  # which of the two it is
+    what: str  # name of the quantity in `value`
     probability: Array  # (E,)
 
     @property
     def stated(self) -> bool:
-        """Whether the values are errors."""
+        """Return whether the values are errors."""
         return self.what != PROBABILITY
 
 
 def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElements:
-    """Return what `split_pattern` draws.
+    """Return the data of `split_pattern`.
 
     Raise StudyError if no such output exists.
     """
@@ -133,7 +133,7 @@ def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElement
 
 
 def elements_in_words(node: xr.DataTree) -> str:
-    """Say how many elements there are, along which inputs they were split, and where the smallest lie."""
+    """Describe the number of elements, the split inputs, and the position of the smallest elements as text."""
     data = node.children["chaos"].to_dataset()
     counts = _cuts(data["lower"].values, data["upper"].values)
     names = [str(n) for n in data["germ"].values]
@@ -149,7 +149,7 @@ def elements_in_words(node: xr.DataTree) -> str:
 
 
 def _cuts(lower: Array, upper: Array) -> list[int]:
-    """Return at how many places each germ was split."""
+    """Return the number of cuts along each germ."""
     inner = [np.setdiff1d(lower[:, k], lower[:, k].min()) for k in range(lower.shape[1])]
     inner += [np.setdiff1d(upper[:, k], upper[:, k].max()) for k in range(lower.shape[1])]
     d = lower.shape[1]
@@ -157,7 +157,7 @@ def _cuts(lower: Array, upper: Array) -> list[int]:
 
 
 def _colour(data: xr.Dataset, output: str | None) -> tuple[Array, str]:
-    """Return what colours each element, shape (E,), and its name."""
+    """Return the quantity (E,) of the colours of elements, and its name."""
     if "verification_error" not in data:
         return np.asarray(data["probability"].values, dtype=float), PROBABILITY
     error = data["verification_error"]
@@ -168,7 +168,7 @@ def _colour(data: xr.Dataset, output: str | None) -> tuple[Array, str]:
 
 
 def _frame(data: xr.Dataset, germ: int, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Return the ends of the elements in the units of the input, infinite ones as far as something can be seen."""
+    """Return the ends of the elements in units of the input; infinite ends are cut to the visible range."""
     from uqmbd.randomness import GermSpace
 
     space = GermSpace.from_dataset(data)
@@ -187,13 +187,13 @@ def _frame(data: xr.Dataset, germ: int, lower: Array, upper: Array) -> tuple[Arr
             points = np.tile(middle, (len(side), 1))
             points[:, germ] = side
             found.append(space.to_inputs(points)[:, germ])
-    except StudyError:  # a map that is not stored: the germ itself is shown
+    except StudyError:  # without a stored map, show the germ
         return sides[0], sides[1]
     return np.minimum(*found), np.maximum(*found)
 
 
 def _ends(values: Array) -> tuple[float, float] | None:
-    """Return between which values above zero differences are seen; None if nothing differs."""
+    """Return the ends of the colour scale of positive values; None if they differ by at most 5 %."""
     positive = values[values > 0]
     if not len(positive) or positive.max() <= 1.05 * positive.min():
         return None
@@ -201,12 +201,12 @@ def _ends(values: Array) -> tuple[float, float] | None:
 
 
 def _worst(values: Array) -> int:
-    """Return where the largest value is; those that are not known do not count."""
+    """Return the index of the largest value; NaN is ignored."""
     return int(np.argmax(np.where(np.isnan(values), -np.inf, values)))
 
 
 def _boxes(found: SplitElements, up: tuple[Array, Array]) -> Chart:
-    """Chart boxes, ordered along the axis."""
+    """Chart the elements as boxes, ordered along the axis."""
     (x0, x1), (y0, y1) = found.across, up
     order = np.lexsort((y0 + y1, x0 + x1))
     x0, x1, y0, y1 = (side[order] for side in (x0, x1, y0, y1))
@@ -234,11 +234,15 @@ def _boxes(found: SplitElements, up: tuple[Array, Array]) -> Chart:
 
 
 def _range(name: str, low: float, high: float, units: str) -> str:
-    return f"{name} from {format_number(low)} to {format_number(high)} {units}".strip()
+    ends = [format_number(low), format_number(high)]
+    if any("×" in end for end in ends):  # write both with the same power of ten
+        first, last = format_cells([low, high], units)
+        return f"{name} from {first.number} to {last}"
+    return f"{name} from {ends[0]} to {ends[1]} {units}".strip()
 
 
 def _steps(found: SplitElements) -> Chart:
-    """Chart the height of each element over the input that was split."""
+    """Chart the value of each element over the single split input."""
     x0, x1 = found.across
     order = np.argsort(x0)
     value = (100.0 if found.stated else 1.0) * found.value[order]

@@ -1,4 +1,4 @@
-"""Error against cost: how the errors of methods fall with what they cost."""
+"""Charts of error against cost of methods."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 __all__ = ["Spent", "cost_chart", "error_cost", "errors_of", "own_error"]
 
 SMALLEST = 1e-16
-"""Errors that are rounding, and have no place on a logarithmic axis."""
+"""Size of rounding errors, which a logarithmic axis does not show."""
 
 
 @dataclass(frozen=True, eq=False)
 class Spent:
-    """Errors of a method at its levels, and what these cost."""
+    """Errors of a method at its levels, and the cost of each level."""
 
     method: str
     quantity: str
-    errors: Array  # (L,): relative; NaN: not known, or too small to be drawn
-    # realisations, wall_time: (L,), naN where they are not known, or zero
+    errors: Array  # (L,): relative errors; NaN: unknown, or too small for the axis
+    # realisations, wall_time (s): (L,); NaN if unknown or zero
     realisations: Array
     wall_time: Array
-    levels: tuple[str, ...]  # what the levels are called
+    levels: tuple[str, ...]  # names of the levels
 
     def along(self, cost: str) -> tuple[Array, Array, tuple[str, ...]]:
-        """Return costs that are known, increasing, with their errors and levels; ``cost``: the name of an attribute."""
+        """Return known costs in ascending order, with errors and levels; ``cost`` is the name of an attribute."""
         spent: Array = getattr(self, cost)
         used = np.flatnonzero(np.isfinite(self.errors) & np.isfinite(spent))
         order = used[np.argsort(spent[used], kind="stable")]
@@ -44,13 +44,13 @@ class Spent:
 
 
 def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
-    """Return the errors of mean and standard deviation of each method, and what they cost.
+    """Return the errors of mean and standard deviation of each method, and their costs.
 
     Raise StudyError if there is no such output, or no error above zero.
     """
     names = [str(name) for name in convergence["output"].values]
     if output not in names:
-        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
+        raise StudyError(f"The results have no output {output!r}; the outputs are {', '.join(map(repr, names))}.")
     data = convergence.isel(output=names.index(output))
     found = []
     for m, label in enumerate(str(v) for v in data["method"].values):
@@ -63,21 +63,21 @@ def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
             shown = np.where(errors > SMALLEST, errors, np.nan)
             found.append(Spent(label, name, shown, runs, seconds, levels))
     if not any(len(one.along(cost)[0]) for one in found for cost in ("realisations", "wall_time")):
-        raise StudyError(f"There is no error of {output!r} above zero to draw.")
+        raise StudyError(f"All errors of {output!r} are zero, so there is nothing to draw.")
     return found
 
 
 def own_error(convergence: xr.Dataset, output: str, quantity: str) -> float:
-    """Return the error that the reference states of itself; 0 where it states none."""
+    """Return the stated error of the reference; 0 if no error is stated."""
     place = [str(name) for name in convergence["output"].values].index(output)
     return float(np.nan_to_num(convergence[f"reference_{quantity}_error"].values[place]))
 
 
 def cost_chart(convergence: xr.Dataset, output: str) -> Views:
-    """Chart the errors of mean and standard deviation of methods over what they cost, in realisations and in time.
+    """Chart the errors of mean and standard deviation over the cost, in realisations and in wall time.
 
-    Full marks and lines are those of the mean, hollow ones and dashed lines those of the standard deviation; each
-    method has a shape of its own. Pale lines are what the reference states of its own error.
+    Filled marks and full lines show the mean; hollow marks and dashed lines show the standard deviation. Each method
+    has a separate mark. Pale lines are the stated errors of the reference.
 
     Raise StudyError if there is no such output, or no error above zero.
     """
@@ -88,7 +88,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
         ("by realisations", "realisations", Axis("realisations", log=True, whole=True)),
         ("by wall time", "wall_time", Axis("wall time", "s", log=True)),
     ):
-        # in the order of levels, which every row of the table has: a line goes back where a finer level cost less
+        # rows have the order of levels, so a line goes back if a finer level has a lower cost
         rows = [(k, one, np.where(np.isfinite(one.errors), getattr(one, cost), np.nan)) for k, one in enumerate(found)]
         rows = [row for row in rows if np.isfinite(row[2]).any()]
         if not rows:
@@ -125,7 +125,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
                 ends=(low, high),
                 log=True,
                 digits=True,
-                # the finest of the levels that most methods have
+                # the finest level that most methods have
                 start=count - 1 - int(known[::-1].argmax()),
                 heading=f"reference: {convergence.attrs.get('reference', '')}" if not charts else "",
             )
@@ -140,15 +140,15 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     Parameters
     ----------
     convergence : xarray.Dataset
-        From `uqmbd.Study.converge`.
+        Result of `uqmbd.Study.converge`.
     output : str
         Name of the output.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Axes: against realisations, and against wall time, both logarithmic. Grey lines are the errors that the
-        reference states of itself, where it does: smaller errors cannot be measured.
+        Figure with two logarithmic axes: error against realisations, and against wall time. Grey lines are the stated
+        errors of the reference, if any; smaller errors cannot be measured.
 
     Raises
     ------

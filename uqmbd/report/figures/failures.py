@@ -1,4 +1,4 @@
-"""Why samples failed: reasons that differ in numbers only are one, and the inputs that tell failed from fine ones."""
+"""Charts of failed samples: groups of equal reasons, and the inputs that separate failed from successful samples."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ __all__ = [
 
 _MOST_POINTS = 1500
 ENOUGH = 3
-"""Failures of one kind from which inputs can tell anything."""
-# Names in quotes stay as they are, and so do digits that belong to a word; remarks in brackets are set aside.
+"""Minimum number of failures of one kind for a comparison of inputs."""
+# names in quotes, and digits that belong to a word, do not change; remarks in brackets are ignored
 _TOKENS = re.compile(r"""('[^']*'|"[^"]*")|(?<![\w.])([+\-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+\-]?\d+)?)(?![\w]|\.\d)""")
 _BRACKETS = re.compile(r"\s*\([^()]*\)")
 
 
 @dataclass(frozen=True, eq=False)
 class FailureGroup:
-    """Failures of one kind: their status in words, their message with numbers as ranges, and the samples."""
+    """Failures with one reason: status as text, message with numbers as ranges, and samples."""
 
     kind: str
     text: str
@@ -53,21 +53,21 @@ class FailureGroup:
 
 @dataclass(frozen=True, eq=False)
 class FailureSeparation:
-    """How well an input tells failed samples from fine ones."""
+    """Degree to which an input separates failed from successful samples."""
 
-    index: int  # of the input
+    index: int  # index of the input
     # largest difference between the two empirical distribution functions (Kolmogorov and Smirnov), 0 to 1
     distance: float
-    clear: bool  # whether chance gives such a distance in fewer than one of a hundred cases
+    clear: bool  # whether the probability of such a distance by chance is below 1 %
 
 
 def failure_reasons(node: Samples) -> list[FailureGroup]:
     """Group the failed samples of a method by their reason, the most frequent first.
 
-    Messages that differ only in their numbers, or in remarks in brackets, are one reason; differing numbers are shown
-    as a range.
+    Messages that differ only in their numbers, or in remarks in brackets, count as one reason; differing numbers become
+    a range.
 
-    `node`: the node of a propagator that has ``samples``, or its samples.
+    `node` is the node of a propagator that has ``samples``, or its samples.
 
     >>> from uqmbd.extend import labels, sample_dataset
     >>> messages = ["", "no step at t = 0.25 s (joint 'a')", "no step at t = 0.5 s (joint 'b')"]
@@ -102,7 +102,7 @@ def _pattern(message: str) -> str:
 
 
 def _joined(messages: list[str]) -> str:
-    """Return one message for many of the same pattern."""
+    """Return one message that represents messages of the same pattern."""
     if not messages[0]:
         return "no reason was reported"
     if len(set(messages)) == 1:
@@ -121,9 +121,10 @@ def _joined(messages: list[str]) -> str:
 
 
 def separating_inputs(node: Samples, reason: FailureGroup) -> list[FailureSeparation]:
-    """Order the inputs by how well they tell the samples that failed for a reason from those that succeeded.
+    """Sort the inputs by their separation of samples that failed for a reason from successful samples.
 
-    `node`: the node of a propagator that has ``samples``, or its samples. Return the best first.
+    `node` is the node of a propagator that has ``samples``, or its samples. The input with the clearest separation is
+    first.
 
     >>> import numpy as np
     >>> from uqmbd.extend import labels, sample_dataset
@@ -150,16 +151,17 @@ def separating_inputs(node: Samples, reason: FailureGroup) -> list[FailureSepara
 
 
 def failure_words(node: Samples, reason: FailureGroup) -> list[str]:
-    """Say in words where the inputs of the failed samples lie: a sentence for each input that tells, at most three."""
+    """Describe the inputs of failed samples by at most three sentences, one for each separating input."""
     samples = _runs(node)
     names, units = _input_labels(samples)
+    after = [f" {typeset_units(one)}".rstrip() for one in units]
     if not names:
         return ["This method recorded no inputs."]
     drawn, fine = samples["inputs"].values, samples["status"].values == Status.OK
     sentences = []
     for separation in [s for s in separating_inputs(node, reason) if s.clear][:3]:
         k = separation.index
-        bad, good, unit = drawn[reason.samples, k], drawn[fine, k], units[k] and " " + units[k]
+        bad, good, unit = drawn[reason.samples, k], drawn[fine, k], after[k]
         ranges = _ranges(np.sort(bad), np.sort(good))
         inside = sum(int(((good >= low) & (good <= high)).sum()) for low, high in ranges)
         spans = " or ".join(
@@ -187,7 +189,7 @@ def _short(value: float) -> str:
 
 
 def _ranges(bad: NDArray[np.float64], good: NDArray[np.float64]) -> list[tuple[float, float]]:
-    """Return where sorted failed values lie: one range, or two with most of the fine samples between them."""
+    """Return the range of sorted failed values, or two ranges with most of the successful samples between them."""
     whole = [(float(bad[0]), float(bad[-1]))]
     if len(bad) < 2 or not len(good):
         return whole
@@ -206,29 +208,29 @@ def _input_labels(samples: xr.Dataset) -> tuple[list[str], list[str]]:
 
 @dataclass(frozen=True, eq=False)
 class FailedInputs:
-    """The one or two inputs that tell best which samples failed for one reason."""
+    """One or two inputs with the clearest separation of samples that failed for one reason."""
 
-    # names, units: of these inputs: one, or two
+    # names, units: names and units of one or two inputs
     names: tuple[str, ...]
     units: tuple[str, ...]
-    drawn: NDArray[np.float64]  # (S, 1): of all samples
-    # fine, failed: samples that are shown, of many every second, or third,
+    drawn: NDArray[np.float64]  # (S, 1) or (S, 2): inputs of all samples
+    # fine, failed: displayed samples; every second or third one of many samples
     fine: NDArray[np.intp]
     failed: NDArray[np.intp]
-    # count_fine, count_failed: how many there are
+    # count_fine, count_failed: total numbers of samples
     count_fine: int
     count_failed: int
 
     def places(self, which: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where samples are drawn: heights of a single input are spread evenly, and mean nothing."""
+        """Return the positions of the samples; for a single input, the height is evenly spaced without meaning."""
         if len(self.names) > 1:
             return self.drawn[which, 0], self.drawn[which, 1]
-        # by the golden ratio points do not hide each other
+        # multiples of the golden ratio keep points from hiding each other
         return self.drawn[which, 0], np.asarray((which * 0.6180339887) % 1, dtype=float)
 
 
 def failed_inputs(node: Samples, reason: int | FailureGroup) -> FailedInputs:
-    """Return what `failure_inputs` draws.
+    """Return the data of `failure_inputs`.
 
     Raise StudyError if there are no such failures, or no inputs.
     """
@@ -237,7 +239,10 @@ def failed_inputs(node: Samples, reason: int | FailureGroup) -> FailedInputs:
     if isinstance(reason, int):
         reasons = failure_reasons(node)
         if not 0 <= reason < len(reasons):
-            raise StudyError(f"{label_of(node)!r} has {len(reasons)} reasons of failures; number {reason} is none.")
+            raise StudyError(
+                f"The reason number is {reason}, but {label_of(node)!r} has only {len(reasons)} reasons of failure. "
+                "The numbers start at 0."
+            )
         reason = reasons[reason]
     if not names:
         raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
@@ -250,7 +255,7 @@ def failed_inputs(node: Samples, reason: int | FailureGroup) -> FailedInputs:
 
 
 def failures_chart(node: Samples, reason: int | FailureGroup) -> Chart:
-    """Chart samples that failed for one reason among those that succeeded, by the inputs that tell them apart best.
+    """Chart failed samples of one reason, and successful samples, over the inputs with the clearest separation.
 
     Raise StudyError if there are no such failures, or no inputs.
     """
@@ -288,18 +293,18 @@ def _spread(values: Array, at: NDArray[np.intp], count: int) -> Array:
 
 @typechecked
 def failure_inputs(node: Samples, reason: int | FailureGroup = 0, *, ax: Axes | None = None) -> Figure:
-    """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
+    """Draw the inputs of samples that failed for one reason, and of successful samples.
 
-    Of several inputs the two that tell them apart best are drawn; a single input is a strip.
+    If there are several inputs, the figure shows the two with the clearest separation; a single input is a strip.
 
     Parameters
     ----------
     node : xarray.DataTree or xarray.Dataset
-        The node of a propagator that has ``samples``, or its samples.
+        Node of a propagator that has ``samples``, or its samples.
     reason : int or Reason
-        One of :func:`failure_reasons`, or its place there: 0 is the most frequent.
+        Element of the result of :func:`failure_reasons`, or its index: 0 is the most frequent reason.
     ax : matplotlib.axes.Axes, optional
-        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
+        Axes of an existing figure for the drawing and the legend. Default: a new figure.
 
     Returns
     -------

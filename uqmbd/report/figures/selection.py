@@ -1,4 +1,4 @@
-"""What a figure is drawn from: the nodes, the samples and the times of a result; ends of axes in per cent."""
+"""Select the nodes, samples and times of a result for a figure; ends of axes in per cent."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ __all__ = [
 
 
 def percent_ends(ends: tuple[float, float]) -> tuple[float, float]:
-    """Return the full decades, in per cent, about two values."""
+    """Return the full decades around two values, in per cent."""
     first, last = decades(*(100 * end for end in ends))
     return float(f"1e{first}"), float(f"1e{last}")
 
 
 Results: TypeAlias = xr.DataTree | Mapping[str, xr.DataTree] | Iterable[xr.DataTree]
-"""A study's result, the node of one propagator, or several such nodes."""
+"""Result of a study, node of one propagator, or several such nodes."""
 
 Samples: TypeAlias = xr.DataTree | xr.Dataset
-"""The node of one propagator that kept its samples, or the dataset of these."""
+"""Node of one propagator with stored samples, or the dataset of the samples."""
 
 
 def nodes_of(results: Results) -> dict[str, xr.DataTree]:
-    """Return the propagator nodes by label; none is an error."""
+    """Return the propagator nodes by label; raise StudyError if there are none."""
     if isinstance(results, xr.DataTree):
         nodes = propagator_nodes(results)
     elif isinstance(results, Mapping):
@@ -50,7 +50,7 @@ def nodes_of(results: Results) -> dict[str, xr.DataTree]:
     else:
         nodes = {label_of(node): node for node in results}
     if not nodes:
-        raise StudyError("A figure needs the result of at least one propagator; there is none.")
+        raise StudyError("A figure needs the result of at least one propagator; no result is given.")
     return nodes
 
 
@@ -60,7 +60,7 @@ def label_of(node: Samples) -> str:
 
 
 def samples_of(node: Samples) -> xr.Dataset:
-    """Return the samples of a method; a method that kept none is an error."""
+    """Return the samples of a method; raise StudyError if it stored none."""
     if isinstance(node, xr.Dataset):
         if {"response", "status"} <= set(node.data_vars):
             return node
@@ -71,9 +71,9 @@ def samples_of(node: Samples) -> xr.Dataset:
 
 
 def runs_of(node: Samples) -> xr.Dataset | None:
-    """Return inputs, status and message of every realisation, along ``sample``: of samples, or of the nodes of a rule.
+    """Return inputs, status and message of every realisation along ``sample``, for samples or quadrature nodes.
 
-    None if a method recorded neither.
+    Return None if a method recorded neither.
     """
     if isinstance(node, xr.Dataset) or "samples" in node.children:
         return samples_of(node)
@@ -84,31 +84,32 @@ def runs_of(node: Samples) -> xr.Dataset | None:
 
 
 def of_output(source: xr.DataTree | xr.Dataset, output: str) -> xr.Dataset:
-    """Return the data of one output; an unknown name is an error that lists the known ones."""
+    """Return the data of one output; the error on an unknown name lists the known names."""
     data = source.to_dataset() if isinstance(source, xr.DataTree) else source
-    known = [str(name) for name in data["output"].values]
-    if output not in known:
-        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, known))}.")
-    return data.isel(output=known.index(output))
+    found = np.flatnonzero(data["output"].values == output)
+    if not found.size:
+        known = ", ".join(repr(str(name)) for name in data["output"].values)
+        raise StudyError(f"The results have no output {output!r}; the outputs are {known}.")
+    return data.isel(output=int(found[0]))
 
 
 def succeeded(node: Samples, output: str) -> xr.DataArray:
-    """Return the response (sample, time) of the samples that succeeded; none is an error."""
+    """Return the responses (sample, time) of the successful samples; raise StudyError if there are none."""
     samples = samples_of(node)
     fine = np.flatnonzero(samples["status"].values == Status.OK)
     if not len(fine):
-        raise StudyError(f"All samples of {label_of(node)!r} failed: there is nothing to draw.")
+        raise StudyError(f"All samples of {label_of(node)!r} failed, so there is nothing to draw.")
     response = of_output(samples, output)["response"]
     return response if len(fine) == response.sizes["sample"] else response.isel(sample=fine)
 
 
 def automatic_times(times: NDArray[np.float64], std: NDArray[np.float64]) -> list[int]:
-    """Choose up to four indices: a third, two thirds, the largest standard deviation, and the end."""
+    """Choose up to four time indices: a third, two thirds, the largest standard deviation, and the end."""
     last = len(times) - 1
     wanted = {last, int(np.argmax(np.nan_to_num(std, nan=-1.0)))}
     for share in (1 / 3, 2 / 3, 1 / 2):
         candidate = int(np.abs(times - (times[0] + share * (times[-1] - times[0]))).argmin())
-        # Two panels a few steps apart would show the same thing twice.
+        # two panels with similar times would show the same data twice
         if len(wanted) < 4 and all(abs(candidate - k) > last / 12 for k in wanted):
             wanted.add(candidate)
     return sorted(wanted)

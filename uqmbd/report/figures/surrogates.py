@@ -1,4 +1,4 @@
-"""Which methods of a result hold a polynomial chaos, which of them to show, and what it holds."""
+"""Select the methods of a result with a polynomial chaos, and read the content of the chaos."""
 
 from __future__ import annotations
 
@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.report.figures.selection import Results, nodes_of, of_output
 from uqmbd.results import (
-    AlignedChaos,
     ComposedChaos,
     PiecewiseChaos,
     PolynomialChaos,
-    QuasiPeriodicChaos,
     surrogate,
     varying,
 )
-from uqmbd.results.chaos import CustomSurrogate, chaos_from_dataset, surrogate_parts
+from uqmbd.results.chaos import Part, chaos_from_dataset, surrogate_parts
 from uqmbd.results.statistics import rtol_of
 
 __all__ = [
@@ -42,24 +40,24 @@ __all__ = [
 
 
 def chaos_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the methods that hold one chaos, with coefficients of each term, output and time."""
+    """Return the methods with a single chaos: coefficients of each term, output and time."""
     return {label: node for label, node in nodes.items() if _has_chaos(node)}
 
 
 def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the methods that hold a surrogate of outputs over time: one chaos, aligned ones, or parts of both."""
+    """Return the methods with a surrogate of outputs over time: one chaos, aligned chaoses, or parts of both."""
     return {label: node for label, node in nodes.items() if _has_chaos(node) or _is_aligned(node)}
 
 
 def drawable_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the methods whose surrogate of outputs over time can be sampled, also by a model of a plugin."""
+    """Return the methods with a surrogate over time that can be sampled, including models of plugins."""
     return {label: node for label, node in nodes.items() if surrogate_nodes({label: node}) or _is_custom(node)}
 
 
 def surrogate_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
-) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | CustomSurrogate | ComposedChaos:
-    """Return the surrogate of a method over time, or of one output; a chaos at the times nearest to some, if given."""
+) -> Part | ComposedChaos:
+    """Return the surrogate of a method over time, or of one output, or a chaos at the times nearest to given times."""
     if _is_aligned(node):
         return surrogate(node, output)
     if _is_custom(node):
@@ -70,7 +68,7 @@ def surrogate_of(
 
 
 def _is_aligned(node: xr.DataTree) -> bool:
-    # models of plugins have no coefficients to show
+    # models of plugins have no coefficients
     return "chaos" not in node.children and any(kind != "surrogate" for kind, _ in surrogate_parts(node).values())
 
 
@@ -91,7 +89,7 @@ def _has_chaos(node: xr.DataTree) -> bool:
 def chaos_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
 ) -> PolynomialChaos | PiecewiseChaos:
-    """Return the chaos of a method, or of one of its outputs, or at the times nearest to some; none is an error."""
+    """Return the chaos of a method, optionally for one output or at given times; raise StudyError without a chaos."""
     if not _has_chaos(node):
         raise StudyError(
             f"The propagator {node.name!r} has no polynomial chaos of outputs over time, which this figure shows. "
@@ -107,15 +105,15 @@ def chaos_of(
 
 
 def order_of(node: xr.DataTree) -> int:
-    """Return the order of a method's surrogate: the largest degree of any input."""
+    """Return the order of the surrogate of a method: the largest degree of any input."""
     degrees = [data.to_dataset()["multi_index"].values for _, data in surrogate_parts(node).values()]
     return max(int(np.max(one, initial=0)) for one in degrees)
 
 
 def finest(nodes: Mapping[str, xr.DataTree]) -> str:
-    """Return the label of the chaos of the highest order; among equals the one with the most realisations.
+    """Return the label of the chaos of the highest order, and among equal orders with the most realisations.
 
-    Only where there is no other, one that follows events.
+    A chaos that follows events is returned only if there is no other chaos.
     """
     found = chaos_nodes(nodes) or surrogate_nodes(nodes)
     if not found:
@@ -124,17 +122,17 @@ def finest(nodes: Mapping[str, xr.DataTree]) -> str:
 
 
 def one_node(results: Results) -> xr.DataTree:
-    """Return the node to draw: the only one, or the one with the finest chaos."""
+    """Return the node to draw: the only node, or the node with the finest chaos."""
     nodes = nodes_of(results)
     return next(iter(nodes.values())) if len(nodes) == 1 else nodes[finest(nodes)]
 
 
 def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
-    """Return the stated error (output, time) of a method's surrogate; None if it states none.
+    """Return the stated error (output, time) of the surrogate of a method; None if no error is stated.
 
-    That of an output that does not vary is 0: there is no spread to be wrong about.
+    The error of an output that does not vary is 0, because there is no spread.
     """
-    for child in ("statistics", "chaos"):  # an aligned one states it with its statistics
+    for child in ("statistics", "chaos"):  # an aligned chaos states the error with its statistics
         if child in node.children and "verification_error" in node.children[child].data_vars:
             found = node.children[child].to_dataset()["verification_error"]
             if "time" not in found.dims:
@@ -146,16 +144,16 @@ def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
 
 
 def times_of(data: xr.Dataset) -> NDArray[np.float64]:
-    """Return the times; outputs without times are an error."""
+    """Return the times; raise StudyError for outputs without times."""
     if "time" not in data.sizes:
         raise StudyError("This figure is drawn over time, and these outputs have no time.")
     return np.asarray(data["time"].values, dtype=float)
 
 
 def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell at which times (T,) an output spreads: by more than 1 % of its largest spread, and more than rounding.
+    """Return a mask (T,) of times at which the std of an output exceeds 1 % of its maximum, and the rounding error.
 
-    Shares of a spread that hardly exists say nothing; the same 1 % bounds the errors that a chaos states.
+    Shares of a negligible spread are meaningless; the same 1 % bounds the errors that a chaos states.
 
     >>> import numpy as np
     >>> varies_over_time(np.array([0.0, 1e-4, 0.5]), np.ones(3)).tolist()
@@ -168,11 +166,11 @@ def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDA
 
 
 def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
-    """Group methods with a surrogate that differ in their order only, each group by rising order.
+    """Group methods with surrogates that differ only in their order, and sort each group by ascending order.
 
-    Methods belong together if their propagator and all options that are texts agree: a rule, a kind of fit.
+    Methods belong to one group if their propagator and all text options agree, such as a rule or a kind of fit.
 
-    Return labels by the name of the group: what its labels begin with, or its propagator.
+    Return labels by the name of the group: the common start of its labels, or its propagator.
     """
     groups: dict[tuple[str, ...], list[str]] = {}
     found = surrogate_nodes(nodes)
@@ -183,7 +181,7 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
             options = {}
         texts = sorted(f"{k}={v}" for k, v in options.items() if isinstance(v, str) and k != "label")
         if options.get("elements") is not None:
-            texts.append("with elements")  # a number of them is no kind of its own, but none at all is
+            texts.append("with elements")  # the number of elements does not matter, but their existence does
         groups.setdefault((str(node.attrs.get("propagator", "")), *texts), []).append(label)
     named: dict[str, list[str]] = {}
     for (propagator, *_), members in groups.items():
@@ -196,9 +194,9 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
 
 
 def shown_methods(nodes: Mapping[str, xr.DataTree], most: int = 4) -> dict[str, xr.DataTree]:
-    """Return the methods to draw together: if there are more than ``most``, only the highest order of each chaos.
+    """Return the methods for a common figure: of more than ``most`` methods, only the highest order of each chaos.
 
-    What has no chaos always stays.
+    Methods without a chaos always remain.
     """
     lower = {label for members in series(nodes).values() for label in members[:-1]} if len(nodes) > most else set()
     return {label: node for label, node in nodes.items() if label not in lower}

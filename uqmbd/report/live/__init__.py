@@ -1,9 +1,8 @@
-"""What moves in a report: data for its scripts, and the scripts, which are modules of JavaScript in this folder."""
+"""Interactive parts of a report: data for its scripts, and the scripts (JavaScript modules in this folder)."""
 
 from __future__ import annotations
 
-from uqmbd.report.live.explorer_data import collect_explorer_data
-from uqmbd.report.live.nearest import collect_nearest_data
+from uqmbd.report.live.explorer_data import collect_explorer_data, collect_nearest_data
 from uqmbd.report.live.page import PageScripts, cell_html, joined_modules, page_scripts
 from uqmbd.report.live.player_data import collect_player_data
 from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses

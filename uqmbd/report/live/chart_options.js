@@ -161,6 +161,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
         spanGaps: Boolean(method.points),
         fill: method.filled ? () => colourOf(method, palette()) + OUTER : undefined,
         show: method.shown,
+        pxAlign: 0, // points between pixels: rounded ones make smooth curves jagged
       });
     });
     method.bands.forEach(({ low, high, bars }, k) => {
@@ -177,7 +178,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     series.push({ stroke: () => palette()[role], width: width * scale, dash: lengths, points: { show: false } });
   }
   // the last one: what the surrogate says at the chosen inputs
-  const chosen = { width: model.chosen.width * scale, points: { show: false }, show: model.chosen.shown };
+  const chosen = { width: model.chosen.width * scale, points: { show: false }, show: model.chosen.shown, pxAlign: 0 };
   if (!model.plane) series.push({ stroke: () => colourOf(model.chosen, palette()), ...chosen });
   const upName = model.up?.hidden ? "" : withUnits(model.axis ?? model.output, model.units);
   const { letters, rows } = fitted(upName, (height - 60) / scale);
@@ -224,7 +225,8 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
         letters,
         rows,
         log: Boolean(model.up?.log),
-        space: 34 * scale,
+        // low charts have at least two ticks
+        space: Math.min(34 * scale, Math.max(height / 7, 18 * scale)),
         size: (_, values) => (values ? Math.max(...values.map((v) => v.length)) * 7 + 14 : 30) * scale,
         values: (u, ticks, _, __, step) => tickLabels(ticks, step, axisPower(u.scales.y.min, u.scales.y.max)),
         ...(model.up?.hidden ? { values: (_, ticks) => ticks.map(() => ""), grid: { show: false }, ticks: { show: false } } : {}),

@@ -1,70 +1,79 @@
-"""Coefficients of a surrogate in few numbers: main components of what varies over time, as float32 where that does.
+"""Compress coefficients of a surrogate: principal components over time, with the required number of digits.
 
-The terms of a chaos are orthonormal: what a compression loses, as a root mean square over the inputs, is the norm over
-the terms of what it changes.  Columns are weighted by what may be lost there: components count where they are seen.
+The terms of a chaos are orthonormal. The root mean square error over the inputs is therefore the norm of the changes in
+the coefficients. Each column is divided by its allowed error before the decomposition, so all columns share one limit.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
 
-from uqmbd.report.charts import Kind, packed, unpacked
+from uqmbd.report.charts import packed, packed_within, unpacked
 from uqmbd.typing import Array
 
 __all__ = ["compressed", "expanded"]
 
 
 TRUNCATED = 0.4
-"""Part of what may be lost that components which are left out take; the rest is for rounding."""
+"""Part of the allowed error for omitted components; the rest is for rounding."""
+
+STEPPED = 0.85
+"""Part of the allowed error for the rounding of factors; the total with omitted components is below the limit."""
+
+BASE = 0.1
+"""Allowed difference between the base and the mean over the elements, relative to the allowed error."""
 
 ROUNDING = 1e-15
-"""Part of the largest coefficient of an output that is always allowed."""
+"""Error that is always allowed, relative to the largest coefficient of an output."""
 
 
-def compressed(coefficients: Array, allowed: Array) -> dict[str, Any]:
+def compressed(coefficients: Array, allowed: Array, lags: Sequence[int] = ()) -> dict[str, Any]:
     """Compress coefficients of several elements.
 
-    `coefficients` (E, P, O, C): of E elements, P terms, the first of which is the mean, O outputs, and C columns,
-    mostly times; `allowed` (O, C): what may be lost in each element, as a root mean square over the inputs, in the
-    units of the coefficients. Return ``base`` (O, C), to be added to the mean; for each output ``left`` (E, P, R) and
-    ``right`` (R, C), whose product is the rest; or the rest as a whole, ``left`` (E, P, C), and ``right`` None, where
-    that is shorter.
+    `coefficients` (E, P, O, C) belong to E elements, P terms (first the mean), O outputs, and C columns, mostly times.
+    `allowed` (O, C) is the allowed error in each element, as a root mean square over the inputs, in the units of the
+    coefficients. `lags` are possible distances of similar columns.
+
+    Return for each output ``base`` (C,), to be added to the mean, ``left`` (E, P, R) and ``right`` (R, C). The rest is
+    the product of the last two. If this is shorter, ``left`` (E, P, C) is the rest, and ``right`` is None.
     """
-    base = coefficients[:, 0].mean(axis=0)
-    rest = coefficients.copy()
-    rest[:, 0] -= base
-    outputs = [_output(rest[:, :, k], allowed[k], float(np.abs(base[k]).max(initial=0))) for k in range(len(base))]
-    return {"base": packed(base), "outputs": outputs}
+    outputs = [_output(coefficients[:, :, k], allowed[k], lags) for k in range(coefficients.shape[2])]
+    return {"outputs": outputs}
 
 
 def expanded(data: Mapping[str, Any]) -> Array:
-    """Return the coefficients (E, P, O, C) that compressed ones stand for."""
+    """Return the coefficients (E, P, O, C) from compressed ones."""
     found = []
     for one in cast(Sequence[Mapping[str, Any]], data["outputs"]):
         left = unpacked(one["left"]).astype(float)
         found.append(left if one["right"] is None else left @ unpacked(one["right"]).astype(float))
-    whole = np.stack(found, axis=2)
-    whole[:, 0] += unpacked(data["base"])
-    return whole
+        found[-1][:, 0] += unpacked(one["base"])
+    return np.stack(found, axis=2)
 
 
-def _output(rest: Array, allowed: Array, size: float) -> dict[str, Any]:
+def _output(coefficients: Array, allowed: Array, lags: Sequence[int]) -> dict[str, Any]:
     """Compress the coefficients (E, P, C) of one output."""
-    elements, terms, columns = rest.shape
-    least = ROUNDING * max(size, float(np.abs(rest).max(initial=0)))
+    elements, terms, columns = coefficients.shape
+    mean = coefficients[:, 0].mean(axis=0)
+    rest = coefficients.copy()
+    rest[:, 0] -= mean
+    least = ROUNDING * max(float(np.abs(x).max(initial=0)) for x in (mean, rest))
     limit = np.maximum(allowed, least if least > 0 else 1.0)
+    # the rest contains the rounding error of the base
+    base = packed_within(mean, BASE * limit, lags=lags)
+    rest[:, 0] += mean - unpacked(base)
     rows = rest.reshape(-1, columns)
     used = rows.any(axis=1)
-    weighted = rows[used] / limit
-    u, s, vt = np.linalg.svd(weighted, full_matrices=False)
+    left, s, right = np.linalg.svd(rows[used] / limit, full_matrices=False)
     owner = np.repeat(np.arange(elements), terms)[used]
 
     def lasting(count: int) -> bool:
-        """Return whether what is left out beyond some components is little in every element, at every column."""
-        out = (u[:, count:] * s[count:]) @ vt[count:]
+        """Return whether the remainder after some components is small in every element and column."""
+        out = (left[:, count:] * s[count:]) @ right[count:]
         starts = np.flatnonzero(np.r_[True, np.diff(owner) > 0])
         return not len(out) or bool(np.add.reduceat(out**2, starts).max() <= TRUNCATED**2)
 
@@ -72,22 +81,24 @@ def _output(rest: Array, allowed: Array, size: float) -> dict[str, Any]:
     while count - few > 1:
         middle = (few + count) // 2
         few, count = (few, middle) if lasting(middle) else (middle, count)
-    shorter = count * (len(rows) + columns) < rows.size
+    flat, v = np.zeros((len(rows), count)), s[:count, None] * right[:count] * limit
+    flat[used] = left[:, :count]
+    u = flat.reshape(elements, terms, count)
+    # the norm of the largest allowed errors over terms or components
+    found: list[tuple[dict[str, Any], dict[str, Any] | None]] = [
+        (packed_within(rest, limit / math.sqrt(terms)), None),
+        (packed(u, "float32"), packed_within(v, STEPPED * limit / math.sqrt(max(count, 1)), lags=lags)),
+        (packed(u), packed(v)),
+    ]
+    kept = [pair for pair in found if _lost(pair, rest, limit) <= 1]
+    shortest = min(kept, key=lambda pair: len(str(pair)), default=(packed(rest), None))
+    return {"base": base, "left": shortest[0], "right": shortest[1]}
 
-    def fits(kind: Kind) -> dict[str, Any] | None:
-        factors = [rest]
-        if shorter:
-            left = np.zeros((len(rows), count))
-            left[used] = u[:, :count] * s[:count]
-            factors = [left.reshape(elements, terms, count), vt[:count] * limit]
-        with np.errstate(over="ignore", under="ignore"):
-            stored = [x.astype(kind).astype(float) for x in factors]
-        if not all(np.isfinite(x).all() for x in stored):
-            return None
-        made = stored[0] @ stored[1] if shorter else stored[0]
-        lost = np.sqrt(((made - rest) ** 2).sum(axis=1)) / limit
-        if lost.max(initial=0) > 1:
-            return None
-        return {"left": packed(factors[0], kind), "right": packed(factors[1], kind) if shorter else None}
 
-    return fits("float32") or fits("float64") or {"left": packed(rest), "right": None}
+def _lost(pair: tuple[dict[str, Any], dict[str, Any] | None], rest: Array, limit: Array) -> float:
+    """Return the largest error of the factors with respect to the rest (E, P, C), relative to the allowed error."""
+    left, right = pair
+    made = unpacked(left).astype(float)
+    if right is not None:
+        made = made @ unpacked(right).astype(float)
+    return float((np.sqrt(((made - rest) ** 2).sum(axis=1)) / limit).max(initial=0.0))

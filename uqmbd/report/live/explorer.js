@@ -6,7 +6,7 @@ import { meanGerms, randomGerms } from "./germs.js";
 import { announceInputs } from "./inputs_bus.js";
 import { inputRow } from "./input_row.js";
 import { limitAt, marginAt } from "./limits.js";
-import { formatError, formatNumber, formatQuantity, nearestIndex, unbroken } from "./numbers.js";
+import { formatError, formatNumber, formatQuantity, nearestIndex, unbroken, withSamePower } from "./numbers.js";
 import { NearestRealisation } from "./nearest.js";
 import { LiveSurrogate } from "./surrogate.js";
 import { onTime, pageTime } from "./time_bus.js";
@@ -29,6 +29,7 @@ export function makeExplorer(panel, data) {
   const [surrogate] = surrogates;
   const means = meanGerms(surrogate);
   const germs = Float64Array.from(means);
+  const evaluated = kinds.some((one) => one.surrogate.fitted) ? "polynomials that are fitted to the surrogate" : "the surrogate";
   let time = pageTime();
 
   // the sliders
@@ -39,6 +40,7 @@ export function makeExplorer(panel, data) {
     }),
   );
   const set = (to) => {
+    rows.forEach((row) => row.accept());
     germs.set(to);
     moved();
   };
@@ -107,7 +109,7 @@ export function makeExplorer(panel, data) {
   function read() {
     const { times } = parts.find(({ surrogate: own }) => own.times)?.surrogate ?? {};
     const index = times ? nearestIndex(times, time ?? times[times.length - 1]) : 0;
-    const source = data.nearest ? `of the nearest realisation, sample ${surrogate.numbers[surrogate.row]} of ${data.method}` : `by the surrogate of ${data.method}`;
+    const source = data.nearest ? `of the nearest realisation, sample ${surrogate.numbers[surrogate.row]} of ${data.method}` : `by ${evaluated} of ${data.method}`;
     caption.textContent = times ? `At ${formatNumber(times[index], (times[times.length - 1] - times[0]) / 10)} s, ${source}` : `${source[0].toUpperCase()}${source.slice(1)}`;
     for (const { p, o, row } of cells) {
       const { surrogate: own, about } = parts[p];
@@ -116,7 +118,7 @@ export function makeExplorer(panel, data) {
       const spread = about.std[at];
       row[0].textContent = unbroken(formatQuantity(own.values[at], units, spread));
       row[1].textContent = unbroken(`${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`);
-      if (own.nearest) row[2].textContent = unbroken(own.rangeAt(at).map((x) => formatNumber(x, spread)).join(" to ") + (units === "" ? "" : ` ${units}`));
+      if (own.nearest) row[2].textContent = unbroken(withSamePower(own.rangeAt(at), spread).join(" to ") + (units === "" ? "" : ` ${units}`));
       else row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "unknown");
     }
   }

@@ -1,4 +1,4 @@
-"""Surrogates of outputs behind the sliders of a page, as data for JSON: `explorer.js` reads it."""
+"""Data for the sliders of a page, as JSON: surrogates for `explorer.js`, or stored realisations for `nearest.js`."""
 
 from __future__ import annotations
 
@@ -8,27 +8,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.names import ANY
-from uqmbd.report.charts import packed
+from uqmbd.report.charts import Kind, packed, packed_relative, packed_within
 from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
 from uqmbd.results import answers, propagator_nodes
 from uqmbd.results.chaos import absent_surrogate, surrogate_parts
+from uqmbd.status import Status
+from uqmbd.typing import Array, Index
+from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["collect_explorer_data"]
+__all__ = ["collect_explorer_data", "collect_nearest_data"]
+
+DIGITS = 5e-4
+"""Allowed error of a number in a page, relative to the standard deviation; the page shows at most a hundredth of it."""
+
+RELATIVE = 4e-5
+"""Allowed relative error of a standard deviation; a page shows four digits."""
 
 
 def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()) -> dict[str, Any]:
-    """Return the surrogate of a page's method, or ``{"reason": ...}``, which says why there is none.
+    """Return the surrogate of the method of a page, or ``{"reason": ...}`` with the reason why it is missing.
 
-    `tree`: the result of a study; `limits`: requirements that are limits of outputs: ``requirement``, ``output``,
-    ``limit`` and ``end``, "highest" or "lowest"; others are left out. Return ``method``, its label; ``histories`` and
-    ``scalars``, outputs with and without a time: None where there are none, else ``surrogate`` as of
-    `live_surrogate`, and ``mean`` and ``std`` (O, T); ``limits``, those of these outputs; ``margins``, of other
-    requirements: None, or the ``surrogate`` of margins of the whole motion and ``requirements``, the ``name`` and
-    ``meaning`` of each that is not among the limits; ``missing``, why outputs are not there; ``still``, the names of
-    requirements that are not; ``order``, the numbers of the inputs, that which matters most first.
+    `tree` is the result of a study. `limits` are requirements that limit outputs, with ``requirement``, ``output``,
+    ``limit`` and ``end`` ("highest" or "lowest"); other limits are omitted. The result has these keys:
+
+    ``method``: label of the method. ``histories``, ``scalars``: outputs with and without a time, or None; they contain
+    ``surrogate`` (see `live_surrogate`), ``mean`` and ``std`` (O, T). ``limits``: limits of these outputs.
+    ``margins``: other requirements, or None; it contains the ``surrogate`` of margins of the whole motion, and
+    ``requirements`` with ``name`` and ``meaning``. ``missing``: reasons for missing outputs. ``still``: names of
+    missing requirements. ``order``: indices of the inputs, the most important input first.
     """
     label = live_method(tree)
     if not label:
@@ -48,7 +58,7 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
         else:
             found[kind] = {"surrogate": data, **_statistics(part, [o["name"] for o in data["outputs"]])}
     names = {o["name"] for one in found.values() if one for o in one["surrogate"]["outputs"]}
-    # outputs that are equal have the same limit
+    # equal outputs have the same limit
     known: dict[object, dict[str, object]] = {}
     for one in limits:
         if one["output"] in names and one.get("end") in ("highest", "lowest"):
@@ -73,7 +83,7 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
 
 
 def _margins(node: xr.DataTree, wanted: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return the surrogate of the margins of a method, of requirements that are wanted; None if it has none."""
+    """Return the surrogate of the margins of the given requirements; None if it is missing."""
     part = node.children.get("requirements")
     if part is None or not wanted or not surrogate_parts(part):
         return None
@@ -86,27 +96,168 @@ def _margins(node: xr.DataTree, wanted: Mapping[str, str]) -> dict[str, Any] | N
 
 
 def _order(node: xr.DataTree, inputs: list[str]) -> list[int]:
-    """Return the numbers of inputs, that with the largest share in an output first; as they are where none is known."""
+    """Return the indices of inputs by descending share in an output, or in the order of the study if unknown."""
     largest = dict.fromkeys(inputs, 0.0)
     for part in (node, node.children.get("scalars"), node.children.get("requirements")):
         data = part.children["statistics"].to_dataset() if part is not None and "statistics" in part.children else None
         if data is None or "sobol_total" not in data:
             continue
-        if part is node.children.get("requirements") and "time" in data.dims:  # running margins: of the whole motion
+        if part is node.children.get("requirements") and "time" in data.dims:  # margin of the whole motion
             data = data.isel(time=-1)
         total, variance = data["sobol_total"], data["std"] ** 2
         if "time" in total.dims:
             total = (total * variance).sum("time") / variance.sum("time")
         shares = total.max([dim for dim in total.dims if dim != "input"])
         for name, share in zip(shares["input"].values.tolist(), shares.values.tolist(), strict=True):
-            if share > largest.get(str(name), share):  # of what does not vary it is not a number
+            if share > largest.get(str(name), share):  # NaN for an output that does not vary
                 largest[str(name)] = share
     return sorted(range(len(inputs)), key=lambda k: -largest[inputs[k]])
+
+
+def packed_statistics(mean: Array, std: Array) -> dict[str, Any]:
+    """Pack means and standard deviations (O, T) with the digits that a page shows."""
+    known = np.abs(mean).max(initial=0.0, where=np.isfinite(mean))
+    allowed = DIGITS * np.where(std > 0, std, known or 1.0)
+    flat = packed_within(mean.ravel(), allowed.ravel()) | {"shape": list(mean.shape)}
+    return {"mean": flat, "std": packed_relative(std, RELATIVE)}
 
 
 def _statistics(node: xr.DataTree, outputs: list[str]) -> dict[str, Any]:
     data = node.children["statistics"].to_dataset().sel(output=outputs)
     dims = [dim for dim in ("output", "time") if dim in data["mean"].dims]
-    return {
-        name: packed(np.asarray(data[name].transpose(*dims).values, dtype=float), "float64") for name in ("mean", "std")
+    mean, std = (np.asarray(data[name].transpose(*dims).values, dtype=float) for name in ("mean", "std"))
+    return packed_statistics(mean, std)
+
+
+MOST_BYTES = 220_000
+"""Maximum size of the stored responses, bytes; in a page they take one third more."""
+
+MOST_ROWS, FEWEST_ROWS = 200, 20
+"""Maximum and minimum number of realisations in a page; for long responses, fewer times are stored."""
+
+FEW_TIMES = 201
+"""Minimum number of stored times before the number of realisations is reduced."""
+
+MOST_OUTPUTS = 6
+"""Maximum number of outputs over time; further outputs are omitted."""
+
+KNOTS = 17
+"""Number of quantiles of an input, between which its distribution function is linear."""
+
+FEW_VALUES = 20
+"""Maximum number of different values of a discrete input."""
+
+
+def collect_nearest_data(
+    node: xr.DataTree, label: str, outputs: Sequence[str], limits: Sequence[Mapping[str, object]]
+) -> dict[str, Any] | None:
+    """Return stored realisations as data of `explorer.js`; None if the method has no samples of inputs.
+
+    `node` is the node of the method; `outputs` are names of outputs over time, the most important first. `limits` and
+    the result are as for `collect_explorer_data`, with realisations (`nearest`) instead of surrogates.
+    """
+    inner = node.children.get("scalars")
+    parts = {"histories": node} | ({} if inner is None else {"scalars": inner})
+    samples = {
+        kind: part.children["samples"].to_dataset() for kind, part in parts.items() if "samples" in part.children
     }
+    samples = {kind: data for kind, data in samples.items() if data.sizes.get("output") and data.sizes.get("input")}
+    if not outputs:
+        samples.pop("histories", None)
+    if not samples or len({data.sizes["sample"] for data in samples.values()}) > 1:
+        return None
+    whole = np.all([data["status"].values == Status.OK for data in samples.values()], axis=0)
+    rows = np.flatnonzero(whole)[:MOST_ROWS]
+    names = {"histories": list(outputs)[:MOST_OUTPUTS]}
+    if "histories" in samples:
+        times = min(samples["histories"].sizes["time"], FEW_TIMES)
+        rows = rows[: max(MOST_BYTES // (4 * len(names["histories"]) * times), FEWEST_ROWS)]
+    if len(rows) < 2:
+        return None
+    found: dict[str, Any] = {"histories": None, "scalars": None}
+    for kind, data in samples.items():
+        chosen = data.sel(output=names[kind]) if kind in names else data
+        places = _places(chosen, len(rows))
+        statistics = parts[kind].children["statistics"].to_dataset().sel(output=chosen["output"].values)
+        about = packed_statistics(*(_along(statistics[name], places) for name in ("mean", "std")))
+        found[kind] = {"surrogate": _part(chosen, rows, places)} | about
+    held = {str(one["name"]) for part in found.values() if part for one in part["surrogate"]["outputs"]}
+    kept = [dict(one) for one in limits if one["output"] in held and one.get("end") in ("highest", "lowest")]
+    return {
+        "method": label, **found, "limits": list({str(one["requirement"]): one for one in kept}.values()),
+        "margins": None, "missing": [], "still": [], "nearest": len(rows),
+    }  # fmt: skip
+
+
+def _places(data: xr.Dataset, rows: int) -> Index | None:
+    """Return the stored times; None for scalar outputs."""
+    if "time" not in data["response"].dims:
+        return None
+    count = data.sizes["time"]
+    most = max(MOST_BYTES // (4 * rows * data.sizes["output"]), 2)
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
+
+
+def _along(values: xr.DataArray, places: Index | None) -> Array:
+    """Return statistics (O, T) at the stored times."""
+    if places is None:
+        return np.asarray(values.values, dtype=float)
+    return np.asarray(values.transpose("output", "time").values[:, places], dtype=float)
+
+
+def _part(data: xr.Dataset, rows: Index, places: Index | None) -> dict[str, Any]:
+    """Return responses (N, O, T) as differences from the first row, and the inputs of every realisation."""
+    dims = ["sample", "output", "time"] if places is not None else ["sample", "output"]
+    response = np.asarray(data["response"].isel(sample=rows).transpose(*dims).values, dtype=float)
+    response = response if places is None else response[:, :, places]
+    every = np.asarray(data["inputs"].values, dtype=float)
+    origin = response[0]
+    with np.errstate(over="ignore"):
+        distance = response - origin
+        spread = distance.std(axis=0).ravel()
+    kind: Kind = "float32" if np.abs(distance).max(initial=0.0) < np.finfo(np.float32).max else "float64"
+    # a page shows numbers with a resolution between one hundredth and one thousandth of their spread
+    flat = packed_within(distance.reshape(len(rows), -1), DIGITS * np.where(spread > 0, spread, 1.0), kind)
+    columns = zip(*(_texts(data, name) for name in ("input", "input_units", "input_description")), strict=True)
+    return {
+        "nearest": True,
+        "outputs": [
+            {"name": name, "units": typeset_units(units)}
+            for name, units in zip(_texts(data, "output"), _texts(data, "output_units"), strict=True)
+        ],
+        "times": None if places is None else packed(data["time"].values[places]),
+        "inputs": [
+            {
+                "name": name, "units": typeset_units(units), "description": text, "sum": [[k, 1.0]], "reason": "",
+                "map": {"kind": "affine", "bounds": [None, None], "shift": 0.0, "scale": 1.0},
+                "mean": float(every[:, k].mean()),
+            }
+            for k, (name, units, text) in enumerate(columns)
+        ],
+        "germs": [_range(name, column) for name, column in zip(_texts(data, "input"), every.T, strict=True)],
+        "numbers": packed(rows, "int32"),
+        "points": packed(every[rows]),
+        "scales": [float(column.std()) for column in every.T],
+        "origin": packed(origin),
+        "responses": flat | {"shape": list(distance.shape)},
+    }  # fmt: skip
+
+
+def _texts(data: xr.Dataset, name: str) -> list[str]:
+    """Return a coordinate as texts; empty texts if it is missing."""
+    along = name.partition("_")[0]
+    return list(map(str, data[name].values)) if name in data.coords else [""] * data.sizes[along]
+
+
+def _range(name: str, values: Array) -> dict[str, Any]:
+    """Describe the values (N,) of an input in the form of `tables.germ_data`, with the value as germ."""
+    low, high, different = float(values.min()), float(values.max()), np.unique(values)
+    found: dict[str, Any] = {
+        "name": name, "support": [low, high], "reach": [low, high], "range": [low, high],
+        "start": float(np.quantile(values, 0.5, method="inverted_cdf")), "verified": None,
+        "values": None, "levels": None, "knots": None,
+    }  # fmt: skip
+    if len(different) <= FEW_VALUES:
+        levels = np.searchsorted(np.sort(values), different, side="right") / len(values)
+        return found | {"values": packed(different), "levels": packed(levels)}
+    return found | {"knots": packed(np.quantile(values, np.linspace(0, 1, KNOTS)))}

@@ -2,7 +2,7 @@
 
 import { button, element } from "./dom.js";
 import { nearestGerm } from "./germs.js";
-import { formatNumber, plainNumber } from "./numbers.js";
+import { formatNumber, plainNumber, withSamePower } from "./numbers.js";
 
 const STEPS = 1000;
 const CELLS = 80;
@@ -49,7 +49,7 @@ export function formatLevel(level) {
  * @param mean - the germ at the mean
  * @param verified - the ends of the germs of the realisations by which errors are stated; null: there are none
  * @param choose - is called with a germ that the reader chooses
- * @returns { row, show(germs, value), value(): its value in words }
+ * @returns { row, show(germs, value), accept(): removes the text on a refused value }
  */
 export function inputRow(surrogate, k, mean, verified, choose) {
   const input = surrogate.inputs[k];
@@ -106,8 +106,12 @@ export function inputRow(surrogate, k, mean, verified, choose) {
   row.append(refusal);
   if (said.length) row.append(element("details", {}, element("summary", {}, given.length || !input.map ? "About this input (dependent)" : "About this input"), element("span", {}, said.join(" "))));
 
-  const pick = (x) => {
+  /** Forget the refused value: another one is chosen. */
+  function accept() {
     refusal.textContent = "";
+  }
+  const pick = (x) => {
+    accept();
     choose(x);
   };
   slider.addEventListener("input", () => pick(toGerm(Number(slider.value))));
@@ -135,7 +139,7 @@ export function inputRow(surrogate, k, mean, verified, choose) {
   function between(ends) {
     const scale = Math.abs(spread(all));
     const found = ends.map((end) => surrogate.inputsAt(Float64Array.from(all, (x, n) => (n === k ? end : x)))[k]);
-    return found.sort((a, b) => a - b).map((x) => formatNumber(x, scale)).join(" to ") + units;
+    return withSamePower(found.sort((a, b) => a - b), scale).join(" to ") + units;
   }
 
   /** Why a value is not taken. */
@@ -171,5 +175,5 @@ export function inputRow(surrogate, k, mean, verified, choose) {
     return (ends[1] - ends[0]) / 10;
   }
 
-  return { row, show };
+  return { row, show, accept };
 }

@@ -19,7 +19,7 @@ export class NearestRealisation {
     this.scales = data.scales;
     this.origin = values(data.origin);
     this.responses = values(data.responses);
-    this.statedError = this.statedRms = null;
+    this.statedRms = null;
     this.values = new Float64Array(this.origin.length);
     this.row = 0;
     this.near = [0];

@@ -25,21 +25,43 @@ export function formatNumber(value, spread = 0, zeros = false) {
 
 /**
  * Write numbers of one quantity with the same digits behind the point, so many as show a hundredth of its spread;
- * what is far below that is zero. Very small and very large ones have a power of ten each, as `formatNumber` writes it;
- * whether they are is decided by the largest of them, or that of others (`most`).
+ * what is far below that is zero. Very small and very large ones share the power of ten of the largest of them, or of
+ * others (`most`). Without a spread each number has its own digits.
  */
 export function alike(values, spread, most = 0) {
   const known = values.filter((v) => Number.isFinite(v) && v !== null);
   const largest = Math.max(...known.map(Math.abs), spread || 0, most);
-  if (!(spread > 0) || !(largest >= 1e-3 && largest < 1e10)) {
-    const floor = 1e-4 * (spread || 0);
-    return values.map((v) => formatNumber(v !== null && Math.abs(v) < floor ? 0 : v, spread || 0, spread > 0));
-  }
-  const places = Math.min(Math.max(2 - Math.floor(Math.log10(spread)), 0), 13 - Math.floor(Math.log10(largest)), 100);
-  return values.map((v) => {
-    if (v === null || !Number.isFinite(v)) return formatNumber(v);
-    const text = v.toFixed(Math.max(places, 0));
-    return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
+  if (!(spread > 0)) return withSamePower(values);
+  const power = largest >= 1e-3 && largest < 1e10 ? 0 : Math.floor(Math.log10(largest));
+  const wanted = power + 2 - Math.floor(Math.log10(spread));
+  const places = Math.max(Math.min(Math.max(wanted, 0), 13 + power - Math.floor(Math.log10(largest)), 100), 0);
+  return values.map((v) => (v === null || !Number.isFinite(v) ? formatNumber(v) : scaledText(v, power, places)));
+}
+
+/** Write a number over a power of ten with so many decimals, then that power; zero has no power. */
+function scaledText(value, power, places) {
+  const text = (value / 10 ** power).toFixed(places);
+  if (Number(text) === 0) return text.replace("-", "");
+  return withMinus(text) + (power ? ` × 10${superscript(power)}` : "");
+}
+
+/**
+ * Write numbers, as the ends of an interval, each as `formatNumber` does, but all with the power of ten of the largest.
+ * Numbers that differ by more than four decades keep a power of ten each.
+ */
+export function withSamePower(values, spread = 0) {
+  const isFound = (v) => v !== null && Number.isFinite(v) && v !== 0;
+  const texts = values.map((v) => formatNumber(v, spread));
+  const sizes = values.filter(isFound).map(Math.abs);
+  const largest = Math.max(...sizes);
+  if (!texts.some((text) => text.includes("×")) || Math.min(...sizes) < 1e-4 * largest) return texts;
+  const exponentOf = (v) => Number(v.toExponential(3).split("e")[1]);
+  const power = formatNumber(largest, spread).includes("×") ? exponentOf(largest) : 0;
+  return values.map((v, k) => {
+    if (!isFound(v)) return texts[k];
+    const wanted = spread > 0 ? exponentOf(v) - Math.floor(Math.log10(spread)) + 3 : 0;
+    const places = Math.max(Math.min(Math.max(4, wanted), 14) - 1 - exponentOf(v) + power, 0);
+    return scaledText(v, power, places).replace(/^([^.]*)\.(\d*?)0+(?!\d)/, (_, whole, rest) => (rest ? `${whole}.${rest}` : whole));
   });
 }
 

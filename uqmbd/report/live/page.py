@@ -1,4 +1,4 @@
-"""What a page with charts carries besides its data: a library, its style, our own scripts; and cells of notebooks."""
+"""Scripts, styles and libraries of a page with charts, and output cells of notebooks."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _DECLARED = re.compile(r"^(?:async )?(?:function|const|let|class) ([\w$]+)", re.
 
 
 def joined_modules(*names: str) -> str:
-    """Return the text of one module with what the files `names` hold, and before them what they import.
+    """Return the text of one module that contains the files `names` and, before them, their imports.
 
-    Their names share one scope; the text is for `<script type="module">`.
+    The names of all files share one scope; the text is for `<script type="module">`.
 
-    Raise ValueError if two files declare the same name, one has an import or export of another form, or one holds
-    `</script`.
+    Raise ValueError if two files declare the same name. Also raise it if a file contains an import or export of another
+    form, or `</script`.
     """
     texts: dict[str, str] = {}
     owner: dict[str, str] = {}
@@ -37,9 +37,9 @@ def joined_modules(*names: str) -> str:
             add(other)
         text = _EXPORT.sub("", _IMPORT.sub("", source))
         if re.search(r"^(?:import|export)\b", text, re.MULTILINE):
-            raise ValueError(f"{name} has an import or an export that cannot be joined.")
+            raise ValueError(f"{name} has an import or an export that the page cannot merge.")
         if "</script" in text.lower() or "<!--" in text:
-            raise ValueError(f"{name} holds a text that ends its element in HTML.")
+            raise ValueError(f"{name} contains a text that would end its HTML element.")
         for declared in _DECLARED.findall(text):
             if declared in owner:
                 raise ValueError(f"{name} and {owner[declared]} both declare {declared}.")
@@ -52,11 +52,11 @@ def joined_modules(*names: str) -> str:
 
 
 def _bare(source: str) -> str:
-    """Return a script without its comments and the beginnings of its lines: a page carries what runs."""
+    """Return a script without comments and indentation, which makes pages smaller."""
     kept, comment = [], False
     for line in map(str.strip, source.splitlines()):
         if line.count("`") % 2:
-            raise ValueError(f"A script has a text over several lines, whose spaces count: {line!r:.80}.")
+            raise ValueError(f"A script has a multi-line text, in which spaces are significant: {line!r:.80}.")
         comment = comment or line.startswith("/*")
         if not comment and line and not line.startswith("//"):
             kept.append(line)
@@ -64,17 +64,17 @@ def _bare(source: str) -> str:
     return "\n".join(kept) + "\n"
 
 
-START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\nstartFolds();\n"
-"""What the scripts do when the page is there: the chart of the first screen says at which time the page begins."""
+START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\nstartFolds();\nstartSearch();\n"
+"""Calls of the scripts after the page has loaded; the chart of the first screen sets the initial time of the page."""
 
 
 @dataclass(frozen=True)
 class PageScripts:
-    """Texts for elements of a page."""
+    """HTML elements for the scripts of a page."""
 
-    style: str  # for ``<style>``: that of the library
+    style: str  # for ``<style>``: the style of the library
     uplot: str  # for ``<script>``: uPlot, with its licence as a comment
-    module: str  # for ``<script type="module">``: makes charts, players and sliders of what has data
+    module: str  # for ``<script type="module">``: makes charts, players and sliders from the data
 
 
 @functools.cache
@@ -85,20 +85,20 @@ def page_scripts() -> PageScripts:
         (vendor / name).read_text(encoding="utf-8")
         for name in ("uPlot.iife.min.js", "uPlot.min.css", "LICENSE-uPlot.txt")
     )
-    own = joined_modules("charts.js", "player.js", "explorer.js", "folds.js")
+    own = joined_modules("charts.js", "player.js", "explorer.js", "folds.js", "search.js")
     return PageScripts(style, f"/*\nuPlot\n{licence}\n*/\n{library}", own + START)
 
 
 def cell_html(fragment: str, style: str) -> str:
-    """Return an output of a notebook with what makes its charts alive.
+    """Return the output of a notebook cell with the scripts of its charts.
 
-    `fragment`: HTML with figures that have data; where scripts do not run it stays as it is; `style`: CSS of what the
-    scripts show; it does not reach the rest of the page.
+    `fragment` is HTML with figures that have data; it does not change if scripts do not run. `style` is the CSS of
+    elements that scripts make; it does not affect the rest of the page.
     """
     scripts = page_scripts()
-    # no id: one fragment may be shown several times, and names of its elements are in a tree of their own
+    # no id: one fragment may be shown several times, and the names of its elements are in a separate tree
     mark = hashlib.sha256(fragment.encode("utf-8", "replace")).hexdigest()[:16]
-    # a function of its own for each output: pages of notebooks run scripts in one scope, and never as modules of names
+    # a separate function for each output: pages of notebooks run scripts in one scope, and never as named modules
     lines = [
         scripts.uplot,
         joined_modules("cell.js"),

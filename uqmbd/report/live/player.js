@@ -72,9 +72,12 @@ export function makePlayer(figure, data) {
 
   const frame = () => nearestIndex(times, time);
   let seen = false;
+  let drawn = false;
   let stale = false;
   const repaint = oncePerPicture(() => {
-    if (!seen) return;
+    // pictures of the whole page have the mechanism, too: it is drawn once before it is seen
+    if (!seen && drawn) return;
+    drawn = stage.clientWidth > 0;
     if (stale) evaluate();
     paint(canvas, palette());
   });

@@ -1,4 +1,4 @@
-"""What the player of a mechanism draws, as data for JSON: `player.js` reads it."""
+"""Data for the player of a mechanism, as JSON that `player.js` reads."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.report.charts import packed
+from uqmbd.report.charts import packed, packed_within
 from uqmbd.report.drawing import ROLES, mixed
 from uqmbd.report.mechanisms import Film
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,18 +22,23 @@ if TYPE_CHECKING:
 __all__ = ["collect_player_data"]
 
 MOST_NUMBERS = 250_000
-"""Numbers of poses in a page, which are 1.3 MB; of more, fewer realisations are shown."""
+"""Maximum number of pose values in a page, 1.3 MB; above it, the page contains fewer realisations."""
+
+RESOLVED = 2e-5
+"""Allowed error of positions, relative to the extent of the drawing: one fiftieth of a pixel for 1000 pixels."""
 
 
 def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
-    """Return poses of a mechanism, and how they are drawn.
+    """Return the poses of a mechanism, and the style in which they are drawn.
 
-    `motion`: of `uqmbd.report.motion`, or the node ``motion`` of results; `most`: numbers of poses that there is room
-    for. Return ``poses`` (realisation, time, body, width), the first of which is at the means; ``local``
-    (realisation, point, axis) in the frames of the bodies; ``owners``, numbers of bodies, -1 is the ground;
-    ``symbols``, strokes whose points are numbers of ``lists``; ``roles``, colours on a light and on a dark page;
-    ``corners``, the points that outline each body; ``bounds`` of all that is drawn; ``start``, the frame at which
-    realisations are farthest apart.
+    `motion` is the result of `uqmbd.report.motion`, or the node ``motion`` of results; `most` is the maximum number of
+    pose values. The result has these keys:
+
+    ``poses``: (realisation, time, body, width), the first realisation at the means. ``local``: points (realisation,
+    point, axis) in the frames of the bodies. ``owners``: indices of bodies; -1 is the ground. ``symbols``: strokes,
+    whose points are indices in ``lists``. ``roles``: colours on a light and on a dark page. ``corners``: points that
+    outline each body. ``bounds``: bounds of the drawing. ``start``: the frame with the largest distance between
+    realisations.
     """
     count = int(np.clip(most // max(motion["pose"][0].size, 1), 1, motion.sizes["realisation"]))
     data = motion.isel(realisation=slice(0, count))
@@ -54,7 +60,7 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
         "width": data.sizes["coordinate"],
         "realisations": count,
         "times": packed(data["time"].values),
-        "poses": packed(data["pose"].values, "float32"),
+        "poses": _packed_poses(data["pose"].values, bounds, data.sizes["axis"]),
         "local": packed(data["local"].values, "float32"),
         "radii": sketch.radii,
         "kinds": sketch.kinds,
@@ -71,8 +77,17 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     }
 
 
+def _packed_poses(poses: Array, bounds: Array, dimension: int) -> dict[str, Any]:
+    """Pack poses (realisation, time, body, width) with the resolution of a screen: positions and rotations."""
+    allowed = np.full(poses.shape[2:], RESOLVED)
+    # the distance of a point from the position of its body is at most the width of the drawing
+    allowed[:, :dimension] *= float(np.ptp(bounds, axis=0).max(initial=0.0)) or 1.0
+    flat = packed_within(poses.reshape(*poses.shape[:2], -1), allowed.ravel(), "float32", lags=[allowed.size])
+    return flat | {"shape": list(poses.shape)}
+
+
 def _symbols(strokes: Sequence[Stroke]) -> tuple[list[dict[str, Any]], list[Any]]:
-    """Return strokes without what is as usual, and the lists of points that they have: many are the same."""
+    """Return strokes without default values, and the shared lists of their points."""
     lists: dict[str, int] = {}
     found = []
     for stroke in strokes:
@@ -80,7 +95,7 @@ def _symbols(strokes: Sequence[Stroke]) -> tuple[list[dict[str, Any]], list[Any]
         for given in fields(stroke):
             value = getattr(stroke, given.name)
             if isinstance(value, np.ndarray):
-                # 1e-4 of an inch; lengths in metres may be of any size
+                # rounded to 1e-4 inches; lengths in metres may have any magnitude
                 known = np.round(value, 4) + 0.0 if given.name != "metres" else np.vectorize(_short)(value)
                 text = json.dumps(known.tolist())
                 one[given.name] = lists.setdefault(text, len(lists))

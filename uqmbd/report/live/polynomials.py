@@ -1,6 +1,8 @@
-"""Polynomials in place of a surrogate that a page cannot evaluate: the model of a plugin."""
+"""Polynomials in place of a surrogate that a page cannot evaluate, such as the model of a plugin."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -14,33 +16,35 @@ from uqmbd.wording import format_percent
 __all__ = ["polynomial_of"]
 
 TERMS = 500
-"""Most terms of the polynomials."""
+"""Maximum number of terms of the polynomials."""
 
 HIGHEST = 16
-"""Highest order that is tried."""
+"""Maximum order of the polynomials."""
 
 CHECKED = 512
-"""Random germ points at which the polynomials are compared with the model."""
+"""Number of random germ points for the comparison of polynomials and model."""
 
 GOOD = 1e-4
-"""Difference over the standard deviation below which no higher order is tried."""
+"""Ratio of difference to standard deviation below which no higher order is tried."""
 
 ALLOWED = 0.01
-"""Largest difference over the standard deviation of an output; beyond, the page has no sliders."""
+"""Maximum ratio of difference to standard deviation of an output; above it, the page has no sliders."""
 
 
-def polynomial_of(chaos: CustomSurrogate) -> PolynomialChaos:
-    """Return polynomials of the germs in place of a model, with its verification realisations.
+def polynomial_of(chaos: CustomSurrogate) -> tuple[PolynomialChaos, dict[str, Any]]:
+    """Return polynomials of the germs in place of a model, with the verification realisations of the model.
 
-    The order is the one whose largest root mean square difference from the model, at random germ points, over the
-    standard deviation, is least. Raise StudyError if that exceeds 1 % at any output and time.
+    Also return the ``model``, the ``order``, and the ``difference`` from the model relative to the standard deviation.
+
+    The difference is the largest root mean square difference at random germ points, over all outputs and times. The
+    order minimises this difference. Raise StudyError if it exceeds 1 %.
     """
     space, shape = chaos.space, chaos.labels.shape
     points = random_germs(space, CHECKED, 1)
     exact = chaos.evaluate_germs(points)
     spread = reference_spread(exact.std(axis=0).reshape(len(chaos.labels.outputs), -1))
     known = (chaos.verification_germs, chaos.verification_response, chaos.verification_weights)
-    # a germ of few values has few polynomials
+    # a germ with few values has few polynomials
     highest = [HIGHEST if germ.highest_degree is None else germ.highest_degree for germ in space.germs]
     best, least = None, np.inf
     for order in range(1, HIGHEST + 1):
@@ -58,13 +62,14 @@ def polynomial_of(chaos: CustomSurrogate) -> PolynomialChaos:
             break
     if best is None or least > ALLOWED:
         raise StudyError(
-            f"The page evaluates polynomials, and those of the model {chaos.model.name!r} differ from it by up to "
+            f"The page evaluates polynomials. Those fitted to the model {chaos.model.name!r} differ from it by up to "
             f"{format_percent(least)} of the standard deviation; at most {format_percent(ALLOWED)} are allowed."
         )
-    return best
+    order = int(best.multi_index.sum(axis=1).max())
+    return best, {"model": chaos.model.name, "order": order, "difference": least}
 
 
 def _largest(difference: Array, spread: Array, shape: tuple[int, ...]) -> float:
-    """Return the largest root mean square of differences (K, O, T) over a spread (O, T)."""
+    """Return the largest ratio of the root mean square over K of differences (K, O, T) to a spread (O, T)."""
     size = np.sqrt((difference**2).mean(axis=0)).reshape(spread.shape)
     return float(np.max(size / np.where(spread > 0, spread, 1.0), initial=0.0))

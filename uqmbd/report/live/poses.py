@@ -1,14 +1,14 @@
-"""Poses of a mechanism's bodies as functions of the germs, for its player: `pose_surrogate`, `packed_poses`.
+"""Poses of the bodies of a mechanism as functions of the germs, for the player: `pose_surrogate`, `packed_poses`.
 
-Poses have the germs of the method whose surrogate is in the page.  Where that is one polynomial for all germs, so are
-they: its terms are fitted by least squares to the coordinates of the bodies, at the frames of the motion. The fit uses
-twice as many further realisations as it has terms, and another 16 measure its error. It costs these realisations, and
-no statistics. Elsewhere the method runs once more, with every coordinate of the bodies as an output, so that poses
-follow the same elements, events and phases; it costs that method again, and is left out where that is much of the whole
-run. The realisations of the motion alone would cost nothing, and do not do: twenty do not determine the 28 terms of
-order 2 of six inputs.
+The page contains the surrogate of one method; poses are functions of the same germs. If this surrogate is one
+polynomial for all germs, a least-squares fit of its terms gives the body coordinates at the frames of the motion. The
+fit uses twice as many further realisations as it has terms, and another 16 measure its error. For other surrogates, the
+method runs once more with every body coordinate as an output. Poses then have the same elements, events and phases as
+the surrogate. The second run doubles the cost of the method. Poses are omitted if their cost is a large part of the
+whole run. The realisations of the motion are too few for a fit: twenty do not determine the 28 terms of order 2 of six
+inputs.
 
-Points in the frames of bodies are functions of the inputs, too.  Polynomials are fitted to them, without realisations.
+Points in the frames of bodies are also functions of the inputs. Polynomials fit them without further realisations.
 """
 
 from __future__ import annotations
@@ -36,34 +36,34 @@ __all__ = ["live_poses", "packed_poses", "pose_surrogate", "with_poses"]
 
 
 BUDGET = 1.0
-"""Seconds that a run may always spend on realisations that are for poses only."""
+"""Time that a run may always spend on realisations only for poses, s."""
 
 SHARE = 0.5
-"""Part of the time of all methods that it may spend on them where that is more."""
+"""Largest ratio of the time for such realisations to the time of all methods; `BUDGET` applies if it is longer."""
 
 FRAMES = 60
-"""Times of a motion, unless another number is given."""
+"""Default number of times of a motion."""
 
 ORDER = 6
-"""Highest order of the polynomials of points; lower with many inputs."""
+"""Maximum order of the polynomials of points; the order is lower with many inputs."""
 
 TERMS = 500
-"""Most terms of them."""
+"""Maximum number of terms of the polynomials of points."""
 
 CHECKED = 16
-"""Realisations of poses by which their error is stated."""
+"""Number of realisations that determine the stated error of poses."""
 
 CHECKS = 32
-"""Realisations of points by which their error is stated."""
+"""Number of realisations that determine the stated error of points."""
 
 
 def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surrogate | None = None) -> xr.DataTree:
-    """Make surrogates of the poses of a study's bodies.
+    """Make surrogates of the poses of the bodies of a study, for `packed_poses`.
 
-    `method`: label of one of its methods, which makes a surrogate; `frames`: times, evenly over those of the study;
-    `known`: that of its outputs.  Where it is a `PolynomialChaos`, poses have its terms, and the method does not run
-    again. Return with the children ``coordinates`` and ``points``, each of which `uqmbd.results.surrogate` reads;
-    what `packed_poses` takes. Raise StudyError if the method makes no surrogate, or not of all coordinates at all
+    `method` is the label of a method with a surrogate. `frames` is the number of times, evenly spread over the study.
+    `known` is the surrogate of the outputs. If it is a `PolynomialChaos`, the surrogates of poses have the same terms,
+    and the method does not run again. Return a tree with the children ``coordinates`` and ``points``, which
+    `uqmbd.results.surrogate` can read. Raise StudyError if the method makes no surrogate of all coordinates at all
     frames, or realisations fail.
     """
     if isinstance(known, PolynomialChaos):
@@ -93,12 +93,12 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surro
 
 
 def _names(study: Study) -> list[str]:
-    """Return names of the coordinates of all bodies, body by body."""
+    """Return the names of the coordinates of all bodies, sorted by body."""
     return [name for body in study.mechanism.bodies for name in coordinate_names(study, body)]
 
 
 def _fitted(study: Study, known: PolynomialChaos, frames: int) -> PolynomialChaos:
-    """Fit the terms of a polynomial to the coordinates of the bodies, at realisations of their own."""
+    """Fit the terms of a polynomial to the coordinates of the bodies, at separate realisations."""
     space, terms = known.space, known.multi_index
     germs = [spread_germs(space, _wanted(terms), 2)[: _wanted(terms)], random_germs(space, CHECKED, 3)]
     values = space.to_inputs(np.concatenate(germs))[:, _columns(study, space)]
@@ -119,16 +119,17 @@ def _wanted(terms: Index) -> int:
 
 
 def _columns(study: Study, space: GermSpace) -> list[int]:
-    """Return where the inputs of a mechanism stand among those of germs."""
+    """Return the indices of the inputs of a mechanism among the germs."""
     return [list(space.inputs).index(name) for name in study.mechanism.inputs.names]
 
 
 def _fit_poses(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dataset], int]:
-    """Return surrogates of the coordinates by the method itself, by their paths, and how many realisations it took."""
+    """Return surrogates of the coordinates from the same method, by node path, and the number of realisations."""
     node, names = observed_bodies(study, frames, method)
     if not surrogate_parts(node):
         raise StudyError(
-            f"The method {method!r} has no surrogate, so there is none of the poses. Collocation and Galerkin have one."
+            f"The method {method!r} has no surrogate, so there is no surrogate of the poses. Collocation and Galerkin "
+            "compute one."
         )
     found = {}
     for part, (kind, data) in surrogate_parts(node).items():
@@ -143,21 +144,21 @@ def _fit_poses(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dat
 def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     """Add surrogates of poses to results with a motion, as the node ``pose_surrogate``.
 
-    Nothing that goes wrong here ends a run.
+    Errors in this function do not end a run.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study.
+        Result of a study.
     study : Study
-        That study.
+        The study.
 
     Returns
     -------
     tree : xarray.DataTree
-        With the node, if it could be made.
+        Result with the node, if it could be made.
     note : str
-        Why it could not, or empty.
+        Reason why the node is missing; otherwise empty.
 
     Examples
     --------
@@ -177,7 +178,7 @@ def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     extended = tree.copy()
     try:
         extended["pose_surrogate"] = _affordable(tree, study)
-    except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
+    except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must remain
         note = str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
         extended["motion"].attrs["no_surrogate"] = note
         return extended, note
@@ -185,7 +186,7 @@ def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
 
 
 def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
-    """Make the surrogates, or raise a StudyError where there can be none, or they would take long."""
+    """Make the surrogates, or raise StudyError if they are impossible or would take too long."""
     method = live_method(tree)
     if not method:
         raise StudyError(NO_SURROGATE)
@@ -202,15 +203,15 @@ def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
 
 
 def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dict[str, Any] | None, str]:
-    """Return surrogates of poses as data for the player of a page whose sliders are those of a method.
+    """Return surrogates of poses as data for the player of a page that has the sliders of `method`.
 
-    `node`: of `pose_surrogate`; `method`: label; `most`: characters of data that the page has room for. Return as of
-    `packed_poses`. Return why there is none, or empty.
+    `node` is the result of `pose_surrogate`; `method` is a label; `most` is the maximum number of characters of data.
+    Return the data of `packed_poses` and an empty text. If the data are missing, return None and the reason.
     """
     if node.attrs.get("method") != method:
         return (
             None,
-            f"The surrogates of the poses are those of {node.attrs.get('method')}; the page contains that of {method}.",
+            f"The surrogates of the poses belong to {node.attrs.get('method')}; the page contains that of {method}.",
         )
     try:
         data = packed_poses(node)
@@ -223,12 +224,13 @@ def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dic
 
 
 def packed_poses(node: xr.DataTree) -> dict[str, Any]:
-    """Return surrogates of poses as data of a page, which `poses.js` evaluates.
+    """Return surrogates of poses as data of a page; `poses.js` evaluates them.
 
-    `node`: of `pose_surrogate`. Return ``bodies``, their names; ``size``, the length of a body's pose: the first
-    ``dimension`` numbers are its position, the others a quaternion (in the plane the cosine and sine of an angle);
-    ``upright``; ``coordinates`` and ``points``, each as of `packed_surrogate`, the latter None where nothing is drawn
-    but bodies.
+    `node` is the result of `pose_surrogate`. In the result, ``bodies`` contains names, and ``size`` is the length of
+    the pose of a body. The first ``dimension`` numbers of a pose are the position, the others a quaternion (in the
+    plane the cosine and sine of half the angle). ``upright`` is 1 for a line with gravity, which is drawn vertically;
+    otherwise 0. ``coordinates`` and ``points`` contain results of `packed_surrogate`; ``points`` is None if only bodies
+    are drawn.
     """
     return {
         "bodies": [str(name) for name in np.atleast_1d(node.attrs["bodies"])],
@@ -239,7 +241,7 @@ def packed_poses(node: xr.DataTree) -> dict[str, Any]:
 
 
 def _points(study: Study, coordinates: Surrogate) -> PolynomialChaos | None:
-    """Fit polynomials of the germs to points in the frames of bodies, and to radii; None where there are none."""
+    """Fit polynomials of the germs to points in the frames of bodies, and to radii; None without points."""
     space = coordinates.space
     terms = _terms(space)
     germs = spread_germs(space, max(2 * len(terms), 4), 0)

@@ -54,10 +54,10 @@ function standardOf(map, value) {
 /** Coefficients of some elements: a base, and products of few components, by outputs. */
 class Field {
   constructor(data, terms) {
-    const base = unpackArray(data.base);
+    const bases = data.outputs.map((one) => unpackArray(one.base).values);
     this.terms = terms;
-    this.columns = base.shape[1];
-    this.base = base.values;
+    this.columns = bases.length ? bases[0].length : 0;
+    this.base = Float64Array.from(bases.flatMap((base) => Array.from(base)));
     this.outputs = data.outputs.map((one) => {
       const left = unpackArray(one.left);
       return { left: left.values, rank: left.shape[2], right: one.right && unpackArray(one.right).values };
@@ -269,7 +269,7 @@ class Part {
  * The surrogate of a page.
  *
  * outputs, inputs, germs: what is known of them, with their names; times: a Float64Array, or null for outputs without.
- * statedError (over the standard deviation) and statedRms (in the units of the outputs): arrays (O, T), or null.
+ * statedRms, in the units of the outputs: an array (O, T), or null.
  */
 export class LiveSurrogate {
   constructor(data) {
@@ -287,7 +287,6 @@ export class LiveSurrogate {
       table: unpackTable(one.table),
     }));
     this.parts = data.parts.map((one) => new Part(one, this.times));
-    this.statedError = data.stated_error && unpackArray(data.stated_error).values;
     this.statedRms = data.stated_rms && unpackArray(data.stated_rms).values;
     this.values = new Float64Array(this.outputs.length * this.count);
   }

@@ -1,4 +1,4 @@
-"""A stored surrogate as data of a page, which `surrogate.js` evaluates, and what is left of it there."""
+"""Data of stored surrogates for a page, evaluated by `surrogate.js`, and their accuracy after compression."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermBox, GermSpace
-from uqmbd.report.charts import json_script, packed, unpacked
+from uqmbd.report.charts import json_script, packed, packed_relative, unpacked
 from uqmbd.report.live.compression import compressed, expanded
 from uqmbd.report.live.polynomials import polynomial_of
 from uqmbd.report.live.tables import germ_data, input_data
@@ -44,35 +44,42 @@ __all__ = ["LARGEST", "NO_SURROGATE", "live_method", "live_surrogate", "packed_s
 
 
 SHARE = 0.1
-"""Part of the stated error that the compression may lose."""
+"""Allowed compression error, relative to the stated error."""
 
 LEAST = 1e-6
-"""Part of the standard deviation that it may lose where the stated error is smaller, or not known."""
+"""Allowed compression error, relative to the standard deviation, if the stated error is smaller or unknown."""
 
 ROUNDING = 1e-14
-"""Part of the largest mean that is rounding."""
+"""Rounding error relative to the largest mean."""
 
 PROBES = 256
-"""Germ points at which the loss is measured."""
+"""Number of germ points for the measurement of the compression error."""
 
 MARGIN = 0.6
-"""Part of what may be lost that the probes may show: they do not see all of the tails."""
+"""Limit of the measured error relative to the allowed error, because the germ points do not cover all tails."""
 
-TIGHTER = (1.0, 0.2, 0.04, 0.008, 0.0)
-"""Factors of what each coefficient may lose, tried until the outputs lose as little as they may; 0: nothing is lost."""
+TIGHTER = (1.0, 0.5, 0.2, 0.04, 0.008, 0.0)
+"""Factors of the allowed error of coefficients, tried until the error of outputs is allowed; 0: no compression."""
+
+RELATIVE = 2e-4
+"""Allowed relative error of a stated error; a page shows two digits."""
+
+PERIOD = 13
+"""Maximum distance of a similar earlier segment, in segments."""
 
 LARGEST = 4_000_000
-"""Characters of data beyond which a surrogate is not put into a page."""
+"""Maximum number of characters of a surrogate in a page."""
 
 
 NO_SURROGATE = "The results contain samples, but no surrogate. Collocation and Galerkin compute one."
-"""Why nothing can be evaluated in a page."""
+"""Reason why a page has no surrogate."""
 
 
 def live_method(tree: xr.DataTree) -> str:
-    """Return the label of the method whose surrogate a page has; empty: none makes one.
+    """Return the label of the method with the surrogate of a page; empty without a surrogate.
 
-    It is the one that is recommended; else that whose largest stated error is least, the first of those without any.
+    The recommended method has priority; otherwise the method with the smallest largest stated error is used. Without
+    stated errors, the first method is used.
     """
     nodes = {label: with_surrogate(node) for label, node in propagator_nodes(tree).items()}
     nodes = {label: node for label, node in nodes.items() if surrogate_parts(node)}
@@ -91,50 +98,51 @@ def live_method(tree: xr.DataTree) -> str:
 
 
 def with_surrogate(node: xr.DataTree) -> xr.DataTree:
-    """Return the node of a method; where it has no surrogate, that of its outputs without a time, or of its margins."""
+    """Return the node of a method, or the node of its scalar outputs or margins if only these have a surrogate."""
     parts = (node, *(node.children[name] for name in ("scalars", "requirements") if name in node.children))
     return next((part for part in parts if surrogate_parts(part)), node)
 
 
 def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool = False) -> dict[str, Any]:
-    """Return the surrogate of a method as data, or ``{"reason": ...}``, which says why there is none.
+    """Return the surrogate of a method as data, or ``{"reason": ...}`` with the reason why it is missing.
 
-    `node`: the node of a method, or its child ``scalars`` or ``requirements``; `most`: characters of data that a page
-    has room for; `at_the_end`: whether only the last time is wanted: that of running margins is of the whole motion.
+    `node` is the node of a method, or its child ``scalars`` or ``requirements``; `most` is the maximum number of
+    characters of data. `at_the_end` selects the last time, at which running margins refer to the whole motion.
     """
     if not surrogate_parts(node):
         return {"reason": absent_surrogate(node) or NO_SURROGATE}
     try:
         times = node.children["statistics"].to_dataset().sizes.get("time", 0)
         chaos = surrogate(node, times=[times - 1]) if at_the_end and times else surrogate(node)
-        data = packed_surrogate(chaos, _stored_error(node, chaos))
+        data = packed_surrogate(chaos)
     except StudyError as error:
         return {"reason": str(error)}
     size = len(json_script(data))
     if size > most:
         return {
-            "reason": f"The surrogate takes {size / 1e6:.1f} MB, but a page has room for {most / 1e6:.1f} MB: choose a "
-            "lower order, fewer output times or fewer outputs."
+            "reason": f"The size of the surrogate is {size / 1e6:.1f} MB, above the limit of {most / 1e6:.1f} MB for a "
+            "page. Use a lower order, fewer output times or fewer outputs."
         }
     return data
 
 
-def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str, Any]:
+def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
     """Return a surrogate as plain data.
 
-    Its coefficients are compressed. At every output and time, the root mean square of the change over `PROBES` germ
-    points is at most a tenth of the stated error. If a millionth of the standard deviation is larger, that is the
-    limit; `shipped` returns the remaining difference.
+    The coefficients are compressed. At every output and time, the root mean square of the change over `PROBES` germ
+    points is at most one tenth of the stated error. If a millionth of the standard deviation is larger, it is the
+    limit. `shipped` returns the surrogate with this change.
 
-    `stated` (O, T): its stated error, where that is known: of some kinds it takes seconds, for the standard
-    deviation. Return what `json_script` takes: ``outputs``, ``times``, ``inputs``, ``germs``, ``parts``;
-    ``stated_error`` over the standard deviation and ``stated_rms`` in the units of the outputs, (O, T), None without
-    verification; ``loss``, the largest part of what may be lost that is lost. Raise StudyError if it is a surrogate
-    of another kind, or its compression fails.
+    The result is for `json_script`. The keys are ``outputs``, ``times``, ``inputs``, ``germs`` and ``parts``.
+    ``stated_rms`` is the stated error (O, T) in the units of the outputs, or None without verification. ``loss`` is the
+    largest ratio of actual to allowed compression error. ``fitted`` describes polynomials that replace the model of a
+    plugin (see `polynomial_of`), or is None. Raise StudyError for a surrogate of another kind, or if the compression
+    fails.
     """
+    fitted = None
     if isinstance(chaos, CustomSurrogate):
-        # a page evaluates polynomials; their stated error is that against the realisations themselves
-        chaos, stated = polynomial_of(chaos), None
+        # a page evaluates polynomials; their stated error refers to the realisations
+        chaos, fitted = polynomial_of(chaos)
     germs = spread_germs(chaos.space, PROBES, 0)
     values = chaos.evaluate_germs(germs).reshape(len(germs), len(chaos.labels.outputs), -1)
     if not np.isfinite(values).any():
@@ -157,7 +165,6 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
         parts.append(data if used.all() else {**data, "used": packed(used.astype(float), "int32")})
         worst = max(worst, loss)
     times = chaos.labels.times
-    error = chaos.verification_error() if known and stated is None else stated
     return {
         "outputs": [
             {"name": o.name, "units": typeset_units(o.units), "turn": float(o.turn)} for o in chaos.labels.outputs
@@ -166,14 +173,14 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
         "inputs": input_data(chaos.space, chaos.labels),
         "germs": germ_data(chaos.space, chaos.verification_germs),
         "parts": parts,
-        "stated_error": packed(error.reshape(shape), "float32") if error is not None else None,
-        "stated_rms": packed(rms, "float32") if known else None,
+        "stated_rms": packed_relative(rms, RELATIVE) if known else None,
         "loss": worst,
+        "fitted": fitted,
     }
 
 
 def shipped(chaos: Surrogate, data: Mapping[str, Any]) -> Surrogate:
-    """Return the surrogate with the coefficients that are in the data."""
+    """Return the surrogate with the compressed coefficients of the page."""
     parts: list[Surrogate] = [
         _restored(part, own) for (part, _, _), own in zip(_parts(chaos), data["parts"], strict=True)
     ]
@@ -183,7 +190,7 @@ def shipped(chaos: Surrogate, data: Mapping[str, Any]) -> Surrogate:
 
 
 def _parts(chaos: Surrogate) -> list[tuple[Any, list[int], Mask]]:
-    """Return surrogates of one kind each, the numbers of their outputs, and when they are used (own outputs, T)."""
+    """Return the surrogate of each kind, its output indices, and a mask (own outputs, T) of its validity."""
     parts = dict(chaos.parts) if isinstance(chaos, ComposedChaos) else {"": chaos}
     used = (chaos.used if isinstance(chaos, ComposedChaos) else None) or {}
     names = [o.name for o in chaos.labels.outputs]
@@ -194,17 +201,8 @@ def _parts(chaos: Surrogate) -> list[tuple[Any, list[int], Mask]]:
     return found
 
 
-def _stored_error(node: xr.DataTree, chaos: Surrogate) -> Array | None:
-    """Return the stated error (O, T) of a surrogate as the statistics of its method have it; None if they do not."""
-    found = node.children["statistics"].to_dataset().get("verification_error")
-    names = [o.name for o in chaos.labels.outputs]
-    if found is None or found.dims != chaos.labels.dims or found["output"].values.tolist() != names:
-        return None
-    return np.asarray(found.values, dtype=float) if found.shape == chaos.labels.shape else None
-
-
 def _allowed(values: Array, rms: Array) -> Array:
-    """Return what each output may lose at each time, (O, T), as a root mean square; rms (O, T) is the stated error."""
+    """Return the allowed compression error (O, T) as root mean square; rms (O, T) is the stated error."""
     there = np.isfinite(values)
     count = np.maximum(there.sum(axis=0), 1)
     mean = np.where(there, values, 0.0).sum(axis=0) / count
@@ -216,7 +214,7 @@ def _allowed(values: Array, rms: Array) -> Array:
 
 
 def _root_mean_square(values: Array) -> Array:
-    """Return the root mean square over the first axis, of what is known."""
+    """Return the root mean square over the first axis; NaN is ignored."""
     there = np.isfinite(values)
     square = np.where(there, values, 0.0) ** 2
     return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(there.sum(axis=0), 1)))
@@ -254,20 +252,22 @@ def _part(part: Surrogate, allowed: Array, rows: list[int]) -> dict[str, Any]:
 
 
 def _segments(element: AlignedElement, times: Array, allowed: Array) -> dict[str, Any]:
-    """Edges are kept: an error of an edge is one of the output times its slope."""
+    """Pack segments; edges are not compressed, because an error in an edge changes the output by its slope."""
     terms, count, outputs, powers = element.segments.shape
     limits = np.empty((outputs, count, powers))
     for s in range(count):
         inside = (times >= element.edges[0, s]) & (times <= element.edges[0, s + 1])
         own = allowed[:, inside] if inside.any() else allowed
-        limits[:, s] = np.sqrt((own**2).mean(axis=1, keepdims=True) / powers)
+        # the smallest limit over time applies; at the start the allowed error is almost zero
+        limits[:, s] = own.min(axis=1, keepdims=True) / np.sqrt(powers)
     flat = element.segments.transpose(0, 2, 1, 3).reshape(1, terms, outputs, count * powers)
-    field = compressed(flat, limits.reshape(outputs, -1))
+    # a turn of a crank has few segments, and the next turn has similar segments
+    field = compressed(flat, limits.reshape(outputs, -1), [k * powers for k in range(1, min(PERIOD, count))])
     return {"edges": packed(element.edges), "segments": count, "powers": powers, "field": field}
 
 
 def _harmonics(element: QuasiPeriodicElement, allowed: Array) -> dict[str, Any]:
-    """Frequencies and drifts are kept: their errors grow with time."""
+    """Pack harmonics; frequencies and drifts are not compressed, because their errors grow with time."""
     both = np.concatenate([element.waves.real, -element.waves.imag], axis=2)
     limits = np.sqrt((allowed**2).mean(axis=1, keepdims=True) / max(both.shape[2], 1)) * np.ones(both.shape[2])
     return {
@@ -279,19 +279,19 @@ def _harmonics(element: QuasiPeriodicElement, allowed: Array) -> dict[str, Any]:
 
 
 def _ends(boxes: tuple[GermBox, ...]) -> tuple[Array, Array]:
-    """Return the ends of elements (E, d), infinite where they are those of the support, which is no condition."""
+    """Return the ends of elements (E, d); infinite at the ends of the support, which require no test."""
     lower, upper = (np.array([getattr(box, name) for box in boxes]) for name in ("lower", "upper"))
     bounds = np.array([germ.bounds for germ in boxes[0].space.germs])
     return np.where(lower > bounds[:, 0], lower, -np.inf), np.where(upper < bounds[:, 1], upper, np.inf)
 
 
 def _recurrences(spaces: list[GermSpace], terms: Index) -> Array:
-    """Return recurrence coefficients (E, d, 2, N) of orthonormal polynomials: alpha, and the roots of beta."""
+    """Return recurrence coefficients (E, d, 2, N) of orthonormal polynomials: alpha and the square root of beta."""
     highest = terms.max(axis=0)
     found = np.zeros((len(spaces), terms.shape[1], 2, int(highest.max(initial=0)) + 1))
     for e, space in enumerate(spaces):
         for k, germ in enumerate(space.germs):
-            # an element of few values of a discrete germ has fewer polynomials than others
+            # an element with few values of a discrete germ has fewer polynomials than others
             most = highest[k] if germ.highest_degree is None else min(highest[k], germ.highest_degree)
             alpha, beta = germ.coefficients(int(most) + 1)
             found[e, k, :, : len(alpha)] = alpha, np.sqrt(beta)
@@ -299,7 +299,7 @@ def _recurrences(spaces: list[GermSpace], terms: Index) -> Array:
 
 
 def _restored(part: Any, data: Mapping[str, Any]) -> Any:
-    """Return a surrogate of one kind with the coefficients of the data."""
+    """Return a surrogate of one kind from the coefficients of the page."""
     if isinstance(part, PolynomialChaos):
         return replace(part, coefficients=expanded(data["field"])[0].reshape(part.coefficients.shape))
     if isinstance(part, PiecewiseChaos):
@@ -321,6 +321,6 @@ def _restored(part: Any, data: Mapping[str, Any]) -> Any:
 
 
 def _places(part: PiecewiseChaos) -> list[list[int]]:
-    """Return where the terms of each element stand among all."""
+    """Return the indices of the terms of each element among all terms."""
     place = {tuple(row): k for k, row in enumerate(part.multi_index.tolist())}
     return [[place[tuple(row)] for row in element.multi_index.tolist()] for element in part.elements]

@@ -1,4 +1,4 @@
-"""A mechanism in motion: at the means of its inputs, with a cloud of realisations around it."""
+"""Animation of a mechanism: motion at the means of the inputs, with a cloud of realisations."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ __all__ = [
 
 
 SECONDS = (3.0, 8.0)
-"""Shortest and longest animation, unless one asks for another: shorter motions are slowed, longer ones hastened."""
+"""Shortest and longest default duration of an animation, s; other motions are slowed down or sped up."""
 COLOURS = 80
-"""Of a GIF: fewer of them make a smaller file."""
+"""Number of colours of a GIF; fewer colours give a smaller file."""
 BUDGET = 4.0
-"""Seconds that a run may spend on realisations that are for the picture only."""
+"""Time that a run may spend on realisations only for the picture, s."""
 STORED = 4_000_000
-"""Numbers of poses that are stored with results."""
+"""Maximum number of pose values that are stored with results."""
 
 
 Width: TypeAlias = Annotated[float, Bounds(1, 100)]
-"""Of a picture, in."""
+"""Width of a picture, inches."""
 
 
 @typechecked
@@ -64,33 +64,33 @@ def motion(
     seed: Seed = 1,
     method: str | None = None,
 ) -> xr.Dataset:
-    """Compute how the bodies of a study move, for `uqmbd.report.animate` and charts.
+    """Compute the motion of the bodies of a study, for `uqmbd.report.animate` and charts.
 
     Parameters
     ----------
     study : Study
-        With at least one output.
+        Study with at least one output.
     samples : int
-        Realisations besides the one at the means of the inputs.
+        Number of realisations in addition to the realisation at the means of the inputs.
     frames : int
-        Times, evenly over those of the study.
+        Number of times, evenly spread over the study.
     seed : int
-        Of the realisations.
+        Seed of the realisations.
     method : str, optional
-        Label of a propagator of the study whose own realisations are taken.
+        Label of a propagator of the study; its realisations are used. Default: further realisations are integrated.
 
     Returns
     -------
     xarray.Dataset
-        ``pose (realisation, time, body, coordinate)``, ``local (realisation, point, axis)`` and what is needed to draw
-        them; realisation 0 is the motion at the means.
+        ``pose (realisation, time, body, coordinate)``, ``local (realisation, point, axis)`` and further data of the
+        drawing; realisation 0 is the motion at the means.
 
     Raises
     ------
     uqmbd.StudyError
-        If a number cannot be used, or the method keeps neither samples nor a chaos.
+        If a number is invalid, or the method stores neither samples nor a chaos.
     uqmbd.AssemblyError, uqmbd.IntegrationError
-        If no realisation moves at all.
+        If the motion of every realisation fails.
 
     Examples
     --------
@@ -110,28 +110,28 @@ def motion(
 
 
 def observed_bodies(study: Study, frames: int, method: str) -> tuple[xr.DataTree, list[str]]:
-    """Run a method again, with the bodies' coordinates as outputs at some frames: its node, and their names."""
+    """Run a method again with body coordinates as outputs at some frames; return the node and the output names."""
     from uqmbd.report.mechanisms.body_poses import observed_bodies as run
 
     return run(study, np.linspace(study.times[0], study.times[-1], frames), method)
 
 
 def coordinate_names(study: Study, body: str) -> list[str]:
-    """Return names for the coordinates of a body as outputs."""
+    """Return the output names for the coordinates of a body."""
     from uqmbd.report.mechanisms.body_poses import coordinate_names as names
 
     return names(study.mechanism, body)
 
 
 def integrated_bodies(study: Study, frames: int, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-    """Return the bodies' coordinates (K, T, coordinate) at inputs (K, d), NaN where that fails, and why."""
+    """Return body coordinates (K, T, coordinate) at inputs (K, d), NaN where integration fails, and the reasons."""
     from uqmbd.report.mechanisms.body_poses import integrated
 
     return integrated(study, np.linspace(study.times[0], study.times[-1], frames), values)
 
 
 def marked_points(study: Study, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what is drawn in the frames of bodies, at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
+    """Return the drawn points in body frames at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
     from uqmbd.report.mechanisms.body_poses import marked_points as compute
 
     return compute(study.mechanism, values, float(study.times[0]))
@@ -144,23 +144,23 @@ def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | Non
     Parameters
     ----------
     data : xarray.Dataset
-        Of `motion`, or the node ``motion`` of results.
+        Result of `motion`, or the node ``motion`` of results.
     path : path-like
-        Ends in ``.gif``, or in ``.mp4``, which needs the program ffmpeg.
+        Path that ends in ``.gif``, or in ``.mp4``, which requires the program ffmpeg.
     seconds : float, optional
-        How long the animation takes; by default as long as the motion, but between 3 and 8 s.
+        Duration of the animation, s. Default: duration of the motion, but between 3 and 8 s.
     width : float
-        Inches, of 100 pixels each.
+        Width, inches; an inch has 100 pixels.
 
     Returns
     -------
     pathlib.Path
-        The path.
+        Path of the file.
 
     Raises
     ------
     uqmbd.StudyError
-        If the ending is another one, ffmpeg is missing, or the file cannot be written.
+        If the path has another ending, ffmpeg is missing, or the file cannot be written.
 
     Examples
     --------
@@ -198,10 +198,10 @@ def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | Non
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:
-    """Return where an animation is to be written, if it can be.
+    """Return the file path of an animation after a check that it can be written.
 
-    `path`: ends in ``.gif`` or ``.mp4``. Raise StudyError if the ending is another one, or that of a film, and ffmpeg
-    is missing.
+    The path must end in ``.gif`` or ``.mp4``. Raise StudyError for another ending, or for ``.mp4`` if ffmpeg is
+    missing.
     """
     target = Path(path)
     ending = target.suffix.lower()
@@ -215,11 +215,11 @@ def check_target(path: str | os.PathLike[str]) -> Path:
 
 
 def gif(data: xr.Dataset, width: float = 5.6, resolution: int = 84) -> bytes:
-    """Return a small animation, for a page.
+    """Return a small GIF animation for a page.
 
-    `data`: of `motion`; `width`: inches; `resolution`: pixels per inch.
+    `data` is the result of `motion`; `width` is in inches, `resolution` in pixels per inch.
     """
-    # pictures are thousands of objects in cycles: looking for garbage all the while would take a third of the time
+    # pictures have thousands of cyclic objects: continual garbage collection would take a third of the time
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -231,14 +231,14 @@ def gif(data: xr.Dataset, width: float = 5.6, resolution: int = 84) -> bytes:
 
 @typechecked
 def poses(data: xr.Dataset, time: float | None = None) -> Figure:
-    """Draw all realisations of a motion at one time: the one at the means, and the others as a cloud.
+    """Draw all realisations of a motion at one time: the realisation at the means, and the others as a cloud.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Of `motion`, or the node ``motion`` of results.
+        Result of `motion`, or the node ``motion`` of results.
     time : float, optional
-        s; by default that at which the realisations are farthest apart.
+        Time, s. Default: the time of the largest distance between realisations.
 
     Returns
     -------
@@ -269,23 +269,24 @@ def poses(data: xr.Dataset, time: float | None = None) -> Figure:
 
 @typechecked
 def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
-    """Add the node ``motion`` to results, so that their report can show the mechanism moving.
+    """Add the node ``motion`` to results, so that their report can animate the mechanism.
 
-    Nothing that goes wrong here ends a run.
+    Errors in this function do not end a run.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study.
+        Result of a study.
     study : Study
-        That study.
+        The study.
 
     Returns
     -------
     tree : xarray.DataTree
-        With the node, if it could be made; else the attribute ``no_motion``, which says why, for the report.
+        Result with the node if it could be made; otherwise with the reason as attribute ``no_motion`` for the report.
+        A study without output times has no motion, and its results have no such attribute.
     note : str
-        Why it could not, or empty.
+        Reason why the node is missing; otherwise empty.
 
     Examples
     --------
@@ -300,6 +301,8 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     >>> "motion" in tree.children, note
     (True, '')
     """
+    if len(study.times) < 2:
+        return tree.copy(), "the study has no output times, so there is no motion to animate"
     try:
         from uqmbd.report.mechanisms.body_poses import motion as compute
 
@@ -309,7 +312,7 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
         spent = clock.perf_counter() - begin
         most = min(20.0, BUDGET / max(spent, 1e-3), STORED / max(alone["pose"].size, 1))
         data = compute(study, samples=int(most), named=named) if most >= 1 and "input" in alone.coords else alone
-    except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
+    except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must remain
         reason = f"{type(error).__name__}: {error}"
         without = tree.copy()
         without.attrs["no_motion"] = reason
@@ -320,13 +323,16 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
 
 
 MOST_NAMED = 3
-"""Realisations of which the report draws a pose."""
+"""Maximum number of named realisations with a pose in the report."""
 
 
 def _most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
-    """Return the nearest design point of each requirement, the most probable violation first, with its time.
+    """Return the most likely violation of each requirement: inputs and time; the most probable violation is first.
 
-    Any method may store ``design_points`` and ``design_times`` in its dataset ``requirements``.
+    A violation is the design point nearest to the origin of the standard normal space. At most `MOST_NAMED` violations
+    are returned.
+
+    A method may store ``design_points`` and ``design_times`` in its dataset ``requirements``.
     """
     from uqmbd.report.mechanisms.body_poses import NamedRealisation
     from uqmbd.results import propagator_nodes
@@ -353,11 +359,11 @@ def _duration(data: xr.Dataset) -> float:
 
 
 def _gif(pictures: Sequence[NDArray[np.uint8]], seconds: float) -> bytes:
-    """Encode pictures; all share one table of colours."""
+    """Encode pictures as GIF with one colour table."""
     from PIL import Image
 
     shown = [Image.fromarray(picture) for picture in pictures]
-    # of several times at once, so that no colour is missing
+    # the colour table is derived from pictures at several times, so that no colour is missing
     some = shown[:: max(1, len(shown) // 4)]
     sheet = Image.new("RGB", (some[0].width, sum(one.height for one in some)), "white")
     down = 0
@@ -368,20 +374,20 @@ def _gif(pictures: Sequence[NDArray[np.uint8]], seconds: float) -> bytes:
     reduced = [one.quantize(palette=table, dither=Image.Dither.NONE) for one in shown]
     each = max(20, round(1000 * seconds / len(reduced)))
     buffer = io.BytesIO()
-    # it rests at its end before it starts again
+    # the animation pauses at its end before it starts again
     lasting = [each] * (len(reduced) - 1) + [each + 700]
     reduced[0].save(buffer, "GIF", save_all=True, append_images=reduced[1:], duration=lasting, loop=0, optimize=False)
     return buffer.getvalue()
 
 
 def _mp4(film: Film, seconds: float, program: str, path: Path) -> None:
-    """Encode a film by ffmpeg."""
+    """Encode a film with ffmpeg."""
     pictures = film.frames()
     first = next(pictures)
     high, wide = first.shape[:2]
     rate = f"{film.points.shape[1] / seconds:.4f}"
     command = [program, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{high}"]
-    # both sides even, as the usual coding wants it
+    # the usual encoding requires an even width and height
     command += ["-r", rate, "-i", "-", "-an", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
     content = b"".join(picture.tobytes() for picture in (first, *pictures))
     done = subprocess.run([*command, str(path)], input=content, capture_output=True, check=False)  # noqa: S603

@@ -1,12 +1,14 @@
-"""How mechanisms, studies, results and chaoses show themselves in notebooks: tables, a picture, and charts.
+"""Notebook views of mechanisms, studies, results and chaoses: tables, a picture, and charts.
 
-Charts are those of the report.  Where scripts do not run, as in notebooks that are not trusted, their figures stand.
+Notebooks show the charts of the report. If scripts do not run, as in untrusted notebooks, still pictures replace the
+charts.
 """
 
 from __future__ import annotations
 
 from uqmbd.report.notebook.objects import chaos_html, mechanism_html, result_html, study_html
 from uqmbd.report.notebook.shown import Shown, load_ipython_extension, show, unload_ipython_extension
+from uqmbd.report.notebook.variables import variable_html
 
 __all__ = [
     "Shown",
@@ -17,4 +19,5 @@ __all__ = [
     "show",
     "study_html",
     "unload_ipython_extension",
+    "variable_html",
 ]

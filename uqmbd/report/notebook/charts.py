@@ -1,4 +1,4 @@
-"""Charts of notebooks: those of the report, in outputs that bring their scripts."""
+"""Charts of the report in outputs of notebooks, which contain the scripts of the charts."""
 
 from __future__ import annotations
 
@@ -15,40 +15,43 @@ if TYPE_CHECKING:
     from uqmbd.report.view import StudyResult
     from uqmbd.results import PolynomialChaos
 
-__all__ = ["alive", "motion_charts", "noted", "output_charts", "surrogate_charts", "too_large"]
+__all__ = ["FIRST_SCREEN", "alive", "motion_charts", "noted", "output_charts", "surrogate_charts", "too_large"]
 
+
+FIRST_SCREEN = '<div class="answers">'
+"""First characters of the first screen of a report."""
 
 OPEN = 3
-"""Charts that are seen at once; others are folded."""
+"""Number of initially visible charts; others are folded."""
 
 MOST = 6
-"""Charts of the motion of a study; there may be many outputs."""
+"""Maximum number of charts of the motion of a study, which may have many outputs."""
 
 SAMPLES = 2048
-"""Samples of a surrogate for the bands of its charts: enough for what an eye can tell."""
+"""Number of samples of a surrogate for the bands of its charts, sufficient for the visual resolution."""
 
 LARGE = 50_000
-"""Bodies times output times of a study from which on it does not compute its motion merely to be shown."""
+"""Product of bodies and output times above which a study does not compute its motion only for display."""
 
 
 def alive(fragment: str) -> str:
-    """Add the scripts, where there is a chart."""
+    """Add the scripts if the output has a chart."""
     from uqmbd.report.drawing import CHARTED
     from uqmbd.report.live import cell_html
     from uqmbd.report.sections import environment
 
-    if CHARTED not in fragment:
+    if CHARTED not in fragment and FIRST_SCREEN not in fragment:
         return fragment
     return cell_html(fragment, environment().get_template("cell.css.j2").render())
 
 
 def output_charts(result: StudyResult, names: Sequence[str]) -> str:
-    """Draw means and bands of some outputs over time, by all methods."""
+    """Draw means and bands of some outputs over time for all methods."""
     return _folded([(name, _of_output(result, name)) for name in names])
 
 
 def _of_output(result: StudyResult, name: str) -> str:
-    """Draw an output over time, and over another one if the study says so; of one time its density."""
+    """Draw an output over time, and over another output if the study requests it; for a single time, its density."""
     from uqmbd.report.charts import several, still_html
     from uqmbd.report.drawing import image_html
     from uqmbd.report.sections import bands_chart, bands_of, only_density, over_chart
@@ -73,7 +76,7 @@ def _folded(charts: Sequence[tuple[str, str]]) -> str:
 
 
 def surrogate_charts(chaos: PolynomialChaos) -> str:
-    """Draw means and bands of a surrogate's outputs over time."""
+    """Draw means and bands of the outputs of a surrogate over time."""
     return (
         ""
         if chaos.labels.times is None
@@ -95,7 +98,7 @@ def _of_surrogate(chaos: PolynomialChaos) -> str:
 
 
 def motion_charts(study: Study) -> str:
-    """Draw the outputs of a study over time, at the means of its inputs."""
+    """Draw the outputs of a study over time at the means of its inputs."""
     if len(study.times) < 2 or not study.mechanism.outputs:
         return ""
     if too_large(study):
@@ -104,7 +107,7 @@ def motion_charts(study: Study) -> str:
 
 
 def too_large(study: Study) -> bool:
-    """Return whether a study does not compute anything merely to be shown."""
+    """Return whether a study is too large to compute a motion for display only."""
     return len(study.times) * len(study.mechanism.bodies) > LARGE
 
 
@@ -115,7 +118,7 @@ def _nominal(study: Study) -> str:
     from uqmbd.report.charts import Curve, chart_html
 
     with warnings.catch_warnings():
-        # a run tells them
+        # a run reports these warnings
         warnings.simplefilter("ignore")
         motion = simulate(
             study.mechanism, study.times, rtol=study.rtol, integrator=study.integrator, start=study.start, check=False,
@@ -131,7 +134,7 @@ def _nominal(study: Study) -> str:
 
 
 def noted(what: str, make: Callable[[], str]) -> str:
-    """Return what can be made, or a note in its place: tables stand without it."""
+    """Return the result of a function, or a note if the function fails; tables are shown in both cases."""
     try:
         return make()
     except Exception as error:  # noqa: BLE001 - to show an object must not fail

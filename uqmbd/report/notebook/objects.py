@@ -1,4 +1,4 @@
-"""Objects of uqmbd as notebooks show them, and their tables."""
+"""HTML of uqmbd objects in notebooks, and their tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.report.notebook.charts import alive, motion_charts, noted, output_charts, surrogate_charts, too_large
+from uqmbd.report.notebook.charts import (
+    FIRST_SCREEN,
+    alive,
+    motion_charts,
+    noted,
+    output_charts,
+    surrogate_charts,
+    too_large,
+)
 from uqmbd.wording import format_duration, format_integer, format_number, typeset_units
 
 if TYPE_CHECKING:
@@ -17,6 +25,7 @@ if TYPE_CHECKING:
 
     from uqmbd.mechanism import Mechanism
     from uqmbd.propagation import Study
+    from uqmbd.report.view import StudyResult
     from uqmbd.results import PolynomialChaos
 
 __all__ = [
@@ -34,7 +43,7 @@ __all__ = [
 
 
 ROWS = 40
-"""Most rows of a table; of longer ones, the number of the others is given."""
+"""Maximum number of rows of a table; a longer table states the number of omitted rows."""
 
 
 def page(heading: str, tables: str, picture: str) -> str:
@@ -100,7 +109,7 @@ def mechanism_tables(mechanism: Mechanism) -> str:
 
 
 def _omissions(mechanism: Mechanism) -> list[tuple[str, str, str, str]]:
-    """List what a mechanism that was read from a file does not have of it."""
+    """List the elements of a model file that the imported mechanism omits."""
     return [(row.what, str(row.count), row.listed, row.why) for row in getattr(mechanism, "not_taken", ())]
 
 
@@ -112,7 +121,7 @@ def _value(value: Any) -> str:
 
 
 def options_of(propagator: Any) -> str:
-    """Return the options of a method that are not as by default."""
+    """Return the options of a method that differ from the defaults."""
     from dataclasses import fields, is_dataclass
 
     if not is_dataclass(propagator):
@@ -122,23 +131,23 @@ def options_of(propagator: Any) -> str:
 
 
 def picture(mechanism: Mechanism) -> str:
-    """Picture as an image with an alternative text; a note where it cannot be drawn."""
+    """Return a picture with an alternative text, or a note if the drawing fails."""
     if not mechanism.bodies:
         return ""
     from uqmbd.report.mechanisms import draw_pose, drawn_pose
 
     try:
         source = draw_pose(drawn_pose(mechanism)).source()
-    except Exception as error:  # noqa: BLE001 - a mechanism may be unfinished in any way; its tables must stand
+    except Exception as error:  # noqa: BLE001 - a mechanism may be unfinished in any way; its tables must remain
         return f"<p>The mechanism cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
     alt = escape(f"The mechanism {mechanism.name} in its assembled pose.", quote=True)
     return f'<img src="{source}" alt="{alt}" style="max-width:100%;background:#fff">'
 
 
 def mechanism_html(mechanism: Mechanism) -> str:
-    """Return bodies, components, random inputs and outputs as tables, beside a picture of the assembled pose.
+    """Return bodies, components, random inputs and outputs as tables next to a picture of the assembled pose.
 
-    `mechanism`: any, also an empty or unfinished one.
+    `mechanism` may be empty or incomplete.
 
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational())
@@ -151,10 +160,7 @@ def mechanism_html(mechanism: Mechanism) -> str:
 
 
 def study_html(study: Study) -> str:
-    """Return times, methods and the mechanism of a study.
-
-    `study`: any.
-    """
+    """Return times, methods and the mechanism of a study."""
     times = study.times
     facts = [
         ("times", f"{len(times)}, from {format_number(times[0])} s to {format_number(times[-1])} s")
@@ -172,7 +178,7 @@ def study_html(study: Study) -> str:
 
 
 def _findings(study: Study) -> str:
-    """Return what is probably wrong with a study, a paragraph each."""
+    """Return the findings on a study, one paragraph each."""
     import warnings
 
     from uqmbd.propagation import findings
@@ -180,16 +186,13 @@ def _findings(study: Study) -> str:
     if too_large(study):
         return "<p>The study is large, so its findings are not computed here. uqmbd.findings computes them.</p>"
     with warnings.catch_warnings():
-        # a run gives them
+        # a run issues these warnings
         warnings.simplefilter("ignore")
         return "".join(f"<p>{escape(str(one))}</p>" for one in findings(study))
 
 
 def chaos_html(chaos: PolynomialChaos) -> str:
-    """Return inputs, size, results at the end and how far to trust them.
-
-    `chaos`: any.
-    """
+    """Return inputs, size, results at the end, and stated errors of a chaos."""
     labels = chaos.labels
     mean, std = (np.asarray(x).reshape(len(labels.outputs), -1)[:, -1] for x in (chaos.mean, chaos.std))
     rows = [
@@ -213,10 +216,10 @@ def chaos_html(chaos: PolynomialChaos) -> str:
 
 
 def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
-    """Return methods, requirements and charts of the outputs over time of the result of a study.
+    """Return the first screen of the report of a result, its methods, and charts of its outputs over time.
 
-    `tree`: the result of a study, or the node of one method; `outputs`: which are drawn; default: the six most
-    uncertain ones. Raise StudyError if the tree is no result, or has not all of the outputs.
+    `tree` is the result of a study, or the node of one method. `outputs` are the drawn outputs; the default is the six
+    most uncertain ones. Raise StudyError if the tree is not a result, or lacks an output.
     """
     from uqmbd.report.sections import most_uncertain
     from uqmbd.report.view import StudyResult
@@ -243,18 +246,31 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
         for name, of in ((name, m.of(name)) for name in m.names if outputs is None or name in outputs)
     ]
     found = result.assessment
-    said = [*result.problems, *found.contradictions, *map(str, result.findings), *found.recommendation, *found.reasons]
-    lines = [f"{one.sign} {one.word} {one.name}: {one.reason}" for one in found.reliability[:ROWS]]
-    rest = len(found.reliability) - len(lines)
-    lines += [f"{rest} more, none of them less reliable"] if rest else []
-    reliability = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    first = noted("The first screen of the report cannot be shown", lambda: _first_screen(result))
+    said = [*result.problems, *found.contradictions, *found.recommendation, *found.reasons]
+    reasons = [one.reason for one in found.reliability]
     parts = [
-        *(f"<p>{escape(text)}</p>" for text in said),
-        f"<p>Reliability of the results</p><ul>{reliability}</ul>" if reliability else "",
+        *(f"<p>{escape(str(one))}</p>" for one in result.findings),
+        # messages that are not on the first screen
+        *(f"<p>{escape(one)}</p>" for one in dict.fromkeys((*said, *reasons)) if one and escape(one) not in first),
         table("Methods", ("label", "realisations", "failed", "time"), methods),
         table("Requirements", ("requirement", "method", "probability of violation"), required),
         table("Scalar outputs", ("name", "method", "mean", "standard deviation", "units"), scalars),
     ]
     left = len(result.histories) - len(drawn)
     more = f"<p>Of {len(result.histories)} outputs over time, {len(drawn)} are shown.</p>" if left else ""
-    return alive(page(f"{result.study} – results", "".join(parts), "") + output_charts(result, drawn) + more)
+    tables = page(f"{result.study} – results", first + "".join(parts), "")
+    return alive(tables + output_charts(result, drawn) + more)
+
+
+def _first_screen(result: StudyResult) -> str:
+    """Return the first screen of the report without charts of outputs, and without motion of the mechanism."""
+    from uqmbd.report.html import first_screen
+    from uqmbd.report.installed import installed_sections
+    from uqmbd.report.overview import ANSWERS
+
+    contributions = [one for section in installed_sections() if (one := first_screen(section, result.tree))]
+    content = {**(ANSWERS.content(result) or {}), "picture": None, "contributions": contributions}
+    if content["mechanism"] and not content["mechanism"].get("problem"):
+        content["mechanism"] |= {"player": "null"}
+    return f"{FIRST_SCREEN}{ANSWERS.fragment(result, content)}</div>"

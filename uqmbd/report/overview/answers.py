@@ -1,4 +1,4 @@
-"""The first screen of the report: results, the motion of the mechanism, and a chart of one output."""
+"""Content of the first screen of the report: results, motion of the mechanism, and a chart of one output."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from uqmbd.report.drawing import still_image
 from uqmbd.report.figures import band_edges
 from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
-from uqmbd.report.overview.margins import chart_in_view, margin_words, tightening, yield_words
-from uqmbd.report.overview.violation_poses import named_poses
+from uqmbd.report.overview.margins import chart_in_view, margin_words, named_poses, tightening, yield_words
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
@@ -37,7 +36,7 @@ __all__ = ["ANSWERS", "answer_of", "asked", "in_view", "mechanism_picture"]
 
 
 ROWS = 5
-"""Rows of the first screen."""
+"""Maximum number of table rows on the first screen."""
 
 MET, UNMET, UNSURE = ("✓", "met", 2), ("✗", "not met", 0), ("!", "not certain", 1)
 
@@ -45,25 +44,25 @@ MET, UNMET, UNSURE = ("✓", "met", 2), ("✗", "not met", 0), ("!", "not certai
 def asked(result: StudyResult) -> Content:
     """Return the table of results.
 
-    Return ``kind``: ``requirements``, ``outputs`` or ``scalars``; ``rows``; ``more``: how many rows are elsewhere;
-    and ``allowed``: with which probability a requirement may be violated, or empty.
+    The keys are ``kind`` (``requirements``, ``outputs`` or ``scalars``), ``rows``, ``more`` (omitted rows) and
+    ``allowed`` (allowed probability of violation). Requirements have ``yield`` and ``margins`` (heading of margins).
     """
     allowed = result.tree.attrs.get("allowed_probability")
     if found := answers(result.nodes):
         rows = [_requirement(result, name) for name in found]
-        # the most probable violations come first, and the probability of any comes last
+        # the most probable violations are first; the probability of any violation is last
         rows.sort(key=lambda row: (row["name"] == ANY, -row["probability"]))
         more = len(rows) - ROWS
         shown = [*rows[: ROWS - 1], rows[-1]] if more > 0 else rows
         words = "" if allowed is None else format_probability(float(allowed))
-        whole = rows[-1]["name"]  # any of several, or the only one
+        whole = rows[-1]["name"]  # any of several requirements, or the only requirement
         return {
             "kind": "requirements",
             "rows": shown,
             "more": max(more, 0),
             "allowed": words,
             "yield": yield_words(answer_of(result, whole), len(rows) > 1),
-            "margins": any(row["margin"][0] for row in shown),
+            "margins": _margin_head([row["margin"] for row in shown]),
         }
     if names := result.histories:
         every = [one for name in ranked(result, names) for one in result.assessment.of(name)]
@@ -82,8 +81,14 @@ def asked(result: StudyResult) -> Content:
     return {"kind": "scalars", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
 
 
+def _margin_head(margins: Sequence[tuple[str, str, str]]) -> str:
+    """Return the heading of the column of margins; empty if no margin is known."""
+    known = [units for mean, _, units in margins if mean]
+    return f"Mean margin{'' if all(known) else ', in units of the limit'}" if known else ""
+
+
 def in_view(result: StudyResult) -> str:
-    """Return the output that the first screen draws: that of the most probable violation, else the most uncertain."""
+    """Return the output for the chart: the output of the most probable violation, or the most uncertain output."""
     names, found = result.histories, answers(result.nodes)
     limited = [one for one in result.limits if one["output"] in names and one["requirement"] in found]
     if limited:
@@ -97,7 +102,7 @@ def _probability(result: StudyResult, name: str) -> float:
 
 
 def answer_of(result: StudyResult, name: str) -> Answer:
-    """Return the sentence on a requirement, by the method whose numbers are shown."""
+    """Return the sentence on a requirement from the method with the displayed numbers."""
     return answers(result.nodes)[name][result.assessment.of(name, "requirement")[0].method]
 
 
@@ -110,7 +115,7 @@ def _requirement(result: StudyResult, name: str) -> Content:
         "name": name,
         "meaning": one.meaning,
         "probability": one.probability if math.isfinite(one.probability) else 1.0,
-        "value": format_probability(one.probability, resolved_width(one.lower, one.upper)),
+        "value": format_probability(one.probability, resolved_width(one.lower, one.upper), one.upper),
         "interval": format_interval_ends(one.lower, one.upper),
         "sign": sign,
         "verdict": verdict,
@@ -118,11 +123,12 @@ def _requirement(result: StudyResult, name: str) -> Content:
         "margin": margin_words(result, name, one.method),
         "because": _because(of_requirement(result, name)) if name != ANY else "",
         "method": one.method,
+        "known": found,
     }
 
 
 def _alike(found: list[Influences | None], correlated: Callable[[int], Influences | None]) -> list[Influences | None]:
-    """Return influences that one column can show: all are correlations if one of several regressions is."""
+    """Return influences for one column: if one of several regressions gives correlations, all become correlations."""
     if not any(one is not None and one.correlations for one in found):
         return found
     return [correlated(k) if one is not None and one.signed else one for k, one in enumerate(found)]
@@ -135,7 +141,7 @@ def _because(found: Influences | None) -> str:
 def _history(result: StudyResult, one: OutputReliability, because: Influences | None) -> Content:
     name, method = one.quantity, result.methods[one.method]
     data, units = method.of(name), method.units(name)
-    row = {"name": one.name, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
+    row = {"name": one.name, "meaning": "", "method": method.label, "extremes": _extremes(data, units), "known": one}
     if one.level == 3:
         return {**row, "spread": "none", "when": "", "note": STILL, "because": ""}
     std = np.nan_to_num(data["std"].values, nan=-1.0)
@@ -150,7 +156,7 @@ def _history(result: StudyResult, one: OutputReliability, because: Influences | 
 
 
 def _extremes(data: xr.Dataset, units: str) -> Content:
-    """Return the lowest and the highest end of the band of 95 % over time, and when."""
+    """Return the minimum and the maximum of the 95 % band over time, and their times, s."""
     (low, high), _, what = band_edges(data)
     times = np.asarray(data["time"].values, dtype=float)
     ends = [_at(low, times, np.nanargmin), _at(high, times, np.nanargmax)]
@@ -173,7 +179,8 @@ def _at(values: Array, times: Array, which: object) -> tuple[float, float]:
 
 def _scalar(result: StudyResult, one: OutputReliability, because: Influences | None) -> Content:
     numbers = _of_scalar(result.scalars[one.method], one.quantity)
-    return {"name": one.name, "meaning": "", "method": one.method, **numbers, "because": _because(because)}
+    row = {"name": one.name, "meaning": "", "method": one.method, "known": one}
+    return {**row, **numbers, "because": _because(because)}
 
 
 def _of_scalar(method: Method, name: str) -> Content:
@@ -195,10 +202,10 @@ def _of_scalar(method: Method, name: str) -> Content:
 
 
 def mechanism_picture(result: StudyResult) -> Content | None:
-    """Return the data of the player, and a still picture for pages without scripts and print; None if none is stored.
+    """Return the data of the player, and a still picture for print and pages without scripts; None without a motion.
 
-    Return as of `still_image`, and ``player``, JSON; ``short``, a shorter caption; ``moving``, which makes the film
-    as a file.
+    The keys are the keys of `still_image`, ``player`` (JSON), ``short`` (a shorter caption), and ``moving`` (a function
+    that makes the film as a file).
     """
     data = result.motion
     if data is None:
@@ -226,12 +233,12 @@ def mechanism_picture(result: StudyResult) -> Content | None:
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
             "short": "At the means of the inputs" + ("; thin lines: other realisations." if count else "."),
         }
-    except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
+    except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must remain
         return {"problem": f"{type(error).__name__}: {error}"}
 
 
 def _live(result: StudyResult) -> Content:
-    """Return the surrogates of the poses for the player, or why there are none."""
+    """Return the surrogates of the poses for the player, or the reason why they are missing."""
     tree = result.tree
     if "pose_surrogate" not in tree.children:
         said = tree["motion"].attrs.get("no_surrogate")
@@ -240,12 +247,11 @@ def _live(result: StudyResult) -> Content:
     return {"live": data, "reason": reason}
 
 
-LINES = 5
-"""Lines on reliability, and bars of main contributors, on the first screen."""
+LINES = 5  # maximum number of lines on reliability, and of bars of main contributors, on the first screen
 
 
 def content(result: StudyResult) -> Content:
-    """Return what the first screen says and shows."""
+    """Return the texts and charts of the first screen."""
     shown = asked(result)
     name = in_view(result)
     found, of_what = _influences(_latest(result), shown, name)
@@ -272,7 +278,7 @@ ANSWERS = TemplateSection("Answers", "answers", content)
 
 
 def _lines(found: Sequence[OutputReliability]) -> list[Content]:
-    """Return a line for each quantity; of several populations one for the outputs of a method at a level."""
+    """Return one line for each quantity; with several populations, one line for each method, kind and level."""
     groups: dict[tuple[object, ...], list[OutputReliability]] = {}
     for k, one in enumerate(found):
         groups.setdefault((one.method, one.kind, one.level) if one.population else (k,), []).append(one)
@@ -289,21 +295,23 @@ def _lines(found: Sequence[OutputReliability]) -> list[Content]:
 
 
 def _costs(result: StudyResult) -> list[Content]:
-    """Return what the recommended methods cost, or the only one."""
-    labels = result.assessment.recommended or (result.methods if len(result.methods) == 1 else ())
+    """Return the costs of the recommended methods, or of the only method if it is reliable."""
+    known = result.assessment
+    fine = all(one.level > 0 for one in known.reliability)
+    labels = known.recommended or (result.methods if len(result.methods) == 1 and fine else ())
     some = [result.methods[label] for label in labels]
     counts = [f"{format_count(m.realisations, 'realisation')}, {format_duration(m.wall_time)}" for m in some]
     return [{"label": method.label, "cost": cost} for method, cost in zip(some, counts, strict=True)]
 
 
 def _latest(result: StudyResult) -> StudyResult:
-    """Return the result by the last population of the inputs, if there are several: that after a calibration."""
+    """Return the result for the last population of the inputs, such as the population after a calibration."""
     labels = [label for label, method in result.methods.items() if method.population]
     return result.alike(labels[-1]) if labels else result
 
 
 def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influences | None, str]:
-    """Return the influences on the most probable violation; without requirements, on the output in view."""
+    """Return influences on the most probable violation or, without requirements, on the output in the chart."""
     for row in shown["rows"]:
         if shown["kind"] == "requirements" and (found := of_requirement(result, str(row["name"]))):
             return found, str(row["name"])
@@ -320,7 +328,7 @@ def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influen
 
 
 def _untold(result: StudyResult, shown: Content) -> str:
-    """State why the influence of inputs is unknown, and which method would compute it."""
+    """State why the influence of inputs is unknown, and name a method that computes it."""
     if not any("input" in method.node.children["statistics"].to_dataset().coords or method.samples is not None
                for method in result.methods.values()):  # fmt: skip
         return "The results contain no inputs, so their influence is unknown."
@@ -333,7 +341,7 @@ def _untold(result: StudyResult, shown: Content) -> str:
 
 
 def _bars(found: Influences, of_what: str) -> Content:
-    """Return the bars of a tornado: the largest first, the rest as one line."""
+    """Return the bars of a tornado chart: the largest bars first, and the others as one line."""
     largest = max((abs(share) for share in found.shares), default=0.0)
     scale = max(largest, 1.0) if not found.signed else max(largest, 1e-12)
     count = LINES + 1 if len(found.names) == LINES + 1 else LINES
@@ -343,7 +351,7 @@ def _bars(found: Influences, of_what: str) -> Content:
             "text": found.written(k),
             "width": f"{100 * min(abs(found.shares[k]) / scale, 1.0):.1f}",
             "lowers": found.shares[k] < 0 and found.signed,
-            # of the bar, what the input explains alone, where inputs act together
+            # if inputs interact, the part of the bar that the input alone explains
             "alone": f"{100 * min(max(found.alone[k] / found.shares[k], 0.0), 1.0):.1f}"
             if found.together and found.shares[k] > 0
             else None,
@@ -356,14 +364,14 @@ def _bars(found: Influences, of_what: str) -> Content:
 
 
 def _tightened(result: StudyResult, shown: Content, found: Influences, of_what: str) -> Content:
-    """Return what tightening each input that is shown brings for the requirement of the bars; ``halved``: or None."""
+    """Return the effect of a tighter tolerance of each displayed input on a requirement; ``halved`` may be None."""
     if shown["kind"] != "requirements" or of_what not in (str(row["name"]) for row in shown["rows"]):
         return {"halved": None}
     return {"halved": tightening(result, of_what, found.names[: LINES + 1])}
 
 
 def _failures(result: StudyResult) -> list[str]:
-    """Say which methods had failures."""
+    """List the methods with failures."""
     return [
         f"{method.failures} of {format_count(method.realisations, 'realisation')} of {label} failed"
         for label, method in result.methods.items()
@@ -372,10 +380,14 @@ def _failures(result: StudyResult) -> list[str]:
 
 
 def _picture(result: StudyResult, name: str) -> Content | None:
-    """Return the chart of the output in view, with its limit; without one, of what is asked."""
+    """Return the chart of the output in view, with its limit if a requirement states one."""
     if name:
         if found := chart_in_view(result, name):
-            return _charted(*found)
+            chart, caption = found
+            unreliable = [one.method for one in result.assessment.of(name) if one.level == 0]
+            if unreliable:
+                caption += f" {' and '.join(unreliable)}: unreliable; see Reliability of the results."
+            return _charted(chart, caption)
         holders = {one.method: result.methods[one.method].node for one in result.assessment.of(name)}
         density = only_density(holders, name)
         return None if density is None else _charted(*density)
@@ -388,7 +400,7 @@ def _picture(result: StudyResult, name: str) -> Content | None:
 
 
 def _violations(result: StudyResult) -> Content | None:
-    """Return the chart of how requirements are violated over time; None if none is after the beginning."""
+    """Return the chart of violation probabilities over time; None if no requirement is violated after the start."""
     found = answers(result.nodes)
     if not found:
         return None

@@ -1,4 +1,4 @@
-"""What sections of plugins add to the first screen, as data for its template."""
+"""Contributions of plugin sections to the first screen, as data for its template."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from uqmbd.results.assessment import LEVELS
 __all__ = ["contributed"]
 
 ROWS, STATEMENTS = 6, 7
-"""Rows and statements of one section."""
+"""Maximum number of rows and statements of one section."""
 
 
 def contributed(screen: FirstScreen) -> Content:
-    """Return what the template shows of one section."""
+    """Return the template data of one section."""
     statements = sorted(screen.statements, key=lambda one: one.level)
     return {
         "title": screen.title,
@@ -26,7 +26,13 @@ def contributed(screen: FirstScreen) -> Content:
         ],
         "more_statements": max(len(statements) - STATEMENTS, 0),
         "figures": [
-            charted(Views([checked_chart(one) for one in group.charts], group.choose), group.alt, group.caption, "")
+            charted(
+                Views([checked_chart(one) for one in group.charts], group.choose),
+                group.alt,
+                group.caption,
+                "",
+                still=True,
+            )
             for group in screen.charts
         ],
     }

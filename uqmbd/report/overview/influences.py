@@ -11,40 +11,41 @@ import xarray as xr
 
 from uqmbd.report.figures import has_indices, indices_of, label_of, node_with_indices
 from uqmbd.report.view import StudyResult
+from uqmbd.results.assessment import COARSE
 from uqmbd.status import Status
 from uqmbd.typing import Array
-from uqmbd.wording import format_share, minus
+from uqmbd.wording import format_at_most, format_share, minus
 
 __all__ = ["Influences", "of_history", "of_requirement", "of_scalar"]
 
 LEAST = 0.005
-"""Shares below this are nothing to be shown first."""
+"""Minimum share of an input on the first screen."""
 
 SAMPLES = 4
-"""Samples for each input that effects of a regression need."""
+"""Minimum number of samples per input for a regression."""
 
 COMMON = 0.02
-"""Sum of total indices, less one, from which on inputs are reported to interact."""
+"""Excess of the sum of total indices over one above which the report states an interaction of inputs."""
 
 DEPENDENT = 0.3
-"""Correlation of two inputs from which on a regression does not tell their effects apart."""
+"""Correlation of two inputs above which a regression cannot separate their effects."""
 
 
 @dataclass(frozen=True)
 class Influences:
-    """How much each input has to do with a quantity."""
+    """Influence of each input on a quantity."""
 
-    names: tuple[str, ...]  # of inputs, or of germs where inputs depend on one another; the largest share first
-    shares: tuple[float, ...]  # shares of the variance, or of the square of a safety index; or effects with their signs
-    kind: str  # what the numbers are, in words
-    signed: bool = False  # whether they are effects, of which a negative one lowers the quantity
-    correlations: bool = False  # whether they are correlations, which are no shares of anything
-    # of shares of the variance what each input explains alone, in the same order; empty of others
+    names: tuple[str, ...]  # inputs, or germs if inputs are dependent; the largest share first
+    shares: tuple[float, ...]  # shares of the variance or of the squared safety index, or signed effects
+    kind: str  # description of the numbers
+    signed: bool = False  # whether the numbers are effects; a negative effect decreases the quantity
+    correlations: bool = False  # whether the numbers are correlations instead of shares
+    # for shares of the variance, the part that each input alone explains, in the same order; otherwise empty
     alone: tuple[float, ...] = ()
 
     @property
     def together(self) -> str:
-        """What parts that several inputs have in common do to the sum of the shares; empty where that is about one."""
+        """Describe the effect of interactions on the sum of the shares; empty if the sum is about one."""
         total = sum(self.shares)
         if not self.alone or not total > 1 + COMMON:
             return ""
@@ -55,13 +56,13 @@ class Influences:
 
     @property
     def words(self) -> str:
-        """The largest, for a table."""
+        """Describe the largest influences, for a table."""
         if not self.names or not math.isfinite(self.shares[0]):
             return ""
         return f"{self.names[0]} ({'correlation ' if self.correlations else ''}{self.written(0)})"
 
     def written(self, k: int) -> str:
-        """Write a number: an effect with its sign in shares of the standard deviation, a correlation as a number."""
+        """Return a signed effect as a share of the standard deviation, or a correlation as a number, as text."""
         share = self.shares[k]
         if self.correlations:
             return minus(f"{share:+.2f}")
@@ -70,7 +71,7 @@ class Influences:
 
 
 def _order(result: StudyResult) -> list[str]:
-    """Return the labels of its methods, the most reliable first."""
+    """Return the labels of the methods, the most reliable first."""
     return [label for label in result.assessment.order if label in result.methods]
 
 
@@ -83,8 +84,21 @@ def of_history(result: StudyResult, name: str, *, correlations: bool = False) ->
         if found.meaningful.any():
             kind = "Total Sobol’ indices: share of the variance, over all times, to which each contributes"
             alone, total = found.weighted
-            return _sorted(found.names, total, f"{kind} ({label_of(node)}).", alone=alone)
+            said = f"{kind} ({label_of(node)})." + _of_poor_surrogate(node, name)
+            return _sorted(found.names, total, said, alone=alone)
     return _of_samples(result, name, scalar=False, correlations=correlations)
+
+
+def _of_poor_surrogate(node: xr.DataTree, name: str) -> str:
+    """State the error of the surrogate behind the indices of an output; empty if the error is small."""
+    data = node.children["statistics"].to_dataset()
+    if "verification_error" not in data or name not in data["output"].values:
+        return ""
+    error = float(data["verification_error"].sel(output=name).max())
+    if not error > COARSE:
+        return ""
+    size = format_at_most(error, "the standard deviation")
+    return f" Unreliable: the stated error of the surrogate is {size}."
 
 
 def of_scalar(result: StudyResult, name: str, *, correlations: bool = False) -> Influences | None:
@@ -110,7 +124,7 @@ def of_requirement(result: StudyResult, name: str) -> Influences | None:
     for label, node in nodes.items():
         inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None
         if inner is not None and name in inner["output"].values:
-            # running margins: that of the last time is of the whole motion
+            # the running margin at the last time is the margin of the whole motion
             margin = inner.sel(output=name)
             margin = margin.isel(time=-1) if "time" in margin.dims else margin
             if found := _total(margin, label, "of its margin "):
@@ -123,7 +137,7 @@ def _has(node: xr.DataTree, name: str) -> bool:
 
 
 def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None:
-    """Return total indices of one output without a time, or with one that has the weight of its variance."""
+    """Return total indices of a scalar output, or of an output over time weighted by its variance."""
     for end, dim in (("", "input"), ("_germ", "germ")):
         if f"sobol_total{end}" not in data:
             continue
@@ -138,7 +152,7 @@ def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None
 
 
 def _over_time(values: Array, std: Array) -> Array:
-    """Return indices (input, ...) as they are, or over all times, each with the weight of its variance."""
+    """Return indices (input,) unchanged, or indices (input, time) as mean over time weighted by the variance."""
     if values.ndim == 1:
         return np.asarray(values, dtype=float)
     weight = np.nan_to_num(std) ** 2
@@ -180,19 +194,19 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
 
 
 def _dependent(inputs: Array) -> bool:
-    """Test whether effects of inputs (K, input) cannot be separated: two of them are correlated, not by chance."""
+    """Return whether two inputs (K, input) have a significant correlation, so that effects are inseparable."""
     x = _standard(inputs)
     return bool((np.abs(np.triu(x.T @ x / len(x), 1)) > max(DEPENDENT, 4 / math.sqrt(len(x)))).any())
 
 
 def _standard(values: Array) -> Array:
-    """Return values (K, ...) less their means, over their standard deviations; zeros where these are none."""
+    """Return standardised values (K, ...); zero for zero standard deviation."""
     scale = values.std(axis=0)
     return np.asarray((values - values.mean(axis=0)) / np.where(scale > 0, scale, 1.0))
 
 
 def _regression(inputs: Array, response: Array) -> tuple[Array, float]:
-    """Return standardised coefficients, and the share of the variance that they explain."""
+    """Return standardised regression coefficients, and the share of the variance that they explain."""
     x, y = _standard(inputs), _standard(response)
     effects = np.asarray(np.linalg.lstsq(x, y, rcond=None)[0], dtype=float)
     return effects, float(np.clip(1 - np.mean((y - x @ effects) ** 2), 0.0, 1.0))

@@ -1,17 +1,21 @@
-"""Requirements on the first screen: yield, margins, the closest approach, and what tightening one input brings."""
+"""Requirements on the first screen: yield, margins, closest approach, the effect of a tighter tolerance, and poses."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from uqmbd.names import ANY
 from uqmbd.report.charts import Chart, Views, several
+from uqmbd.report.drawing import still_image
 from uqmbd.report.figures import Approach, OutputLimit, bands_chart, closest_approach, deviation_chart
+from uqmbd.report.mechanisms import draw_named, poses
 from uqmbd.report.sections import Content
-from uqmbd.report.view import StudyResult
+from uqmbd.report.view import StudyResult, dataset_of
 from uqmbd.results import Answer, answers
 from uqmbd.results.requirements import tightened_probabilities
 from uqmbd.results.schema import comparable
@@ -24,7 +28,7 @@ from uqmbd.wording import (
     resolved_width,
 )
 
-__all__ = ["chart_in_view", "margin_words", "tightening", "yield_words"]
+__all__ = ["chart_in_view", "margin_words", "named_poses", "tightening", "yield_words"]
 
 HALF = 0.5
 """Factor of the standard deviation of an input in the statement on tightening."""
@@ -33,36 +37,39 @@ HALF = 0.5
 def yield_words(one: Answer, several_requirements: bool) -> str:
     """State the share of realisations that meet the requirements, with its 95 % interval.
 
-    Empty if it is unknown, or if all or no realisations violate.
+    The text is empty if the share is unknown, or if all or no realisations violate a requirement.
     """
     if not np.isfinite(one.probability) or one.probability in (0.0, 1.0):
         return ""
     width = resolved_width(one.lower, one.upper)
     what = "all requirements met" if several_requirements else "requirement met"
-    share, interval = format_probability(1 - one.probability, width), format_interval_ends(1 - one.upper, 1 - one.lower)
+    share, interval = (
+        format_probability(1 - one.probability, width, 1 - one.lower),
+        format_interval_ends(1 - one.upper, 1 - one.lower),
+    )
     return f"Yield ({what}): {share}, 95 % interval {interval}."
 
 
-def margin_words(result: StudyResult, name: str, label: str) -> tuple[str, str]:
-    """Write mean and standard deviation of the smallest margin over the motion; empty if they are not stored."""
+def margin_words(result: StudyResult, name: str, label: str) -> tuple[str, str, str]:
+    """Return mean, standard deviation and units of the smallest margin over the motion as texts; empty if unknown."""
     part = result.methods[label].node.children.get("requirements")
     if name == ANY or part is None or "statistics" not in part.children:
-        return "", ""
+        return "", "", ""
     data = part.children["statistics"].to_dataset()
     if name not in data["output"].values:
-        return "", ""
+        return "", "", ""
     data = data.sel(output=name)
     data = data.isel(time=-1) if "time" in data.dims else data
     mean, std = float(data["mean"]), float(data["std"])
     if not np.isfinite([mean, std]).all():
-        return "", ""
+        return "", "", ""
     units = _units_of_limit(result, name)
     (middle,), (spread,) = format_cells([mean], units, scale=std), format_cells([std], units)
-    return str(middle), f"standard deviation {spread}{'' if units else ', in the units of the limit'}"
+    return str(middle), f"standard deviation {spread}", units
 
 
 def _units_of_limit(result: StudyResult, requirement: str) -> str:
-    """Return the units of the output that a requirement limits; empty where results do not state it."""
+    """Return the units of the output that a requirement limits; empty if the results do not state the output."""
     for one in result.limits:
         output = str(one["output"])
         if one["requirement"] == requirement and (held := result.holders(output)):
@@ -71,9 +78,9 @@ def _units_of_limit(result: StudyResult, requirement: str) -> str:
 
 
 def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> Content | None:
-    """Return by input the probability of violation if its standard deviation is halved; None where none is known.
+    """Return the probability of violation for half the standard deviation of each input; None if none is known.
 
-    Return ``text`` by input, and ``words``, which state the method and the largest half-width of the intervals.
+    The keys are ``text``, by input, and ``words``, which state the method and the largest half-width of the intervals.
     """
     alike = comparable(result.nodes)
     for label in (one for one in result.assessment.order if one in alike):
@@ -96,11 +103,14 @@ def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> 
 
 
 def chart_in_view(result: StudyResult, name: str) -> tuple[Chart | Views, str] | None:
-    """Return the chart of an output over time and its caption: of deviations too, if the band cannot be seen.
+    """Return the chart of an output over time and its caption, with deviations if the band is too narrow.
 
-    The cursor begins at the closest approach to a limit.  None if there is nothing to draw over time.
+    The cursor begins at the closest approach to a limit. Of several populations, such as those before and after a
+    calibration, the last one is first. Return None if the output has no chart over time.
     """
-    holders = {one.method: result.methods[one.method] for one in result.assessment.of(name)}
+    found = result.assessment.of(name)
+    order = found[::-1] if any(one.population for one in found) else found
+    holders = {one.method: result.methods[one.method] for one in order}
     limits = result.limits_of(name)
     chart = bands_chart({label: method.node for label, method in holders.items()}, name, limits=limits)
     if not several(chart):
@@ -125,7 +135,7 @@ def chart_in_view(result: StudyResult, name: str) -> tuple[Chart | Views, str] |
 
 
 def _approach_words(nearest: Approach, time: float, units: str, label: str) -> str:
-    """State where the mean is nearest to a limit, and by how much."""
+    """State the time of the smallest distance between the mean and a limit, and this distance."""
     margin, deviations = (
         format_quantity(abs(nearest.margin), units),
         format_number(float(f"{abs(nearest.deviations):.3g}")),
@@ -135,3 +145,24 @@ def _approach_words(nearest: Approach, time: float, units: str, label: str) -> s
         f"Closest approach to {nearest.limit.requirement} at {time:.4g} s: the mean is {margin} {side} the limit, "
         f"{deviations} standard deviations ({label})."
     )
+
+
+def named_poses(result: StudyResult) -> list[Content]:
+    """Return pictures of the named realisations of the stored motion; the first screen has at most one."""
+    data, found = dataset_of(result.tree, "motion"), []
+    if data is None:
+        return []
+    try:
+        times = np.asarray(data["time"].values, dtype=float)
+        named = json.loads(str(data.attrs.get("named", "[]")))
+        for one in named[:1]:
+            k, wanted, name = int(one["realisation"]), float(one["time"]), str(one["name"])
+            time = float(times[np.argmin(np.abs(times - wanted))])
+            at = f"{time:.4g} s" + (f", the stored time nearest to {wanted:.4g} s" if abs(time - wanted) > 1e-9 else "")
+            caption = f"Pose of the {name} at {at}; outline: at the means of the inputs."
+            made = partial(draw_named, data, k, wanted)
+            one_time = data.isel(realisation=[k, 0])
+            found.append(still_image(made, caption, caption, f"pose-{k}", partial(poses, one_time, wanted)))
+        return found
+    except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must remain
+        return [{"problem": f"{type(error).__name__}: {error}", "caption": "named realisations"}]

@@ -1,4 +1,4 @@
-"""What a section adds to the first screen of the report: a table, charts and statements, as plain data."""
+"""Part of a section on the first screen of the report: a table, charts and statements, as plain data."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Chart, checked_chart
 
 __all__ = ["ChartGroup", "FirstScreen", "ReliabilityStatement"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class ReliabilityStatement:
     """A statement on the reliability of a result, with a sign.
@@ -21,7 +23,7 @@ class ReliabilityStatement:
     level : {0, 1, 2, 3}
         0: unreliable, 1: uncertain, 2: verified, 3: information without a judgement.
     name : str
-        What it is about, plain text.
+        Subject of the statement, plain text.
     text : str
         One sentence, plain text.
 
@@ -37,6 +39,7 @@ class ReliabilityStatement:
     text: str
 
 
+@typechecked
 @dataclass(frozen=True)
 class ChartGroup:
     """Charts of one figure: buttons select the visible one, and paper shows all.
@@ -48,7 +51,7 @@ class ChartGroup:
     alt, caption : str
         Description of the figure, and the text below it: plain text.
     choose : str
-        What the buttons choose.
+        Label of the choice that the buttons offer.
 
     Examples
     --------
@@ -64,6 +67,7 @@ class ChartGroup:
     choose: str = "Chart"
 
 
+@typechecked
 @dataclass(frozen=True)
 class FirstScreen:
     """The part of a section on the first screen: a table, charts and statements.
@@ -78,16 +82,17 @@ class FirstScreen:
     heads : sequence of str
         Headings of its other columns.
     rows : sequence of sequence of str
-        Cells: a name, and a text for each other column. The first six rows are shown, and the number of the others.
+        Cells: a name, and a text for each other column. The page shows the first six rows, and the number of other
+        rows.
     charts : sequence of ChartGroup
-        Figures, three at most.
+        Figures, at most three.
     statements : sequence of ReliabilityStatement
-        They are shown by level, the least reliable first.
+        Statements; the page sorts them by level, the least reliable first.
 
     Raises
     ------
     uqmbd.StudyError
-        If a part has another type, a row has another number of cells than the head, or a chart is not valid.
+        If a part has another type, if a row and the head differ in their number of cells, or if a chart is invalid.
 
     Examples
     --------
@@ -105,32 +110,18 @@ class FirstScreen:
     statements: Sequence[ReliabilityStatement] = ()
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
+        """Check the consistency of the parts."""
         where = "FirstScreen"
-        _texts(f"{where}: title and heads are", [self.title, *self.heads])
         for row in self.rows:
-            _texts(f"{where}: a row is", row)
-            if isinstance(row, str) or len(row) != 1 + len(self.heads):
+            if len(row) != 1 + len(self.heads):
                 raise StudyError(f"{where}: a row is {row!r:.80}; expected {1 + len(self.heads)} texts, one a column.")
-        if len(self.charts) > MOST_FIGURES or not all(isinstance(one, ChartGroup) for one in self.charts):
-            raise StudyError(f"{where}: charts is {self.charts!r:.80}; expected at most {MOST_FIGURES} ChartGroup.")
+        if len(self.charts) > MOST_FIGURES:
+            raise StudyError(f"{where}: charts has {len(self.charts)} entries; expected at most {MOST_FIGURES}.")
         for group in self.charts:
-            _texts(f"{where}: the texts of a figure are", [group.alt, group.caption, group.choose])
             titles = [checked_chart(chart).title for chart in group.charts]
             if not titles or len(set(titles)) < len(titles):
                 raise StudyError(f"{where}: the charts have the titles {titles}; expected one or more, all different.")
-        for said in self.statements:
-            if not isinstance(said, ReliabilityStatement) or said.level not in (0, 1, 2, 3):
-                raise StudyError(
-                    f"{where}: a statement is {said!r:.80}; expected a ReliabilityStatement of level 0, 1, 2 or 3."
-                )
-            _texts(f"{where}: the texts of a statement are", [said.name, said.text])
 
 
 MOST_FIGURES = 3
-"""Figures of one section on the first screen."""
-
-
-def _texts(what: str, given: Sequence[object]) -> None:
-    if not all(isinstance(one, str) for one in given):
-        raise StudyError(f"{what} {given!r:.80}; expected texts.")
+"""Maximum number of figures of one section on the first screen."""

@@ -1,10 +1,11 @@
-"""Reliability of results: comparison of methods, their stated errors, verdicts, and the recommendation."""
+"""Assess the reliability of results: compare methods and their stated errors, and recommend a method."""
 
 from __future__ import annotations
 
 from uqmbd.results.assessment.accuracy import StatedAccuracy, stated_accuracy
 from uqmbd.results.assessment.alignment import align
 from uqmbd.results.assessment.assessment import LEVELS, Assessment, OutputReliability, assess
+from uqmbd.results.assessment.coupled import coupled_systems
 from uqmbd.results.assessment.differences import choose_reference, compare
 from uqmbd.results.assessment.error_norms import relative_errors
 from uqmbd.results.assessment.integration_share import IntegrationShare, integration_shares, worst_integration_share
@@ -33,6 +34,7 @@ __all__ = [
     "assess",
     "choose_reference",
     "compare",
+    "coupled_systems",
     "integration_shares",
     "judgements_of",
     "own_statements",

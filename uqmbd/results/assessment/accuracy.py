@@ -1,4 +1,4 @@
-"""Definition of accuracy: the measure of stated errors that a run with ``accuracy=`` must meet."""
+"""Define accuracy, the measure of stated errors for runs with ``accuracy=``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uqmbd.typing import Array
 __all__ = ["StatedAccuracy", "stated_accuracy"]
 
 TWO_SIDED = 1.96
-"""Standard errors of 95 % confidence, to either side."""
+"""Half-width of a two-sided 95 % confidence interval, in standard errors."""
 
 
 @typechecked
@@ -30,11 +30,11 @@ class StatedAccuracy:
     Attributes
     ----------
     value : float
-        The largest half-width, relative to its scale; infinite where none is stated.
+        Largest half-width, relative to its scale; infinite if no error is stated.
     quantity : str
-        Which one has it; or why none is stated.
+        Quantity with the largest half-width, or the reason why no error is stated.
     kind : {"mean", "std", "probability", ""}
-        What that is.
+        Kind of this quantity; empty if no error is stated.
 
     Raises
     ------
@@ -54,12 +54,13 @@ class StatedAccuracy:
     def __post_init__(self) -> None:
         if not self.value >= 0:
             raise StudyError(
-                f"StatedAccuracy: value is {self.value!r}; expected a number, 0 or more; infinite where none is stated."
+                f"StatedAccuracy: value is {self.value!r}; expected a number, 0 or more; use infinity if no error is "
+                "stated."
             )
 
     @property
     def words(self) -> str:
-        """Both, for people."""
+        """Return value and quantity as a text."""
         return f"{100 * self.value:.2g} % ({self.quantity})" if math.isfinite(self.value) else self.quantity
 
 
@@ -76,26 +77,26 @@ def stated_accuracy(
     Parameters
     ----------
     node : xarray.DataTree
-        Of a propagator.
+        Node of a propagator.
     rtol : float
-        Tolerance of the integration, which decides which outputs do not vary.
+        Relative tolerance of the integration, which decides which outputs vary.
     of : {"moments", "probabilities"}
-        ``moments``: half-widths of the mean and of the standard deviation of each output at each time, relative to the
-        largest standard deviation of that output; of an output without a time relative to its standard deviation. The
-        half-width is 1.96 standard errors (for replicates, the quantile of Student's t replaces
-        1.96). For a surrogate it is the bound of its error by its verification. What does not vary counts for nothing.
-        The error of the integration, which no number of realisations makes smaller, is stated apart from it.
+        ``moments``: half-widths of the mean and of the standard deviation of each output at each time. They are
+        relative to the largest standard deviation of that output over time. For a scalar output they are relative to
+        its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
+        replaces 1.96. For a surrogate it is the error bound from its verification. Outputs that do not vary are
+        ignored. The integration error, which more realisations do not reduce, is stated separately.
 
-        ``probabilities``: the longer side of the 95 % interval of each probability that a requirement is violated,
-        relative to that probability.
+        ``probabilities``: the longer side of the 95 % interval of each probability of violation, relative to that
+        probability.
     usual : bool
-        By the usual standard errors, which fall with the root of the number of samples. The stated ones are wider for
-        few independent samples.
+        Whether to use the usual standard errors, which decrease with the square root of the number of samples. The
+        stated standard errors are wider for few independent samples.
 
     Returns
     -------
     StatedAccuracy
-        Of the worst of them.
+        Accuracy of the least accurate quantity.
 
     Examples
     --------
@@ -122,7 +123,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
     statistics = node.children["statistics"].to_dataset()
     own = own_error(node, rtol, dependence=False)
     names = [str(name) for name in statistics["output"].values]
-    # an output without any statistics (its event may not occur) has a message of its own
+    # an output without statistics (its event may not occur) has a separate message
     rows = np.flatnonzero(own.varies & np.isfinite(own.std).any(axis=1))
     if not len(rows):
         return StatedAccuracy(0.0, "no output varies")
@@ -148,7 +149,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
 
 
 def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:
-    """Return the largest of half-widths (T,) over the largest standard deviation, and where it is."""
+    """Return the largest half-width (T,), relative to the largest standard deviation, and its index."""
     unknown = ~(np.isfinite(widths) & np.isfinite(std) & np.isfinite(values))
     if unknown.any():
         return np.inf, int(np.argmax(unknown))

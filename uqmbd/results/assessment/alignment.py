@@ -1,4 +1,4 @@
-"""Results of different runs, restricted to their common outputs and times: nothing is interpolated."""
+"""Restrict results of different runs to their common outputs and times, without interpolation."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from uqmbd.results.schema import node_parts
 __all__ = ["align"]
 
 SAME_TIME = 1e-9
-"""Times that differ by less than this part of the whole duration are the same."""
+"""Difference of times, relative to the whole duration, below which times count as equal."""
 
 _TIMELESS = "scalars"
 
 
 @typechecked
 def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tuple[str, ...]]:
-    """Restrict results of different runs to their common outputs and times, and to their common outputs without a time.
+    """Restrict results of different runs to their common outputs and times, including common scalar outputs.
 
     Parameters
     ----------
     nodes : mapping of str to xarray.DataTree
-        Propagator nodes by label; not empty.
+        Propagator nodes by label; at least one.
 
     Returns
     -------
     aligned : dict of str to xarray.DataTree
-        The nodes with all that they hold, at the common times and outputs, in the order of the first.  A method that
-        has no outputs without a time has no child ``scalars``; the others have those that are common to them.
+        Nodes at the common times and outputs, in the order of the first node. Other contents remain. The child
+        ``scalars`` contains the scalar outputs that are common to all methods with scalar outputs.
     notes : tuple of str
-        What was left out, in sentences; empty if nothing was.
+        Sentences about omitted checks; may be empty.
 
     Raises
     ------
     StudyError
-        If there is no node, or no output, or no time, is common to all.
+        If there are no nodes, no common outputs, or no common times.
 
     Examples
     --------
@@ -51,10 +51,10 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
     ...     return propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
     >>> aligned, notes = align({"a": node([0.0, 1.0, 2.0]), "b": node([0.0, 0.5, 1.0])})
     >>> aligned["b"]["statistics"]["time"].values.tolist(), notes
-    ([0.0, 1.0], ('Only 2 times are common to all: of 3 of a, 3 of b. Nothing was interpolated.',))
+    ([0.0, 1.0], ('Only 2 times are common to all results, of 3 of a, 3 of b. Nothing was interpolated.',))
     """
     if not nodes:
-        raise StudyError("A comparison needs the result of at least one propagator; there is none.")
+        raise StudyError("A comparison needs the result of at least one propagator; no result is given.")
     statistics = _statistics(nodes)
     timeless = _statistics(
         {label: node.children[_TIMELESS] for label, node in nodes.items() if _TIMELESS in node.children}
@@ -96,11 +96,11 @@ def _common_outputs(statistics: Mapping[str, xr.Dataset]) -> tuple[list[str], li
         given = {label: units[label][name] for label in statistics}
         if len(set(given.values())) > 1:
             said = ", ".join(f"{unit or 'none'} in {label}" for label, unit in given.items())
-            notes.append(f"Output {name} has other units ({said}) and was left out.")
+            notes.append(f"The comparison omits output {name}, because its units differ ({said}).")
             shared.remove(name)
     left = list(dict.fromkeys(n for other in names.values() for n in other if any(n not in o for o in names.values())))
     if left:
-        notes.append(f"Outputs that are not in all results were left out: {', '.join(left)}.")
+        notes.append(f"The comparison omits outputs that are not in all results: {', '.join(left)}.")
     return shared, notes
 
 
@@ -111,7 +111,10 @@ def _common_times(
     if not any(timed):
         return dict.fromkeys(statistics), []
     if not all(timed):
-        raise StudyError("Some of these results are over time and some are not; they cannot be compared.")
+        raise StudyError(
+            "Some of these results are over time and others are not, so a comparison is not possible. Compare "
+            "results of one kind."
+        )
     times = {label: np.asarray(data["time"].values, dtype=float) for label, data in statistics.items()}
     first = next(iter(times.values()))
     near = SAME_TIME * max(float(max(t[-1] for t in times.values()) - min(t[0] for t in times.values())), 1e-300)
@@ -120,13 +123,13 @@ def _common_times(
         common = common[np.abs(common[:, None] - other[None, :]).min(axis=1) <= near]
     if not len(common):
         said = ", ".join(f"{label} from {t[0]:g} s to {t[-1]:g} s ({len(t)})" for label, t in times.items())
-        raise StudyError(f"These results have no time in common: {said}. Give both studies the same times.")
+        raise StudyError(f"These results have no time in common: {said}. Use the same times in both studies.")
     where = {label: np.abs(t[None, :] - common[:, None]).argmin(axis=1) for label, t in times.items()}
     if all(len(t) == len(common) for t in times.values()):
         return dict(where), []
     said = ", ".join(f"{len(t)} of {label}" for label, t in times.items())
     count = f"{len(common)} times are" if len(common) > 1 else "1 time is"
-    return dict(where), [f"Only {count} common to all: of {said}. Nothing was interpolated."]
+    return dict(where), [f"Only {count} common to all results, of {said}. Nothing was interpolated."]
 
 
 def _restricted(
@@ -151,13 +154,13 @@ def _restricted(
 
 
 def _only(data: xr.Dataset, outputs: list[str]) -> xr.Dataset:
-    """Choose outputs, those that there are: a child may be about some of them only."""
+    """Select outputs, as far as the dataset has them; a child may have only some of them."""
     known = _names(data)
     return data.isel(output=[known.index(output) for output in outputs if output in known])
 
 
 def _at_common_times(node: xr.DataTree, where: NDArray[np.intp] | None) -> xr.DataTree:
-    """Note an end that is among the times no more."""
+    """Record the end of results that is no longer among the selected times."""
     if where is not None and "ends_at" in node.attrs:
         statistics = node.children["statistics"].to_dataset()
         known = np.isfinite(statistics["mean"].values).all(axis=0)

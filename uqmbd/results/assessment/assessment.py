@@ -1,4 +1,4 @@
-"""Reliability of a result: agreement of methods, stated errors, reliability of each output, and the recommendation."""
+"""Assess the reliability of a result: agreement of methods, stated errors, outputs, and the recommended method."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uqmbd.results.assessment.differences import choose_reference
 from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
 from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
 from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, own_error, own_statements, replicates_of
-from uqmbd.results.assessment.recommendation import recommended
+from uqmbd.results.assessment.recommendation import recommended, resort
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 from uqmbd.results.requirements import Answer, answers, differing, meets
 from uqmbd.results.schema import comparable, propagator_nodes
@@ -31,32 +31,32 @@ LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "constant"))
 
 @dataclass(frozen=True)
 class OutputReliability:
-    """Reliability of one quantity: an output, an output without a time, or the probability of a requirement."""
+    """Reliability of one quantity: an output, a scalar output, or the probability of a requirement."""
 
     quantity: str  # its name
     kind: Literal["output", "scalar", "requirement"]
-    method: str  # whose numbers are shown
-    level: int  # 0: unreliable, 1: roughly known, 2: reliable, 3: there is nothing to be uncertain about
-    reason: str  # why
-    error: float = 0.0  # by which quantities of a level are sorted
+    method: str  # method of the displayed numbers
+    level: int  # 0: unreliable, 1: roughly known, 2: reliable, 3: constant
+    reason: str  # reason for the level
+    error: float = 0.0  # sort key within a level
     met: bool | None = None  # whether a requirement is met; None: not certain, or no probability is allowed
-    population: bool = False  # whether there are results for several distributions of the inputs, of which this is one
+    population: bool = False  # whether the result contains several distributions of the inputs
 
     @property
     def name(self) -> str:
-        """The quantity; of several populations with the method."""
+        """Name of the quantity, with the method if there are several populations."""
         if self.kind == "requirement":
             return f"requirement {self.quantity}"
         return f"{self.quantity} ({self.method})" if self.population else self.quantity
 
     @property
     def sign(self) -> str:
-        """The level as a sign."""
+        """Sign of the level."""
         return LEVELS[self.level][0]
 
     @property
     def word(self) -> str:
-        """The level in a word."""
+        """Word for the level."""
         return LEVELS[self.level][1]
 
 
@@ -67,23 +67,23 @@ class Assessment:
     Attributes
     ----------
     reference : str
-        Label of the method that the others are compared with; empty: none is.
+        Label of the reference method; empty if there is none.
     recommended : tuple of str
-        Labels of the methods to use: several where nothing speaks for one of them.
+        Labels of the recommended methods; several if they are equally suitable.
     recommendation : tuple of str
-        Which method to use, or what a single method needs, in sentences.
+        Sentences about the recommended method, or about the needs of a single method.
     reasons : tuple of str
-        What speaks against each other method, in sentences.
+        Sentences with the reasons against each other method.
     judgements : tuple of Judgement
-        The stated error of each output of each method, and whether methods agree on it.
+        Stated error of each output of each method, and whether methods agree on it.
     reliability : tuple of Reliability
-        Of each requirement, output, and output without a time, the least reliable first.
+        Reliability of each requirement, output and scalar output, the least reliable first.
     order : tuple of str
         Labels of all methods, the most reliable first.
     precision : tuple of str
-        How well methods with samples know their standard deviations, in sentences.
+        Sentences about the precision of standard deviations from samples.
     contradictions : tuple of str
-        Requirements on which methods contradict each other, in sentences.
+        Sentences about requirements on which methods contradict each other.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class Assessment:
     >>> found.recommended, [(one.name, one.method, one.word) for one in found.reliability]
     (('few',), [('x', 'few', 'yes')])
     >>> found.reliability[0].reason
-    'stated error at most 3.9 % of the standard deviation (at 0 s); agrees with many'
+    'by few, stated error at most 3.9 % of the standard deviation (at 0 s); agrees with many'
     """
 
     reference: str
@@ -113,7 +113,7 @@ class Assessment:
 
     @property
     def verdicts(self) -> tuple[MethodVerdict, ...]:
-        """The verdict on each method that is compared."""
+        """Verdicts on the compared methods."""
         return method_verdicts(self.judgements)
 
     def judgement(self, method: str, output: str) -> Judgement:
@@ -133,17 +133,17 @@ class Assessment:
             if (one.method, one.output) == (method, output):
                 return one
         known = ", ".join(f"{one.output!r} of {one.method!r}" for one in self.judgements)
-        raise StudyError(f"There is no output {output!r} of a method {method!r} here; expected one of: {known}.")
+        raise StudyError(f"The assessment has no output {output!r} of the method {method!r}; expected one of: {known}.")
 
     def of(self, quantity: str, kind: str = "output") -> tuple[OutputReliability, ...]:
-        """Return the reliability of a quantity, the most reliable method first: several after a calibration.
+        """Return the reliability of a quantity, the most reliable method first; a calibration gives several.
 
         Parameters
         ----------
         quantity : str
             Name of an output or a requirement.
         kind : {"output", "scalar", "requirement"}
-            What it is.
+            Kind of the quantity.
         """
         found = [one for one in self.reliability if (one.quantity, one.kind) == (quantity, kind)]
         return tuple(sorted(found, key=lambda one: self.order.index(one.method)))
@@ -153,16 +153,17 @@ class Assessment:
 def assess(tree: xr.DataTree) -> Assessment:
     """Assess the result of a study: errors, agreement of methods, reliability of each output, recommendation.
 
-    The console, the report and notebooks print what this returns.
+    The console, the report and notebooks print the assessment.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study, or the node of one method.
+        Result of a study, or node of one method.
 
     Returns
     -------
     Assessment
+        Assessment of the result.
 
     Examples
     --------
@@ -176,11 +177,11 @@ def assess(tree: xr.DataTree) -> Assessment:
     >>> mechanism.output("height", stone.position[0], units="m")
     >>> (one,) = assess(uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()).reliability
     >>> one.word, one.reason
-    ('yes', 'stated error below 0.0001 % of the standard deviation (at 1 s); not compared')
+    ('yes', 'stated error below 0.0001 % of the standard deviation (at 1 s); not compared: this is the only method')
     """
     nodes = propagator_nodes(tree)
     data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
-    if "verdict_kind" not in data or "method" not in data.coords:  # of an earlier version
+    if "verdict_kind" not in data or "method" not in data.coords:  # file of an earlier version
         data = xr.Dataset()
     advised = [label for label in (recommended(data) if data else ()) if label in nodes]
     found = _judgements(nodes, data)
@@ -198,7 +199,7 @@ def assess(tree: xr.DataTree) -> Assessment:
             held: dict[str, dict[str, Judgement]] = {}
             for one in (one for of in own.values() for one in of if one.timeless == timeless):
                 held.setdefault(one.output, {})[one.method] = one
-            quantities = [_of_output(by_method, part, references[timeless]) for by_method in held.values()]
+            quantities = [_of_output(by_method, part, references[timeless], len(nodes)) for by_method in held.values()]
             reliability += [replace(one, population=len(orders) > 1) for one in quantities]
     reliability.sort(key=lambda one: (one.level, -one.error))
     precision = tuple(filter(None, (_precision(label, nodes[label], found[label], len(nodes)) for label in nodes)))
@@ -209,8 +210,8 @@ def assess(tree: xr.DataTree) -> Assessment:
         leads = _lacking(nodes[order[0]], found[order[0]])
     if rare:
         leads += (
-            f"{', '.join(rare)}: ten times as many realisations without a violation would bound the probability by a "
-            "tenth of the stated value; the method reliability searches for violations.",
+            f"{', '.join(rare)}: ten times as many realisations without a violation would reduce the upper bound of "
+            "the probability to a tenth. The method reliability searches for violations.",
         )
     return Assessment(
         reference,
@@ -226,7 +227,7 @@ def assess(tree: xr.DataTree) -> Assessment:
 
 
 def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str, list[Judgement]]:
-    """Return the judgement of each output of each method: by the comparison, else by the method's own statement."""
+    """Return the judgement of each output of each method, from the comparison or the statement of the method."""
     compared = {timeless: judgements_of(data, timeless=timeless) for timeless in (False, True)}
     found: dict[str, list[Judgement]] = {}
     for label, node in nodes.items():
@@ -251,14 +252,14 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
 
 
 def _varies(one: Judgement, moves: bool) -> bool:
-    """Return whether there is a spread: a method that sees none, and does not agree, may miss it."""
+    """Return whether an output varies; a method without variation that does not agree may miss the variation."""
     return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW))
 
 
 def _order(nodes: Mapping[str, xr.DataTree], data: xr.Dataset, advised: Iterable[str]) -> list[str]:
-    """Return the labels of methods of one population: recommended ones, the reference, those that are given.
+    """Return the labels of methods of one population: recommended methods, the reference, then the given order.
 
-    A reference in which an output has no spread that others give one does not count.
+    A reference is ignored if one of its outputs is constant but varies in other methods.
     """
     first = [label for label in advised if label in nodes]
     reference = str(data.attrs.get("reference", ""))
@@ -268,7 +269,7 @@ def _order(nodes: Mapping[str, xr.DataTree], data: xr.Dataset, advised: Iterable
 
 
 def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
-    """Return whether an output does not vary in a method that varies in another."""
+    """Return whether an output is constant in a method but varies in another method."""
     moves = {}
     for other, node in nodes.items():
         statistics = node.children["statistics"].to_dataset()
@@ -277,18 +278,21 @@ def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
     return any(not m and any(other.get(name) for other in moves.values()) for name, m in moves[label].items())
 
 
-def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) -> OutputReliability:
-    """Assess an output by the most reliable method that has it, or the next that knows it better and agrees."""
+def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str, methods: int) -> OutputReliability:
+    """Assess an output by the most reliable method with this output, or a later, more accurate one that agrees.
+
+    `order`: methods of the same population; `methods`: number of all methods.
+    """
     first, *others = (held[label] for label in order if label in held)
     shown = first
     if first.kind in (AGREES, REFERENCE):
         agree = [first, *(one for one in others if one.kind in (AGREES, REFERENCE))]
         known = [one for limit in (WELL, COARSE) for one in agree if one.error <= limit]
         shown = known[0] if known else first
-    by = "" if shown.method == order[0] else f"by {shown.method}, "
+    by = f"by {shown.method}, " if 1 < methods == len(order) else ""
     kind: Literal["scalar", "output"] = "scalar" if shown.timeless else "output"
     verdict, other = shown.kind, reference
-    if verdict and shown.method == reference:  # whether any agrees with it, or differs
+    if verdict and shown.method == reference:  # find methods that agree or differ
         others = [one for one in held.values() if one is not shown]
         pairs = [(k, one.method) for k in (AGREES, NO_SPREAD, DIFFERS) for one in others if one.kind == k]
         verdict, other = pairs[0] if pairs else ("", "")
@@ -297,8 +301,14 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) 
     level = 2 if shown.error <= WELL else 1 if shown.error <= COARSE or not math.isfinite(shown.error) else 0
     level = {DIFFERS: 0, UNDER_RESOLVED: 0, FEW: min(level, 1)}.get(verdict, level)
     compared = sum(bool(one.kind) for one in held.values()) > 1
-    alone = "no other method is accurate enough for a comparison" if compared else "not compared"
-    words = {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}.get(verdict, verdict) or alone
+    alone = "no other method is accurate enough for a comparison" if compared else ""
+    if not compared and len(held) == 1:
+        alone = _alone(methods, len(order), "has this output")
+    words = (
+        {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}.get(verdict, verdict)
+        or alone
+        or "not compared"
+    )
     error, said = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
     return OutputReliability(shown.output, kind, shown.method, level, f"{by}{said}; {words}", error)
 
@@ -306,27 +316,38 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) 
 def _of_requirements(
     tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], advised: list[str]
 ) -> tuple[list[OutputReliability], list[str]]:
-    """Assess requirements, and name those without a violation whose probability may still be large.
+    """Assess requirements, and list requirements without a violation whose probability may still be large.
 
-    Their numbers are those of a recommended method, else of that with the narrowest interval.
+    The numbers come from a recommended method, or else from the method with the narrowest interval.
     """
     found, rare = [], []
     allowed = tree.attrs.get("allowed_probability")
-    comparables = answers(comparable(nodes))
+    same = comparable(nodes)
+    comparables = answers(same)
     for name, every in answers(nodes).items():
         alike = comparables.get(name, every)
         narrow = min(alike.values(), key=lambda one: (not one.known, one.upper - one.lower))
         one = next((alike[label] for label in advised if label in alike and alike[label].known), narrow)
         met = None if allowed is None else meets(every.values(), float(allowed))
-        level, reason, error = _of_probability(one, list(alike.values()))
+        level, reason, error = _of_probability(one, list(alike.values()), len(nodes), len(same))
         found.append(OutputReliability(name, "requirement", one.method, level, reason, error, met=met))
         if name != ANY and one.probability == 0 and one.upper > RARE:
             rare.append(name)
     return found, rare
 
 
-def _of_probability(one: Answer, found: list[Answer]) -> tuple[int, str, float]:
-    """Return the level, the reason and the error of a probability: do methods agree, and how wide is its interval."""
+def _alone(methods: int, alike: int, what: str) -> str:
+    """Return why a quantity of one method is not compared; `alike` of the methods have the same populations."""
+    if methods == 1:
+        return "not compared: this is the only method"
+    return f"not compared: no other method {what if alike > 1 else 'has the same distributions of the inputs'}"
+
+
+def _of_probability(one: Answer, found: list[Answer], methods: int, same: int) -> tuple[int, str, float]:
+    """Return the level, the reason and the error of a probability, from agreement of methods and interval width.
+
+    `methods`: number of all methods; `same`: number of those with the distributions of the study.
+    """
     if any(a.apart(b) for a in found for b in found):
         low, high = min(found, key=lambda o: o.upper), max(found, key=lambda o: o.lower)
         return 0, f"{low.method} and {high.method} contradict each other", 1.0
@@ -335,18 +356,19 @@ def _of_probability(one: Answer, found: list[Answer]) -> tuple[int, str, float]:
     if not math.isfinite(one.probability) or (one.lower <= 0 and one.upper >= 1):
         level = 0
     said = (
-        f"half-width of its 95 % interval {format_percent(share)} of the probability"
+        f"the half-width of its 95 % interval is {format_percent(share)} of the probability"
         if math.isfinite(share)
-        else f"no violation was found, {one.words}"
+        else f"no violation occurred, {one.words}"
     )
     known = [other for other in found if other.known]
     others = [other.method for other in known if other.method != one.method] if one.known else []
     agree = f"{format_count(len(known), 'method')} agree" if len(others) > 1 else f"{''.join(others)} agrees"
-    return level, f"{said}; {agree if others else 'not compared'}", min(share, 1.0)
+    by = f"by {one.method}, " if methods > 1 else ""
+    return level, f"{by}{said}; {agree if others else _alone(methods, same, 'states it')}", min(share, 1.0)
 
 
 def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: int) -> str:
-    """Return how precisely samples determine their standard deviations, and a sufficient number; empty if unknown."""
+    """Return a text on the precision of standard deviations and a sufficient sample size; empty if unknown."""
     if "samples" not in node.children or "std_error_std" not in node.children["statistics"].data_vars:
         return ""
     stated = [one for one in found if math.isfinite(one.time) and one.varies and 0 < one.error < math.inf]
@@ -361,15 +383,15 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
         verdict = "This is a rough estimate, and more samples are needed"
     total = int(node.attrs.get("realisations", 0))
     counted = int(node.attrs.get("statistics_samples", total))
-    better = f"{_halving(counted)} the uncertainty"
+    better = f"{_halving(counted)} the stated error"
     if replicates_of(node):
-        better += " at the latest, since this sampling design often converges faster"
+        better += ", or more, because this sampling design often converges faster"
     if counted < total:
-        better = "another method estimates it better"
+        better = "another method estimates it more accurately"
     whose = f"The stated error of {label}" if methods > 1 else "The stated error"
     of_which = f"of {one.output}, " if len(stated) > 1 else ""
     return (
-        f"{whose} is {format_at_most(one.error)} of the standard deviation ({of_which}at {one.time:g} s, with 95 % "
+        f"{whose} is {format_at_most(one.error, 'the standard deviation')} ({of_which}at {one.time:g} s, with 95 % "
         f"confidence). {verdict}; {better}."
     )
 
@@ -387,7 +409,9 @@ def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
     inner = node.children.get("scalars", node)
     sampled = "samples" in node.children or "samples" in inner.children
     count = int(node.attrs.get("statistics_samples", node.attrs.get("realisations", 0)))
-    needed = f"{_halving(count)} it" if sampled else "a higher order should reduce it; if not, compare with Monte Carlo"
-    if not sampled and one.error > COARSE:
-        needed = "do not use its statistics. Either a higher order should reduce it, or use Monte Carlo"
-    return (f"{one.output} has a {one.stated}: {needed}.",)
+    if sampled:
+        return (f"{one.output} has a {one.stated}: {_halving(count)} it.",)
+    held = inner if one.timeless else node
+    names = [str(name) for name in held.children["statistics"].to_dataset()["output"].values]
+    needed = resort(own_error(held, rtol_of(node), dependence=False).words[names.index(one.output)][1])
+    return (f"{one.output} has a {one.stated}. {'Do not use its statistics. ' * (one.error > COARSE)}{needed}.",)

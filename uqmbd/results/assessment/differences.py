@@ -1,10 +1,10 @@
-"""Distance of each method from a reference method, their agreement within errors, and the recommended one."""
+"""Compare each method with a reference method, test their agreement within errors, and recommend a method."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
@@ -24,57 +24,57 @@ __all__ = ["choose_reference", "compare"]
 
 
 LEVEL = 0.05
-"""Largest probability that methods that agree are reported to differ, over all outputs, times and methods together."""
+"""Largest probability that agreeing methods are reported to differ, for all outputs, times and methods together."""
 
 TOLERANCE = 1e-3
-"""Differences below this part of the largest standard deviation count for nothing."""
+"""Difference, relative to the largest standard deviation, below which it is ignored."""
 
 ROUNDING = 1e-9
-"""The same relative to the largest mean, and in tolerances of the integration."""
+"""Difference, relative to the largest mean, below which it is ignored."""
 
 
 @typechecked
 def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float, Bounds(0)] = 0.0) -> str:
     """Choose the reference method: the most converged one that states its convergence.
 
-    Methods whose results end before the last time come last. Before them come surrogates, such as a chaos of order 0,
-    in which an output has no spread although others give one. Those whose stated error is above 10 % are exempt. First
-    come samples that tell the standard deviation to within 15 %, for their standard errors hold whatever the mechanism;
-    then surrogates whose stated error is below 10 %; then others that state an error; then those that state none. Among
-    equals the one of the least own error, the one with the most successful realisations, and the one that was given
-    first.
+    Methods are ranked in this order: samples with a standard deviation known to within 15 %, whose standard errors are
+    valid for any mechanism; surrogates with a stated error below 10 %; other methods with a stated error; methods
+    without a stated error. Surrogates with a constant output that varies in other methods, such as a chaos of order 0,
+    come after all these. Other methods with a stated error above 10 % are ignored in this test. Methods whose results
+    end before the last time come last. Among equals, the smallest own error, the largest number of successful
+    realisations, and the given order decide, in this sequence.
 
     Parameters
     ----------
     nodes : mapping of str to xarray.DataTree
-        The propagator nodes by label; not empty.
+        Propagator nodes by label; at least one.
     rtol : float
-        Tolerance of the integration, 0 where it is not known.
+        Relative tolerance of the integration; 0 if unknown.
 
     Returns
     -------
     str
-        A label.  Outputs that do not vary count for nothing.
+        Label of the reference. Outputs that do not vary are ignored.
 
     Raises
     ------
     StudyError
-        If there is no node.
+        If there are no nodes.
 
     Examples
     --------
     >>> choose_reference({})
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: A comparison needs the result of at least one propagator; there is none.
+    uqmbd.errors.StudyError: A comparison needs the result of at least one propagator; no result is given.
     """
     return _most_reliable(nodes, {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()})
 
 
 def _most_reliable(nodes: Mapping[str, xr.DataTree], own: Mapping[str, OwnError]) -> str:
-    """Return the label of the reference, by the errors that methods state."""
+    """Return the label of the reference, chosen by the stated errors of the methods."""
     if not nodes:
-        raise StudyError("A comparison needs the result of at least one propagator; there is none.")
+        raise StudyError("A comparison needs the result of at least one propagator; no result is given.")
     if len(nodes) == 1:
         return next(iter(nodes))
     names = {label: node.children["statistics"].to_dataset()["output"].values.tolist() for label, node in nodes.items()}
@@ -115,49 +115,53 @@ def compare(
     nodes : mapping of str to xarray.DataTree, or iterable of nodes
         Propagator nodes by label, with the same outputs and times.
     reference : str, optional
-        Label of the reference; default :func:`choose_reference`.
+        Label of the reference. Default: the method from :func:`choose_reference`.
     level : float
-        Largest probability that methods that agree are reported to differ, in any output at any time of any method.
+        Largest probability of reporting a difference between methods that agree, for all outputs, times and methods
+        together.
     tolerance : float
-        Differences below this part of the largest standard deviation of an output count for nothing.
+        Differences below this fraction of the largest standard deviation of an output are ignored.
     rtol : float
-        Of the integration: differences of ten times as much, relative to the largest mean, count for nothing.
+        Relative tolerance of the integration. Differences below ten times this value, relative to the largest mean, are
+        ignored.
 
     Returns
     -------
     xarray.Dataset
-        With the dimensions ``method`` and ``output``, in the units of the outputs: ``mean_difference_max`` and
-        ``std_difference_max``, the largest absolute difference over time, and ``mean_difference_l2`` and
-        ``std_difference_l2``, its root mean square over time (trapezoidal); ``mean_relative_l2`` and
-        ``std_relative_l2``, the latter over that of the reference itself; ``quantile_difference_max``, over times and
-        probabilities. ``reference_std_max (output)`` is a scale for them.
+        Dataset with the dimensions ``method`` and ``output``, in the units of the outputs:
 
-        ``verdict`` is the one statement on an output, what is worst first: the output differs from the reference beyond
-        both stated errors; the method is under-resolved or has too few samples; or it agrees, with its own stated
-        error. ``verdict_kind`` says it in a word: ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few
-        samples`` or ``no spread``, which counts for nothing: the output does not vary beyond the integration error.
-        ``detectable`` is the smallest difference of standard deviations that would be noticed. ``own_error`` is a bound
-        of the error that a method states for its standard deviation, averaged over time. ``stated_error_max`` is its
-        largest stated error over time, at ``stated_error_time`` (s). All three are relative to the standard deviation
-        (infinite: none is stated). The attribute ``recommendation`` says which method to use.
+        ``mean_difference_max``, ``std_difference_max``: largest absolute difference over time. ``mean_difference_l2``,
+        ``std_difference_l2``: root mean square difference over time (trapezoidal). ``mean_relative_l2``,
+        ``std_relative_l2``: the same, relative to the mean or standard deviation of the reference.
+        ``quantile_difference_max``: largest difference of quantiles, over times and probabilities. ``reference_std_max
+        (output)``: scale for these numbers.
 
-        ``wasserstein`` (in units) and ``ks`` ``(method, output, comparison_time)``: distances of the distributions,
-        from samples, or from 4096 samples of a chaos; NaN where there are none; ``ks_by_chance (method)``: which of the
-        latter equal distributions exceed at the level.
+        ``verdict``: statement on the output, the worst finding first. The output differs from the reference beyond both
+        stated errors; the method is under-resolved or has too few samples; or it agrees, with its own stated error.
+        ``verdict_kind``: ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples`` or ``no
+        spread``. An output without spread does not vary beyond the integration error, and is ignored. ``detectable``:
+        smallest difference of standard deviations that is detected. ``own_error``: bound of the stated error of the
+        standard deviation, averaged over time. ``stated_error_max``: largest stated error over time, at
+        ``stated_error_time`` (s). All three are relative to the standard deviation; infinite if no error is stated.
 
-        ``unknown_times``: how many times there are at which a method does not know the mean or standard deviation of
-        an output; one that has any is not recommended.  ``wall_time`` (s), ``realisations`` and ``failures`` by
-        method, ``solver_counters (method, counter)``. Where the results of a method, or of the reference, end before
-        the last time, differences are over the times that
-        both have; ``compared_until`` (s, by method) is the last of them, NaN if there is none, and so are then the
-        differences. The attribute ``reference`` names the reference, whose differences are 0. A single method has no
-        distances, counters, or recommendation. (Select with ``.sel({"method": label})``: ``method=`` means another
-        thing to xarray's ``sel``.)
+        ``wasserstein`` (in units) and ``ks``, ``(method, output, comparison_time)``: distances of the distributions,
+        from samples or from 4096 samples of a chaos; NaN without either. ``ks_by_chance (method)``: value of ``ks``
+        that equal distributions exceed with the probability `level`.
+
+        ``unknown_times``: number of times at which a method does not know the mean or standard deviation of an output.
+        A method that has any is not recommended. ``wall_time`` (s), ``realisations`` and ``failures`` by method;
+        ``solver_counters (method, counter)``. If the results of a method or of the reference end before the last time,
+        differences are over the common times. ``compared_until`` (s, by method) is the last common time; it is NaN, as
+        are the differences, if there is none.
+
+        The attribute ``reference`` names the reference, whose differences are 0. The attribute ``recommendation`` names
+        the method to use. A single method has no distances, counters, or recommendation. Select with ``.sel({"method":
+        label})``, because ``method=`` has another meaning in ``sel`` of xarray.
 
     Raises
     ------
     StudyError
-        If there is no node, the reference is unknown, or outputs or times differ.
+        If there are no nodes, the reference is unknown, or outputs or times differ.
 
     Examples
     --------
@@ -175,9 +179,10 @@ def compare(
     >>> found["verdict"].sel({"method": "a"}).item()
     'states no error; the reference'
     """
-    nodes = _by_label(nodes)
+    if not isinstance(nodes, Mapping):
+        nodes = {str(node.attrs.get("label", node.name)): node for node in nodes}
     if reference is not None and reference not in nodes:
-        raise StudyError(f"The reference {reference!r} is not among the methods {', '.join(map(repr, nodes))}.")
+        raise StudyError(f"The reference is {reference!r}; expected one of the methods {', '.join(map(repr, nodes))}.")
     errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     chosen = _most_reliable(nodes, errors) if reference is None else reference
     base = nodes[chosen].children["statistics"].to_dataset()
@@ -236,11 +241,11 @@ def compare(
         else (("method", "output"), np.stack(rows))
         for name, rows in columns.items()
     }
-    attributes = [node.attrs for node in nodes.values()]
+    attributes, spread = [node.attrs for node in nodes.values()], over_time(base["std"].values)
     found = xr.Dataset(
         {
             **variables,
-            "reference_std_max": ("output", _largest(_finite(base["std"].values))),
+            "reference_std_max": ("output", _largest(spread[:, np.isfinite(spread).all(axis=0)])),
             **({"compared_until": ("method", np.array(until, dtype=float), _LAST)} if timed else {}),
             "unknown_times": ("method", np.array(unknown, dtype=np.int64)),
             "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
@@ -257,9 +262,13 @@ def compare(
     if len(nodes) < 2:
         return found
     found = found.assign(_counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
-    poor = base["output"].values[errors[chosen].stated > COARSE].tolist()
-    if poor:
-        found = found.assign_attrs(reference_under_resolved=json.dumps(poor, ensure_ascii=False))
+    large = errors[chosen].stated > COARSE
+    if poor := base["output"].values[large].tolist():
+        remedies = dict.fromkeys(errors[chosen].words[o][1] for o in np.flatnonzero(large))
+        found = found.assign_attrs(
+            reference_under_resolved=json.dumps(poor, ensure_ascii=False),
+            reference_remedy="; ".join(filter(None, remedies)),
+        )
     use, sentences = advice(found)
     return found.assign_attrs(
         recommendation="\n".join((*loose(nodes), *sentences)),
@@ -277,7 +286,7 @@ _COMMENTS = {
 
 
 def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> list[Verdict]:
-    """Return statements of the reference, or of the only method, on itself."""
+    """Return verdicts of the reference, or of the only method, from its own statements."""
     found = []
     for moves, text in zip(varies, own, strict=True):
         role = "" if alone or not moves else "; the reference"
@@ -286,7 +295,7 @@ def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> 
 
 
 def _quantile_differences(found: xr.Dataset, base: xr.Dataset) -> Array:
-    """Return the largest difference of quantiles (O,) at probabilities and times of both; NaN where there is none."""
+    """Return the largest difference of quantiles (O,) at common probabilities and times; NaN without common ones."""
     unknown = np.full(base.sizes["output"], np.nan)
     if "quantile" not in found or "quantile" not in base:
         return unknown
@@ -302,25 +311,13 @@ def _quantile_differences(found: xr.Dataset, base: xr.Dataset) -> Array:
     return np.where(known.any(axis=1), np.where(known, difference, -np.inf).max(axis=1, initial=-np.inf), np.nan)
 
 
-def _by_label(nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree]) -> dict[str, xr.DataTree]:
-    if isinstance(nodes, Mapping):
-        return dict(cast(Mapping[str, xr.DataTree], nodes))
-    return {str(node.attrs.get("label", node.name)): node for node in nodes}
-
-
 def _times(statistics: xr.Dataset) -> Array:
     timed = "time" in statistics["mean"].dims
     return np.asarray(statistics["time"].values, dtype=float) if timed else np.zeros(1)
 
 
-def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (O, ...) at the times at which all outputs have one."""
-    flat = values.reshape(len(values), -1 if values.size else 1)
-    return np.asarray(flat[:, np.isfinite(flat).all(axis=0)])
-
-
 def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Maximum of each row; NaN of an empty one."""
+    """Return the maximum of each row; NaN for empty rows."""
     return np.asarray(values.max(axis=1) if values.shape[1] else np.full(len(values), np.nan), dtype=float)
 
 
@@ -338,7 +335,7 @@ def _check_same_axes(label: str, found: xr.Dataset, reference: str, expected: xr
 
 
 def _counters(attributes: list[dict[Any, Any]]) -> dict[str, Any]:
-    """Return the solver counters of all methods, NaN where a method does not count."""
+    """Return the solver counters of all methods, NaN for missing counters."""
     rows: list[dict[str, float]] = []
     for attrs in attributes:
         try:

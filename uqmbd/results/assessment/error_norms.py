@@ -1,4 +1,4 @@
-"""Errors of a result relative to another, one number for each output."""
+"""Compute errors of a result relative to another result, with one number for each output."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ __all__ = ["relative_errors"]
 
 @typechecked
 def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDArray[np.float64]]:
-    """Return how far a result is from another, in the measure of norms over time.
+    """Return the differences between two results, as norms over time.
 
     Parameters
     ----------
     found, reference : xarray.DataTree
-        Nodes of propagators with the same outputs and times; times after the end of either are left out.
+        Nodes of propagators with the same outputs and times. Times after the end of either are excluded.
 
     Returns
     -------
     dict of str to array, each of shape (O,)
-        ``mean_error_l2``, ``std_error_l2``: norms over time of the differences, over those of the reference itself;
-        ``mean_error_max``, ``std_error_max``: largest differences, over the largest standard deviation;
-        ``stated_error``: what `found` states of the error of its standard deviation, over that; ``own_mean_error``,
-        ``own_std_error``: what `reference` states of itself, as norms over time. NaN where nothing is stated.
+        ``mean_error_l2`` and ``std_error_l2``: norms of the differences, relative to the norms of the reference.
+        ``mean_error_max`` and ``std_error_max``: largest differences, relative to the largest standard deviation.
+        ``stated_error``: error that `found` states for its standard deviation, relative to it. ``own_mean_error`` and
+        ``own_std_error``: errors that `reference` states for itself, as norms over time. NaN if no error is stated.
 
     Raises
     ------
@@ -50,7 +50,9 @@ def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDA
     """
     data = [node.children["statistics"].to_dataset() for node in (found, reference)]
     if any(not data[0][n].equals(data[1][n]) for n in ("output", *(("time",) if "time" in data[1].dims else ()))):
-        raise StudyError("Only results with the same outputs and times can be compared; these differ.")
+        raise StudyError(
+            "A comparison needs results with the same outputs and times; the outputs or times of these results differ."
+        )
     one, other = own_error(found), own_error(reference)
     known = np.asarray(np.isfinite(one.std).all(axis=0) & np.isfinite(other.std).all(axis=0))
     times = data[1]["time"].values[known] if "time" in data[1].dims else np.zeros(1)

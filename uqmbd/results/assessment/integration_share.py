@@ -1,4 +1,4 @@
-"""Size of the stated error of the time integration: over the spread of an output, or over its size."""
+"""Relate the stated integration error to the standard deviation of an output, or to its mean."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqmbd.arguments import OrInfinite, OrNaN, typechecked
 from uqmbd.results.statistics import varying
-from uqmbd.wording import format_percent, format_quantity
+from uqmbd.wording import format_part, format_quantity
 
 __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 
@@ -17,17 +17,18 @@ __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 @typechecked
 @dataclass(frozen=True)
 class IntegrationShare:
-    """The largest error of the time integration of an output.
+    """Largest integration error of an output.
 
-    `output`, `units`: whose; `error`: largest over time, in the units of the output; NaN: not known; `varies`:
-    whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be
-    distinguished from a constant; `share`: the error over the largest standard deviation of an output that varies,
-    else over its largest mean; 0 of 0 is 0; `reason`: how it was found, or why it is not known; or empty.
+    `output`, `units`: name and units of the output; `error`: largest error over time, in these units; NaN if unknown;
+    `varies`: whether the output varies by more than this error, see :func:`uqmbd.results.varying` (otherwise the output
+    cannot be distinguished from a constant); `share`: error relative to the largest standard deviation of a varying
+    output, or to the largest mean of other outputs (0 for 0/0); `reason`: source of the error, or reason why it is
+    unknown; may be empty.
 
     >>> from uqmbd.results.assessment import IntegrationShare
     >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
-    >>> one.of_what
-    'of the standard deviation'
+    >>> one.whole
+    'the standard deviation'
     >>> one.words()
     '0.0010 % of the standard deviation'
     """
@@ -40,12 +41,12 @@ class IntegrationShare:
     reason: str = ""
 
     @property
-    def of_what(self) -> str:
+    def whole(self) -> str:
         """Quantity that the share refers to."""
-        return "of the standard deviation" if self.varies else "of the mean"
+        return "the standard deviation" if self.varies else "the mean"
 
     def words(self) -> str:
-        """Return a short text.
+        """Return the share of the error as a short text.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
         '0.00021 % of the standard deviation'
@@ -54,10 +55,10 @@ class IntegrationShare:
         """
         if not np.isfinite(self.share):
             return "unknown"
-        return f"{format_percent(self.share)} {self.of_what}" if self.share else "none"
+        return format_part(self.share, self.whole) if self.share else "none"
 
     def sentence(self) -> str:
-        """State the error in the units of the output, and its share; or why it is not known.
+        """Return a sentence with the error in the units of the output and its share, or why the error is unknown.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).sentence()
         'The integration error is at most 2 × 10⁻⁸ m (0.00021 % of the standard deviation).'
@@ -70,9 +71,9 @@ class IntegrationShare:
 
 @typechecked
 def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
-    """Return the errors of the time integration of all outputs; none where the statistics do not state them.
+    """Return the integration errors of all outputs, or an empty list if the statistics do not contain errors.
 
-    `statistics`: of a method.
+    `statistics`: statistics of a method.
 
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
@@ -100,9 +101,9 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
 
 @typechecked
 def worst_integration_share(node: xr.DataTree) -> IntegrationShare | None:
-    """Return the largest of the errors of the time integration, each over its own scale; None: not stated.
+    """Return the largest integration error relative to the scale of its output, or None if no error is stated.
 
-    `node`: of a method; its outputs without a time count, too.
+    `node`: node of a method; scalar outputs are included.
 
     >>> import chaospy
     >>> import uqmbd

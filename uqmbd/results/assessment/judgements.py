@@ -1,4 +1,4 @@
-"""Statements of a method on an output, and its agreement with the reference, from a comparison."""
+"""Read the statements of methods on their outputs, and their agreement with the reference, from a comparison."""
 
 from __future__ import annotations
 
@@ -20,37 +20,37 @@ __all__ = ["Judgement", "MethodVerdict", "judgements_of", "largest_error", "meth
 
 _SIGNS = {REFERENCE: "•", AGREES: "✓", DIFFERS: "✗", UNDER_RESOLVED: "!", FEW: "?", NO_SPREAD: "–"}
 _SHORT = {REFERENCE: "the reference", NO_SPREAD: "no output varies"}
-"""Short texts of verdicts whose names are not texts."""
+"""Short texts of verdict kinds whose names are not suitable as texts."""
 
 _ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judgement of one output of one method."""
+    """Judgement of one output of one method."""
 
     method: str
     output: str
     timeless: bool = False  # whether the output has no time
-    kind: str = ""  # kind of the verdict, of :func:`uqmbd.results.compare`; empty where the output is not compared
-    text: str = ""  # the one statement on the output
-    varies: bool = True  # whether there is a spread to be wrong about
+    kind: str = ""  # kind of the verdict, from :func:`uqmbd.results.compare`; empty if the output is not compared
+    text: str = ""  # statement on the output
+    varies: bool = True  # whether the output varies
     error: float = math.inf  # largest stated error, over the standard deviation; infinite: none is stated
-    time: float = math.nan  # when it is largest, s; NaN of an output without a time
-    # distance of mean and standard deviation to those of the reference, over its largest standard deviation
+    time: float = math.nan  # time of the largest error, s; NaN for a scalar output
+    # distance of mean and standard deviation from the reference, over the largest standard deviation of the reference
     difference: float = 0.0
 
     @property
     def stated(self) -> str:
-        """The stated error in words."""
+        """Stated error in words."""
         return _error_words(self.error, self.time) if math.isfinite(self.error) else "states no error"
 
 
 def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str, list[Judgement]]:
     """Return the statements of a comparison on each method, output by output; methods without a verdict are omitted.
 
-    ``timeless`` reads the outputs without a time of the comparison of a study.  Errors are infinite where the
-    comparison does not hold them.
+    If ``timeless``, the function reads the scalar outputs of the comparison of a study. Errors that are not in the
+    comparison are infinite.
     """
     prefix, dim, end = ("scalar_", "scalar", "") if timeless else ("", "output", "_l2")
     if f"{prefix}verdict_kind" not in comparison or "method" not in comparison.coords:
@@ -91,7 +91,7 @@ def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str
 
 @dataclass(frozen=True)
 class MethodVerdict:
-    """The verdict on a compared method: the kind of its worst verdict, a sign, and words."""
+    """Verdict on a compared method: the kind of its worst verdict, a sign, and words."""
 
     method: str
     kind: str
@@ -100,7 +100,7 @@ class MethodVerdict:
 
 
 def method_verdicts(judgements: Sequence[Judgement]) -> tuple[MethodVerdict, ...]:
-    """Return one verdict for each method that is compared, from those on its outputs.
+    """Return one verdict for each compared method, from the verdicts on its outputs.
 
     >>> from uqmbd.results.assessment.judgements import Judgement, method_verdicts
     >>> (one,) = method_verdicts([Judgement("a", "x", kind="agrees", error=0.2, time=0.5)])
@@ -126,11 +126,11 @@ def _method_verdict(label: str, found: Sequence[Judgement]) -> MethodVerdict:
 
 
 def worst(found: Sequence[Judgement]) -> tuple[Judgement, str]:
-    """Return the worst judgement on a method, and which outputs share its kind, in words: empty if all that vary do.
+    """Return the worst judgement on a method, and the outputs of the same kind in words: empty if all varying outputs.
 
-    Of methods that agree it is the one of the largest stated error, else the one of the largest difference.
+    For a method that agrees, the worst judgement has the largest stated error; otherwise the largest difference.
 
-    Raise StudyError if a verdict is of an unknown kind, as in a file that was changed.
+    Raise StudyError if a verdict has an unknown kind, as in a changed file.
 
     >>> from uqmbd.results.assessment.judgements import Judgement, worst
     >>> one, which = worst([Judgement("a", "x", kind="agrees"), Judgement("a", "y", kind="differs")])
@@ -162,8 +162,10 @@ def _error_words(share: float, time: float, output: str = "") -> str:
     >>> _error_words(0.02, 0.5), _error_words(0.02, math.nan, "x")
     ('stated error at most 2.0 % of the standard deviation (at 0.5 s)',
      'stated error at most 2.0 % of the standard deviation (of x)')
+    >>> _error_words(30.91, 5.55)
+    'stated error larger than the standard deviation, up to 31 times as large (at 5.55 s)'
     """
     where = [f"of {output}"] if output else []
     where += [f"at {time:g} s"] if math.isfinite(time) else []
     whose = f" ({', '.join(where)})" if where else ""
-    return f"stated error {format_at_most(share)} of the standard deviation{whose}"
+    return f"stated error {format_at_most(share, 'the standard deviation')}{whose}"

@@ -1,6 +1,6 @@
-"""Stated errors of a method, in numbers and in one sentence for each output.
+"""Collect the stated errors of a method, as numbers and as one sentence for each output.
 
-Samples have standard errors, surrogates a stated error.
+Samples have standard errors; surrogates have a stated error.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ NO_SPREAD = "no spread"
 """Kind of a verdict on an output that does not vary."""
 
 STILL = "does not vary beyond the integration error"
-"""The sentence about it."""
+"""Statement on an output that does not vary."""
 
-_REMEDIES = {"chaos": "raise the order", "elements": "allow more elements, or raise the order"}
+_REMEDIES = {"chaos": "raise the order", "elements": "increase max_elements, or raise the order"}
 
 MOST_SAMPLES = 500
-"""Samples from which the dependence of neighbouring times is found."""
+"""Maximum number of samples from which the correlation of neighbouring times is estimated."""
 
 CONFIDENCE = 0.01
 """Probability that the error of a surrogate exceeds its bound, if its errors are normal."""
@@ -56,36 +56,35 @@ class OwnError:
     mean: Array
     std: Array
     kurtosis: Array
-    # noise_mean, noise_std: (O, T), standard errors, 0 where the method states none.  Where those that are stated are
-    # known to be widened, so that 1.96 of them hold 95 %, they are those before: tests widen them by the level that
-    # they are made at
+    # noise_mean, noise_std: (O, T), standard errors, 0 if the method states none. If the stated errors are known to be
+    # widened to 95 % intervals of 1.96 standard errors, these are the values before; tests widen them for their level
     noise_mean: Array
     noise_std: Array
-    # (O, T): bound of what a surrogate misses of either: its stated error times its standard deviation, and a margin
-    # for the few realisations from which it is known.  0 where none is stated
+    # (O, T): error bound of the surrogate for mean and standard deviation: its stated error times its standard
+    # deviation, with a margin for few verification realisations; 0 if no error is stated
     bias: Array
-    # (O,): stated error, a root mean square over time relative to that of the standard deviation; NaN where none is
+    # (O,): root mean square of the stated error over time, relative to the standard deviation; NaN if not stated
     stated: Array
-    samples: int  # successful samples; 0 where the method has no standard errors
-    freedom: float  # degrees of freedom of the standard errors
-    # (S, O, T): some independent samples, which tell how neighbouring times depend on one another
+    samples: int  # number of successful samples; 0 if the method has no standard errors
+    freedom: float  # degrees of freedom of standard errors from samples; infinite for stated errors
+    # (S, O, T): independent samples, from which the correlation of neighbouring times is estimated
     response: Array | None
-    order: int | None  # of a chaos
+    order: int | None  # order of a chaos
     # (O,): part of the standard deviation in the terms of the highest order of a chaos; NaN without one
     top_order: Array
-    # (O, T): error that the method states at each time, relative to the standard deviation: 1.96 standard errors, and
-    # the stated error of a surrogate.  NaN where it states none
+    # (O, T): stated error at each time, relative to the standard deviation: 1.96 standard errors, or the stated error
+    # of a surrogate; NaN if not stated
     told: Array
     integration: Array  # (O, T): error of the integration, or of rounding
-    # (O,): whether an output varies, by more than the error of the integration.  Where it does not, there is no spread
-    # to be wrong about: `stated`, `top_order` and `told` are 0 where they are known
+    # (O,): whether an output varies by more than the integration error; if not, known values of `stated`, `top_order`
+    # and `told` are 0
     varies: NDArray[np.bool_]
-    surrogate: bool  # whether it has one
-    drawn: bool  # whether its standard errors are those of samples, whose number counts
-    words: tuple[tuple[str, str], ...]  # (O,): whose the stated error is, and what makes it smaller, or nothing
+    surrogate: bool  # whether the method has a surrogate
+    drawn: bool  # whether its standard errors come from samples
+    words: tuple[tuple[str, str], ...]  # (O,): source of the stated error, and how to reduce it; may be empty
 
     def isel(self, used: NDArray[np.bool_]) -> OwnError:
-        """Return the same at some of the times (T,)."""
+        """Return the errors at selected times (T,)."""
         if used.all():
             return self
         names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "told", "integration")
@@ -93,33 +92,32 @@ class OwnError:
         return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
 
     def informed(self, other: OwnError) -> OwnError:
-        """Return the same with the standard errors of the standard deviation that follow from the other's kurtosis.
+        """Return the errors with standard errors of the standard deviation from the kurtosis of the other method.
 
-        Something rare may occur in a few realisations only. Samples that contain none of these do not know how wrong
-        they are; a surrogate does, or other samples do.
+        Samples without any realisation of a rare event underestimate their error. A surrogate, or other samples, may
+        contain the event. Stated errors of a method without samples remain unchanged.
         """
-        if not self.samples:
+        if not self.drawn:
             return self
         known = np.isfinite(other.kurtosis) & (self.kurtosis > 1)
         excess = np.where(known, (other.kurtosis - 1) / np.where(known, self.kurtosis - 1, 1.0), 1.0)
         return replace(self, noise_std=self.noise_std * np.sqrt(np.maximum(excess, 1.0)))
 
     def relative(self, times: Array) -> Array:
-        """Return the own error of the standard deviation (O,), relative to it; infinite where none is known.
+        """Return the relative own error of the standard deviation (O,); infinite if unknown.
 
-        The root mean square over time of 1.96 standard errors and of the bound of the bias.  0 of what does not vary.
+        The error is the root mean square over time of 1.96 standard errors and of the bound of the bias. It is 0 for
+        outputs that do not vary.
         """
         if not self.samples and np.isnan(self.stated).any():
             return np.full(len(self.std), np.inf)
-        error = root_mean_square(1.96 * self.noise_std + self.bias, times)
-        scale = root_mean_square(self.std, times)
-        counts = self.varies & (scale > 0)
-        return np.where(counts, error / np.where(counts, scale, 1.0), 0.0)
+        error, scale = _over_known(1.96 * self.noise_std + self.bias, self.std, times, np.isfinite(self.std))
+        return np.where(self.varies & (scale != 0), np.nan_to_num(error / divisor(scale), nan=np.inf), 0.0)
 
     def largest(self, times: Array | None) -> tuple[Array, Array]:
-        """Return the largest error (O,) that the method states of its standard deviation, and when (O,), in s.
+        """Return the largest stated error (O,) of the standard deviation over times (T,), and its time (O,), in s.
 
-        Relative to the standard deviation, infinite where none is stated; at times (T,) of the statistics.
+        The error is relative to the standard deviation; infinite if no error is stated.
         """
         told = np.where(np.isfinite(self.std).all(axis=0), self.told, -np.inf)
         if not told.shape[1]:
@@ -131,7 +129,7 @@ class OwnError:
 
 
 def root_mean_square(values: Array, times: Array) -> Array:
-    """Return the root mean square over time (O,) of values (O, T), by the trapezoidal rule; NaN of none.
+    """Return the root mean square over time (O,) of values (O, T), by the trapezoidal rule; NaN without times.
 
     >>> root_mean_square(np.array([[3.0, 3.0, 3.0], [0.0, 0.0, 0.0]]), np.array([0.0, 0.5, 1.0])).tolist()
     [3.0, 0.0]
@@ -140,19 +138,27 @@ def root_mean_square(values: Array, times: Array) -> Array:
         return np.full(len(values), np.nan)
     if len(times) < 2:
         return np.asarray(np.abs(values).max(axis=1), dtype=float)
-    # Scaled, so that differences of 1e-200 do not vanish in their square.
+    # scale, so that squares of differences of 1e-200 do not underflow
     largest = np.abs(values).max(axis=1)
     scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
     mean_square = np.trapezoid((values / scale[:, None]) ** 2, times, axis=1) / (times[-1] - times[0])
     return np.asarray(scale * np.sqrt(mean_square), dtype=float)
 
 
+def _over_known(error: Array, std: Array, times: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return root mean squares (O,) of errors and standard deviations over known times (O, T); NaN without times."""
+    # an unknown error of another output does not affect this one
+    rows = [(error[o : o + 1, used], std[o : o + 1, used], times[used]) for o, used in enumerate(known)]
+    found = [[root_mean_square(x, at)[0] for x in (own, spread)] for own, spread, at in rows]
+    squares: Array = np.array(found, dtype=float).reshape(len(std), 2)
+    return squares[:, 0], squares[:, 1]
+
+
 def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) -> OwnError:
     """Collect the stated errors of a method.
 
-    `node`: a propagator's node; its statistics may be over time or not; `rtol`: tolerance of the integration, 0 where
-    it is not known; `dependence`: whether samples are wanted, which tell how neighbouring times depend on one
-    another.
+    `node`: node of a propagator, with statistics over time or of scalar outputs; `rtol`: tolerance of the integration,
+    0 if unknown; `dependence`: whether to read samples for the correlation of neighbouring times.
 
     >>> from uqmbd.results import propagator_node
     >>> from uqmbd.extend import labels, statistics_dataset
@@ -181,12 +187,10 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     if noisy:
         told = np.nan_to_num(told, nan=0.0) + 1.96 * errors[1] / divisor(reference_spread(np.nan_to_num(std)))
     if noisy and not drawn:
-        # standard errors of a method that draws no samples are its stated error: their number says nothing of it
+        # standard errors of a method without samples are its stated error, for any number of realisations
         times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
-        scale = root_mean_square(std, times)
-        stated = np.where(
-            scale > 0, np.hypot(np.nan_to_num(stated), root_mean_square(1.96 * errors[1], times) / divisor(scale)), 0.0
-        )
+        own, scale = _over_known(1.96 * errors[1], std, times, np.isfinite(std) & np.isfinite(errors[1]))
+        stated = np.where(scale == 0, 0.0, np.hypot(np.nan_to_num(stated), own / divisor(scale)))
     plain = noisy and not replicates and "variance_reduction" not in statistics
     return OwnError(
         mean=mean,
@@ -197,7 +201,7 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         bias=bias,
         stated=np.where(vary | np.isnan(stated), stated, 0.0),
         samples=count if noisy else 0,
-        freedom=float(max(replicates - 1 if replicates else count - 1, 1)) if noisy else np.inf,
+        freedom=float(max(replicates - 1 if replicates else count - 1, 1)) if drawn else np.inf,
         response=_response(node, mean.shape) if plain and dependence else None,
         order=order,
         top_order=np.where(vary | np.isnan(top), top, 0.0),
@@ -223,17 +227,17 @@ def _words(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, output
 
 
 def _before_widening(statistics: xr.Dataset, errors: list[Array], count: int, replicates: int) -> list[Array]:
-    """Return standard errors (O, T) of mean and standard deviation before they were widened, as far as that is known.
+    """Return standard errors (O, T) of mean and standard deviation without their widening, if this is known.
 
-    Of replicates it is for their small number; of independent samples it is known where the stated errors are those of
-    `sample_statistics`.  A method of a plugin may state others.
+    Errors of replicates are widened for their small number. For independent samples the widening is known if the stated
+    errors come from `sample_statistics`. A method of a plugin may state other errors.
     """
     if replicates:
         return [error / studentised(replicates) for error in errors]
     if count < 2 or not {"skewness", "kurtosis"} <= set(statistics.data_vars):
         return errors
     std, skewness, kurtosis = (over_time(statistics[name].values) for name in ("std", "skewness", "kurtosis"))
-    # an output that does not happen in some realisations has as many samples as it happens in
+    # an output that does not occur in some realisations has fewer samples
     share = over_time(statistics["censored"].values) if "censored" in statistics else np.zeros((1, 1))
     there = np.maximum(np.rint((1.0 - share) * count), 2.0)
     widened, usual = independent_errors(std, skewness, kurtosis, there), usual_errors(std, kurtosis, there)
@@ -244,18 +248,18 @@ def _before_widening(statistics: xr.Dataset, errors: list[Array], count: int, re
 
 
 def _design(node: xr.DataTree) -> tuple[int, int]:
-    """Return the successful samples, and the replicates of a design (0: independent)."""
+    """Return the number of successful samples, and the number of replicates of a design (0: independent samples)."""
     count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
     if "samples" in node.children:
         status = np.asarray(node.children["samples"].to_dataset()["status"].values)
         kept = int(np.count_nonzero(status == Status.OK))
-        # realisations for other purposes, as for Sobol' indices, are not samples
+        # realisations for other purposes, such as Sobol' indices, are not samples
         count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
     return count, replicates_of(node)
 
 
 def replicates_of(node: xr.DataTree) -> int:
-    """Return the independent replicates of a sampling design; 0 where samples are independent."""
+    """Return the number of independent replicates of a sampling design; 0 for independent samples."""
     if str(_option(node, "sampling", "random")) == "random" or "independent_samples" in node.attrs:
         return 0
     return max(int(_option(node, "replicates", 2)), 2)
@@ -269,15 +273,15 @@ def _option(node: xr.DataTree, name: str, default: Any) -> Any:
 
 
 def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
-    """Return the bound (O, T) of the error of a surrogate, its stated error (O,), and the same over time (O, T)."""
+    """Return the error bound (O, T) of a surrogate, its stated error (O,), and its stated error over time (O, T)."""
     from scipy.special import chdtri
 
-    # how many realisations another method's error is from nobody knows
+    # the number of realisations is unknown for stated errors of other methods
     told, verified = np.full_like(std, np.nan), np.full((len(std), 1), 8.0)
     sources = [(statistics, np.arange(len(std)))]
     for _, data, rows in surrogates:
         if "verification_weights" in data:
-            # as many of the same weight would be known as well
+            # equivalent number of realisations of equal weight
             verified[rows] = 1 / np.sum(data["verification_weights"].values ** 2)
         else:
             verified[rows] = max(int(data.sizes.get("verification", 8)), 1)
@@ -290,26 +294,23 @@ def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, st
         error = data["verification_error"]
         others = [d for d in error.dims if d not in ("output", "time")]
         told[rows] = np.abs(over_time((error.max(others) if others else error).values))
-    # where results end early there is no spread
+    # results that end early have no standard deviation
     found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
     if "stated_error" in statistics:
-        # also of an output that does not vary in the method
+        # includes outputs that do not vary in the method
         found = np.where(np.isfinite(std), over_time(statistics["stated_error"].values), np.nan)
-    # the mean square of so few errors may be too small
+    # the mean square of few errors may be too small
     margin = np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE))
     times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
-    stated = np.full(len(std), np.nan)
-    for row, known in enumerate(np.isfinite(found) & np.isfinite(std)):
-        # what is unknown of another output says nothing of this one
-        error, scale = (root_mean_square(x[row : row + 1, known], times[known])[0] for x in (found, std))
-        stated[row] = error / scale if scale != 0 else error
-    return margin * found, stated, told
+    size, scale = _over_known(found, std, times, np.isfinite(found) & np.isfinite(std))
+    return margin * found, np.where(scale == 0, size, size / divisor(scale)), told
 
 
 def _orders(surrogates: Sequence[StoredSurrogate], outputs: int) -> tuple[int | None, Array]:
     """Return the order of a surrogate, and the part of the standard deviation in its terms of the highest degree (O,).
 
-    The order is the largest degree of any input, as it is asked for. That part is known of expansions at equal times.
+    The order is the largest degree in any input, as in the option `order`. The part is known only for expansions at
+    equal times.
     """
     orders, top = [], np.full(outputs, np.nan)
     for part in surrogates:
@@ -338,9 +339,10 @@ def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
 def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     """Return a sentence on the stated error of each output of a method.
 
-    `node`: a propagator's node, or its child ``scalars``; `own`: what is known of its errors, at all its times.
-    Return ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which
-    on it is above 1 %; of a chaos that states none how its coefficients have fallen; or ``states no error``.
+    `node`: node of a propagator, or its child ``scalars``; `own`: its known errors at all its times. Return ``does not
+    vary beyond the integration error``, the stated error, or ``states no error``. The stated error of a surrogate is
+    given with the time from which it exceeds 1 %. For a chaos without stated error, return the decay of its
+    coefficients.
 
     >>> import chaospy
     >>> import uqmbd

@@ -1,4 +1,4 @@
-"""The recommended method, in words, with reasons."""
+"""Recommend a method in words, with reasons."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from uqmbd.results.assessment.judgements import Judgement, judgements_of, larges
 from uqmbd.results.assessment.limits import COARSE, EXACT, WELL
 from uqmbd.results.assessment.own_errors import NO_SPREAD
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
-from uqmbd.wording import format_percent
+from uqmbd.wording import format_at_most, format_percent
 
-__all__ = ["advice", "loose", "recommend", "recommended"]
+__all__ = ["advice", "loose", "recommend", "recommended", "resort"]
 
 SAME = 1e-9
-"""Differences of results, over the largest standard deviation, that are rounding."""
+"""Difference of results, relative to the largest standard deviation, below which it counts as rounding."""
 
 SIMILAR_COST, SIMILAR_WALL_TIME = 1.25, 2.0
-"""Ratios of costs up to which none is cheaper: of any, and of wall times for equal numbers of realisations."""
+"""Cost ratios up to which costs count as equal: in general, and of wall times for equal numbers of realisations."""
 
 AS_GOOD = 1.5
-"""Ratio of own errors up to which none is smaller."""
+"""Ratio of own errors up to which the errors count as equal."""
 
 
 @dataclass(frozen=True)
 class _RatedMethod:
-    """Ratings of a method: ``same`` has the results of the reference for as many realisations."""
+    """Ratings of a method; ``same``: equal results and equal number of realisations as the reference."""
 
     label: str
     found: list[Judgement]
@@ -49,17 +49,17 @@ class _RatedMethod:
 
     @property
     def known(self) -> str:
-        """The largest error that it states, in brackets."""
+        """Largest stated error of the method, in brackets."""
         return f" ({words})" if (words := largest_error(self.found)) else ""
 
     @property
     def gaps(self) -> str:
-        """At how many times it does not know its statistics."""
+        """Text on the number of times with unknown statistics."""
         plural = "" if self.unknown == 1 else "s"
         return f"has no mean or standard deviation at {self.unknown} time{plural}" if self.unknown else ""
 
     def equals(self, other: _RatedMethod) -> bool:
-        """Test whether two methods that agree have the same error and the same cost, but for chance."""
+        """Test whether two agreeing methods have equal errors and costs within random variation."""
         if self.same and other.same:
             return True
         ratio = SIMILAR_WALL_TIME if self.realisations == other.realisations else SIMILAR_COST
@@ -69,7 +69,7 @@ class _RatedMethod:
 
 
 def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
-    """Return a message that the time integration is too coarse for any recommendation, in a sentence, or nothing."""
+    """Return a sentence if the time integration is too coarse for any recommendation, or nothing."""
     shares = [
         (one, label)
         for label, node in nodes.items()
@@ -79,9 +79,10 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
     if not shares:
         return ()
     worst, label = max(shares, key=lambda pair: pair[0].share)
+    size = format_at_most(worst.share, "the standard deviation")
     return (
-        f"Reduce rtol first: the error of the time integration is up to {format_percent(worst.share)} of the standard "
-        f"deviation (of {worst.output}, with {label}). The errors stated below do not contain it.",
+        f"Reduce rtol first: the error of the time integration is {size} (of {worst.output}, with "
+        f"{label}). Stated errors do not contain it.",
     )
 
 
@@ -89,20 +90,20 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
 def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     """Recommend a method, in sentences that can be read in a minute.
 
-    The method with the lowest cost whose outputs are known at all times and agree with the reference. Its own error
-    must be at most 1 % of the standard deviation. If there is none, the limit is 5 %, then the least error. Only
-    outputs that vary count; then the state of the others. Of methods that differ by chance only, in cost and error,
-    none is preferred.
+    The recommended method has the lowest cost of all methods whose outputs are known at all times and agree with the
+    reference. Its own error must be at most 1 % of the standard deviation. If no method meets this limit, the limit is
+    5 %; after that, the method with the smallest error is recommended. Only outputs that vary are considered; the state
+    of the others decides afterwards. Methods whose costs and errors differ only by chance are equally recommended.
 
     Parameters
     ----------
     comparison : xarray.Dataset
-        From :func:`uqmbd.results.compare`, of two or more methods.
+        Comparison of two or more methods, from :func:`uqmbd.results.compare`.
 
     Returns
     -------
     tuple of str
-        The recommendation first, then a sentence for each other method.
+        Sentences: the recommendation first, then one for each other method.
 
     Examples
     --------
@@ -124,17 +125,18 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
 def recommended(comparison: xr.Dataset) -> tuple[str, ...]:
     """Return the labels of the methods that :func:`recommend` recommends.
 
-    Several where nothing speaks for one of them; none where it says to use none, or compares none.
+    There are several labels if methods are equivalent. There is no label if no method can be recommended, or if methods
+    are not compared.
     """
-    if "recommended" in comparison.attrs:  # also where outputs without a time have been compared
+    if "recommended" in comparison.attrs:  # includes the comparison of scalar outputs
         return tuple(str(label) for label in json.loads(comparison.attrs["recommended"]))
     return advice(comparison)[0]
 
 
 def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the labels of methods to use, and why in sentences, the recommendation first; nothing of a single method.
+    """Return the labels of recommended methods, and sentences with reasons; nothing for a single method.
 
-    There are several labels where nothing speaks for one of them.
+    There are several labels if the methods are equivalent. The first sentence is the recommendation.
     """
     if comparison.sizes["method"] < 2 or "verdict" not in comparison or not comparison.sizes["output"]:
         return (), ()
@@ -148,10 +150,10 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if not fit:
         lead = "Use none: no method has all statistics at all times and agrees with the reference."
     elif fit == [base] and (poor := json.loads(str(comparison.attrs.get("reference_under_resolved", "[]")))):
+        remedy = str(comparison.attrs.get("reference_remedy", "")).rstrip(".")
         lead = (
-            f"Use none: for {_joined(_few(poor), 'and')} the stated error of {base.label}, the most reliable surrogate"
-            f"{base.known}, is above {format_percent(COARSE)} of the standard deviation. If a higher order does not "
-            "reduce it, use Monte Carlo."
+            f"Use none: for {_joined(_few(poor), 'and')} the stated error of {base.label}, the reference{base.known}, "
+            f"is above {format_percent(COARSE)} of the standard deviation. {resort(remedy)}."
         )
     elif fit == [base]:
         lead = _alone(methods, base)
@@ -160,8 +162,8 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     elif len(fit) == len(methods) and all(m.same for m in methods):
         use = methods
         lead = (
-            f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. None "
-            f"is preferable{base.known}."
+            f"{_listed(methods, 'and')} give equal results from equal numbers of realisations. None is "
+            f"preferable{base.known}."
         )
     else:
         best = _cheapest(fit)
@@ -193,7 +195,7 @@ def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
 
 
 def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
-    """Return a message that no other method can be relied on: it differs, or it is not resolved well enough."""
+    """Return a message that all other methods are unreliable, because they differ or are under-resolved."""
     holed = any(m.unknown for m in methods)
     if any(m.kind == DIFFERS for m in methods) or holed:
         whole = " and has all statistics at all times" if holed else ""
@@ -221,8 +223,18 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
     return f"{lead}, on {_joined(few, 'and')}{known}: {rely}. {_joined(parts, 'and')}."
 
 
+def resort(remedy: str) -> str:
+    """Return advice on a large stated error: the remedy of the method, if any, then sampling.
+
+    >>> resort("raise the order"), resort("")
+    ('Raise the order; if that does not reduce the error, use Monte Carlo', 'Use Monte Carlo')
+    """
+    then = "; if that does not reduce the error, use Monte Carlo"
+    return f"{remedy[:1].upper()}{remedy[1:]}{then}" if remedy else "Use Monte Carlo"
+
+
 def _few(names: list[str]) -> list[str]:
-    """Return at most three names, and how many more there are."""
+    """Return at most three names, and the number of other names."""
     return names if len(names) <= 3 else [*names[:2], f"{len(names) - 2} more"]
 
 

@@ -1,4 +1,4 @@
-"""Agreement of two methods within their stated errors, and their differences."""
+"""Test whether two methods agree within their stated errors, and describe their differences."""
 
 from __future__ import annotations
 
@@ -25,14 +25,13 @@ UNDER_RESOLVED, FEW = "under-resolved", "too few samples"
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one output of a method."""
+    """Verdict on one output of a method."""
 
     kind: str  # ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, or ``no spread``
-    # the one statement on the output, what is worst first: the kind in words, with numbers; of a method that agrees,
-    # before, the error that it states itself
+    # statement on the output, worst finding first: the kind in words, with numbers; for a method that agrees, its
+    # stated error comes first
     text: str
-    # by how much the standard deviations could differ unnoticed, relative to that of the reference (root mean squares
-    # over time)
+    # smallest detectable difference of standard deviations, relative to the reference (root mean squares over time)
     within: float
 
 
@@ -57,12 +56,12 @@ def compare_with_reference(
 ) -> list[Verdict]:
     """Compare a method with a reference, output by output.
 
-    `found`, `base`: of the method and of the reference, at the same times, at which both are known; `times` (T,): in
-    s; `units`: of the outputs; `level`: largest probability that a method that agrees is reported to differ in any
-    output at any time.  Half goes to the means, half to the standard deviations, in equal parts to the outputs; over
-    time the largest deviation is tested, as :mod:`uqmbd.results.assessment.simultaneous` says; `floor` (O,):
-    differences that count for nothing, in the units of the outputs; `names`: labels of the method and the reference;
-    `own`: what the method states of its own error.
+    `found`, `base`: errors of the method and of the reference, at common times at which both are known; `times` (T,):
+    times, s; `units`: units of the outputs; `level`: largest probability that an agreeing method is reported to differ
+    in any output at any time. Half of the level is for the means and half for the standard deviations, in equal parts
+    for the outputs. Over time the largest deviation is tested, see :mod:`uqmbd.results.assessment.simultaneous`.
+    `floor` (O,): differences that are ignored, in the units of the outputs; `names`: labels of the method and the
+    reference; `own`: statements of the method on its own error.
     """
     own = [""] * len(units) if own is None else own
     found, base = found.informed(base), base.informed(found)
@@ -82,7 +81,7 @@ def _verdict(
     own: str,
 ) -> Verdict:
     if not len(times):
-        return Verdict(UNDER_RESOLVED, "not compared: there is no common time", np.inf)
+        return Verdict(UNDER_RESOLVED, "not compared: the results have no common time", np.inf)
     scale = float(root_mean_square(base.std[o : o + 1], times)[0]) or float(np.abs(base.std[o]).max())
     bound_mean = _bound(found, base, o, level, "mean")
     bound_std = _bound(found, base, o, level, "std")
@@ -100,7 +99,7 @@ def _verdict(
     few = rare or _few(found, base, o, times, names)
     stated = float(found.stated[o])
     of_base = float(base.stated[o])
-    # terms of the highest order that are large say that more are missing, unless the surrogate is shown to be exact
+    # large terms of the highest order indicate missing terms, unless verification shows that the surrogate is exact
     truncated = float(found.top_order[o]) > COARSE and not stated <= EXACT
     coarse = stated > COARSE or (truncated and (beyond or (unexplained and np.isnan(stated))))
     if not base.varies[o] and not (found.varies[o] and tests[True][1].significant):
@@ -143,7 +142,7 @@ def _ratio(value: float, scale: float) -> float:
 
 
 def _bound(found: OwnError, base: OwnError, o: int, level: float, name: str) -> Array:
-    """Return how many standard errors the largest deviation over time may have (T,)."""
+    """Return the critical value (T,) of the largest deviation over time, in standard errors."""
     noisy = [m for m in (found, base) if m.samples]
     count = found.mean.shape[1]
     if not noisy:
@@ -154,7 +153,7 @@ def _bound(found: OwnError, base: OwnError, o: int, level: float, name: str) -> 
     freedoms = np.array([_freedom(m, o, name) for m in noisy])
     total = squares.sum(axis=0)
     split = (squares**2 / freedoms).sum(axis=0)
-    # Welch and Satterthwaite's degrees of freedom
+    # degrees of freedom of Welch and Satterthwaite
     usable = (split > 0) & np.isfinite(split) & np.isfinite(total)
     freedom = np.where(usable, total**2 / np.where(usable, split, 1.0), freedoms.min(axis=0))
     bound: Array = student(pointwise_level(level, length, count), np.asarray(freedom, dtype=float))
@@ -172,11 +171,11 @@ def _noise(method: OwnError, o: int, name: str) -> Array:
 def _freedom(method: OwnError, o: int, name: str) -> Array:
     """Return the degrees of freedom of a standard error (T,): 2 n / (k - 1) for n terms of the kurtosis k.
 
-    Standard errors of few samples with long tails are often far too small.  Squares of normal deviations have the
-    kurtosis 15, which is the least that is assumed of a standard deviation.
+    Standard errors of few samples with long tails are often far too small. Squares of normal deviations have the
+    kurtosis 15, which is the minimum that is assumed for a standard deviation.
     """
     least = 3.0 if name == "mean" else 15.0
-    if method.freedom < method.samples - 1:  # replicates, whose estimates are averages of many samples
+    if method.freedom < method.samples - 1:  # estimates of replicates are averages of many samples
         return np.full(method.mean.shape[1], method.freedom)
     if method.response is None:
         return np.full(method.mean.shape[1], method.freedom if name == "mean" else max(method.freedom / 7.0, 1.0))
@@ -188,7 +187,7 @@ def _freedom(method: OwnError, o: int, name: str) -> Array:
 
 
 def _offsets(response: Array, name: str) -> Array:
-    """Return the contribution of each sample to the mean or the variance (S, T), less its average."""
+    """Return the contribution of each sample to the mean or the variance (S, T), minus its average."""
     spread = np.ptp(response, axis=0)
     off = (response - response.mean(axis=0)) / divisor(spread)
     return np.asarray(off if name == "mean" else off**2 - (off**2).mean(axis=0))
@@ -207,8 +206,8 @@ def _rare(
 ) -> tuple[NDArray[np.bool_], str]:
     """Return the times (T,) at which samples do not vary although another method does, and the label of these samples.
 
-    Something that happens with probability p causes a kurtosis of at least about 1 / p. Samples of size n contain none
-    of it with probability (1 - p)^n.
+    An event of probability p causes a kurtosis of at least about 1 / p. The probability that n samples do not contain
+    the event is (1 - p)^n.
     """
     times, said = np.zeros(found.std.shape[1], dtype=bool), ""
     for method, other, name in ((found, base, names[0]), (base, found, names[1])):
@@ -234,7 +233,7 @@ def _mean_deviation(
 def _std_deviation(
     found: OwnError, base: OwnError, o: int, bound: Array, slack: Array, unseen: NDArray[np.bool_]
 ) -> _Deviation:
-    """Test the ratio of standard deviations: its logarithm is closer to normal than the difference."""
+    """Test the logarithm of the ratio of standard deviations, which is closer to normal than their difference."""
     one, other = found.std[o], base.std[o]
     difference = np.abs(one - other)
     nearer = np.where(one > other, np.maximum(one - slack, other), np.minimum(one + slack, other))
@@ -253,13 +252,13 @@ def _deviation(excess: Array, allowed: Array, difference: Array) -> _Deviation:
 
 
 def _widths(found: OwnError, base: OwnError, o: int, bound: Array, floor: float) -> Array:
-    """Return which differences of the standard deviation would not be noticed (T,)."""
+    """Return the largest undetected differences of the standard deviation (T,)."""
     noise = np.hypot(found.noise_std[o], base.noise_std[o])
     return np.asarray(bound * noise + found.bias[o] + base.bias[o] + floor)
 
 
 def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str, str]) -> str:
-    """Return which of two methods has too few samples; empty if none."""
+    """Return a text on the method with too few samples; empty if both have enough."""
     for method, name in ((found, names[0]), (base, names[1])):
         if not method.drawn:
             continue

@@ -1,4 +1,4 @@
-"""Aligned polynomial chaos: times of landmarks, and the motion between them in normalised time, expanded separately."""
+"""Provide aligned polynomial chaos, which expands times of markers, and the motion between them in normalised time."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ __all__ = ["AlignedChaos"]
 
 
 ROUNDING = 1e-12
-"""Part of the times by which the last landmark of a sample may miss the last of them."""
+"""Tolerance, relative to the last time, by which the last marker of a sample may be earlier."""
 
 
 @typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class AlignedChaos(Surrogate):
-    """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.
+    """Outputs as polynomials that follow the markers of a motion: its events, or equal phases of a clock.
 
-    At a fixed time, outputs may jump as functions of the inputs, or phases may drift apart. The times of landmarks, and
-    the outputs between them in normalised time, remain smooth; they are expanded separately, and put together at a
-    sample. Statistics come from samples of this surrogate. Behind the last landmark of a sample there is NaN: phases
-    are known as far as nearly all samples of the inputs get within the times.
+    At a fixed time, outputs may jump as functions of the inputs, or phases may drift apart. The times of markers, and
+    the outputs between them in normalised time, remain smooth. They are expanded separately, and combined for each
+    sample. Statistics come from samples of this surrogate. After the last marker of a sample, its outputs are NaN:
+    phases are only known as far as nearly all samples of the inputs advance within the times.
 
     Parameters
     ----------
     elements : sequence of AlignedElement
-        Their boxes fill the germ space; one where the sequence of landmarks is the same everywhere.
+        Elements whose boxes fill the germ space; a single one if all realisations have the same sequence of markers.
     multi_index : array of int, shape (P, d)
         Degrees of the terms.
     labels : Labels
-        Outputs, inputs and times.
+        Outputs, inputs and times of the axes.
     verification_germs, verification_response : array, shape (V, d) and (V, O, T), optional
-        Realisations that did not enter the coefficients.
+        Verification realisations, which did not affect the coefficients.
     verification_weights : array, shape (V,), optional
-        What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
-        each element counts by its probability.
+        Weights of the verification realisations, scaled to the sum 1. Default: equal weights within an element, and
+        each element has its probability.
 
     Raises
     ------
@@ -59,7 +59,7 @@ class AlignedChaos(Surrogate):
 
     Examples
     --------
-    What rises until an event at 1 s, or a little later where the speed is high, and then stands still at 2:
+    An output rises until an event at 1 s, or slightly later for high speeds, and then remains at 2:
 
     >>> import chaospy
     >>> import numpy as np
@@ -99,7 +99,7 @@ class AlignedChaos(Surrogate):
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({names})>"
 
     def edges(self, inputs: ArrayLike) -> Array:
-        """Return times of landmarks at inputs (K, d), with begin and end, (K, S + 1), s; NaN behind the last one.
+        """Return times of markers at inputs (K, d), with begin and end, (K, S + 1), s; NaN after the last marker.
 
         Examples
         --------
@@ -125,7 +125,7 @@ class AlignedChaos(Surrogate):
         return self.edges_at_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
 
     def edges_at_germs(self, germs: Array) -> Array:
-        """Return times of the landmarks at germ points (K, d); see :meth:`edges`.
+        """Return times of the markers at germ points (K, d); see :meth:`edges`.
 
         Examples
         --------
@@ -155,24 +155,24 @@ class AlignedChaos(Surrogate):
         return found
 
     def aligned(self, inputs: ArrayLike, where: ArrayLike) -> Array:
-        """Evaluate at inputs (K, d) and normalised times (N,) of all segments: (K, S, O, N); NaN behind the last.
+        """Evaluate all segments at inputs (K, d) and normalised times (N,): (K, S, O, N); NaN after the last segment.
 
         Parameters
         ----------
         inputs : array_like, shape (K, d)
-            In their units.
+            Values of the inputs, in their units.
         where : array_like, shape (N,)
-            From 0, the begin of a segment, to 1, its end.
+            Normalised times, from 0 (begin of a segment) to 1 (its end).
 
         Returns
         -------
         array, shape (K, S, O, N)
-            In the units of the outputs.
+            Outputs, in their units.
 
         Raises
         ------
         uqmbd.StudyError
-            If the times have more than one axis.
+            If `where` has more than one axis.
 
         Examples
         --------
@@ -199,7 +199,9 @@ class AlignedChaos(Surrogate):
         most = max(e.segments.shape[1] for e in self.elements)
         at = np.asarray(where, dtype=float)
         if at.ndim != 1:
-            raise StudyError(f"{type(self).__name__}.aligned: where is {shown(at)}; expected times (N,) from 0 to 1.")
+            raise StudyError(
+                f"{type(self).__name__}.aligned: where is {shown(at)}; expected normalised times (N,) from 0 to 1."
+            )
         found = np.full((len(germs), most, len(self.labels.outputs), len(at)), np.nan)
         for _, s in self._sampled(germs):
             powers = s.element.segments.shape[-1]
@@ -210,9 +212,9 @@ class AlignedChaos(Surrogate):
 
     @cached_property
     def rough_moments(self) -> tuple[Array, Array]:
-        """Mean and standard deviation (O, T) from few samples: sizes with which errors are compared.
+        """Return mean and standard deviation (O, T) from few samples, as scales of errors.
 
-        They are NaN where samples of the statistics have no results.
+        Both are NaN at times without results for some samples of the statistics.
         """
         found = self.evaluate_germs(spread_germs(self.space, TOPS, 0))
         late = float(self.late().max())
@@ -220,10 +222,10 @@ class AlignedChaos(Surrogate):
         return np.where(known, found.mean(axis=0), np.nan), np.where(known, found.std(axis=0), np.nan)
 
     def late(self) -> Array:
-        """Return by how much (S,), in s, the last landmarks of samples lie before the last time; 0 where they do not.
+        """Return the intervals (S,), in s, from the last markers of samples to the last time; 0 if there is no gap.
 
-        The samples are those of all statistics, and the verification points: mean, quantiles, Sobol' indices and the
-        stated error are NaN at times that one of them does not reach.
+        The samples are the samples of all statistics, and the verification points. Mean, quantiles, Sobol' indices and
+        the stated error are NaN at times that one of these samples does not reach.
 
         Examples
         --------
@@ -254,7 +256,7 @@ class AlignedChaos(Surrogate):
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
 
     def reached(self) -> AlignedChaos:
-        """Return the surrogate at the times that all samples reach, see :meth:`late`; itself where these are all.
+        """Return the surrogate at the times that all samples reach (see :meth:`late`), or itself if they reach all.
 
         Examples
         --------
@@ -278,27 +280,27 @@ class AlignedChaos(Surrogate):
         late = float(self.late().max())
         if late <= ROUNDING * float(np.ptp(self._times)):
             return self
-        # all begin at the first time
+        # all samples begin at the first time
         count = max(int(np.count_nonzero(self._times <= self._times[-1] - late)), 1)
         return self.selected(times=range(count))
 
     @cached_property
     def _unseen(self) -> Array:
-        """Root mean squares (O, T) of errors in thin layers: at events, and by faces of elements."""
+        """Root mean squares (O, T) of errors in thin layers at events and at faces of elements."""
         layers = sum(
             element.box.probability * element._layer_mean_squares(element.box.local, self.multi_index, self._times)
             for element in self.elements
         )
-        return np.asarray(np.sqrt(super()._unseen ** 2 + layers))
+        return np.asarray(np.sqrt(self._missed_at_faces() ** 2 + layers))
 
     @property
     def _times(self) -> Array:
         return np.asarray(self.labels.times)
 
     def _edges(self, germs: Array) -> list[tuple[Index, Array]]:
-        """Return numbers of samples, and times of their landmarks (K, S + 1), s, by element."""
+        """Return indices of samples, and times of their markers (K, S + 1), s, for each element."""
         return [(one.rows, one.element.table.edges_at(one.basis)) for _, one in self._sampled(germs)]
 
     def _why_unknown(self) -> dict[str, str]:
-        why = "some samples of the surrogate do not reach this time within the landmarks that were followed"
+        why = "some samples of the surrogate do not reach this time within the integrated events or phases"
         return {output.name: why for output in self.labels.outputs}

@@ -1,4 +1,4 @@
-"""Boxes that fill the germ space, verification realisations in them, and the datasets of both."""
+"""Check boxes that fill the germ space, and store boxes and verification realisations in datasets."""
 
 from __future__ import annotations
 
@@ -39,43 +39,50 @@ VERIFICATION = ("verification_germs", "verification_response", "verification_wei
 """Names of the variables of verification realisations of a surrogate."""
 
 BOUNDS = ("lower", "upper")
-"""Names of the ends of boxes."""
+"""Names of the variables of the bounds of boxes."""
 
 FACE_SAMPLES = 128
-"""Points of each plane between elements at which neighbouring elements are compared."""
+"""Number of points on each plane between elements, at which neighbouring elements are compared."""
 
 SLIVER = 0.25
-"""Mean square in the gap between a face and the next nodes, over that of the difference at the face: a jump at any
-place of the gap, or a kink, has this one to a factor of four in most cases."""
+"""Ratio of the mean square error between a face and the next nodes to the mean square difference at the face; for a
+jump or kink anywhere in this gap, the ratio is correct to a factor of four in most cases."""
 
 ROUNDING = 1e-12
-"""Difference of the sum of stored weights from 1 that counts as rounding."""
+"""Maximum deviation of the sum of stored weights from 1 due to rounding."""
 
 
 def check_filled(boxes: Sequence[GermBox]) -> None:
     """Raise a StudyError if the boxes do not fill the germ space."""
     total = sum(box.probability for box in boxes)
     if abs(total - 1) > 1e-9:
-        raise StudyError(f"The boxes must fill the germ space; their probabilities sum to {total:.12g}.")
+        raise StudyError(
+            f"The sum of the probabilities of the boxes is {total:.12g}; expected 1, for boxes that "
+            "fill the germ space."
+        )
 
 
 def rows_of_boxes(boxes: Sequence[GermBox], germs: Array) -> list[NDArray[np.intp]]:
-    """Return the numbers of the germ points (K, d) in each box; raise a StudyError if a point is in none."""
+    """Return the indices of the germ points (K, d) in each box; raise a StudyError if a point is outside all boxes."""
     from uqmbd.randomness import located
 
     where = located(boxes, germs)
     if np.any(where < 0):
-        raise StudyError(f"The germ point {germs[int(where.argmin())].tolist()} lies in none of the elements.")
+        raise StudyError(
+            f"The germ point {germs[int(where.argmin())].tolist()} is outside all elements; expected "
+            "points in the germ space."
+        )
     return [np.flatnonzero(where == k) for k in range(len(boxes))]
 
 
 def face_mean_squares(boxes: Sequence[GermBox], evaluate: Callable[[Array], Array], known: Sequence[int]) -> Array:
-    """Return the mean square (...) of errors by faces of boxes, from how neighbours differ there: (K, d) to (K, ...).
+    """Return the mean square (...) of errors near faces of boxes, from differences of neighbouring elements there.
 
-    `known` are numbers of points in each box, of which none needs to be nearer to a face than the inverse.
+    `evaluate`: function of germ points, (K, d) to (K, ...); `known`: number of points in each box. The probability
+    between a face and the nearest point may be up to the inverse of this number.
 
-    A jump or kink between a face and the nodes next to it enters neither a fit nor a verification realisation. The
-    element beyond the face has the other branch, so that both differ at the face by what is missed.
+    A jump or kink between a face and the nearest nodes affects neither a fit nor a verification realisation. The
+    element beyond the face has the other branch, so the difference of both elements at the face is the missed error.
     """
     from uqmbd.randomness import located
 
@@ -93,7 +100,7 @@ def face_mean_squares(boxes: Sequence[GermBox], evaluate: Callable[[Array], Arra
             apart = sides[0] != sides[1]
             if not apart.any():
                 continue
-            # where one is not known, nothing is known of the difference
+            # differences from unknown values count as 0
             difference = np.nan_to_num(evaluate(above[apart]) - evaluate(below[apart]))
             share = sum(gaps[side[apart], k] for side in sides) / len(sides) / len(germs)
             total = total + np.tensordot(share, difference**2, axes=1)
@@ -101,7 +108,7 @@ def face_mean_squares(boxes: Sequence[GermBox], evaluate: Callable[[Array], Arra
 
 
 def terms_of_all(chaoses: Sequence[Any]) -> tuple[Index, list[list[int]]]:
-    """Return the terms (P, d) that any of the chaoses has, by their degree, and the numbers of each chaos's own."""
+    """Return the union of the terms (P, d) of all chaoses, sorted by degree, and the indices of the terms of each."""
     every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
     terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
     place = {row: k for k, row in enumerate(terms)}
@@ -112,7 +119,8 @@ def terms_of_all(chaoses: Sequence[Any]) -> tuple[Index, list[list[int]]]:
 def verification_of_all(chaoses: Sequence[Any], probabilities: Sequence[float]) -> dict[str, Array | None]:
     """Return the verification realisations of the chaoses of all elements: germ points (V, d), responses, weights.
 
-    Each element counts by its probability, however many of the realisations are in it.  None where none has any.
+    The total weight of an element is its probability, for any number of realisations. All values are None if no
+    element has verification realisations.
     """
     pairs = [(c, p) for c, p in zip(chaoses, probabilities, strict=True) if c.verification_germs is not None]
     if not pairs:
@@ -123,11 +131,11 @@ def verification_of_all(chaoses: Sequence[Any], probabilities: Sequence[float]) 
 
 
 def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[GermBox] = ()) -> Array | None:
-    """Return weights (V,) of realisations at germ points (V, d) so that they sum to 1; None: none are known."""
-    # without weights they are spread like the inputs, within each of the boxes, which count by their probability
+    """Return weights (V,), with sum 1, of realisations at germ points (V, d); None without realisations."""
+    # without given weights, realisations are distributed like the inputs within a box, and boxes have their probability
     if germs is None:
         if weights is not None:
-            raise StudyError("'verification_weights' are given without 'verification_germs'; they belong together.")
+            raise StudyError("'verification_weights' are given without 'verification_germs'; expected both or neither.")
         return None
     if weights is None:
         found = np.ones(len(germs))
@@ -137,8 +145,8 @@ def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[
         found = np.array(weights, dtype=float)
     if found.shape != (len(germs),) or not (np.isfinite(found).all() and (found >= 0).all() and found.sum() > 0):
         raise StudyError(
-            f"'verification_weights' must be one number, not negative, for each of {len(germs)} verification points; "
-            f"{found.tolist()} was given."
+            f"'verification_weights' is {found.tolist()}; expected one number of 0 or more for each of the "
+            f"{len(germs)} verification points."
         )
     if abs(found.sum() - 1) > ROUNDING:
         found /= found.sum()
@@ -149,7 +157,7 @@ def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[
 def surrogate_dataset(
     space: GermSpace, labels: Labels, variables: Mapping[str, Any], known: Mapping[str, Array]
 ) -> xr.Dataset:
-    """Add the germ space, the meaning of the axes, and known verification realisations to variables."""
+    """Build a dataset from variables, the germ space, the labels of the axes, and verification realisations."""
     dims = (("verification", "germ"), ("verification", *labels.dims), ("verification",))
     verified = {name: (dim, known[name]) for name, dim in zip(VERIFICATION, dims, strict=True) if known}
     coords = {**labels.output_coords(), **labels.input_coords()}
@@ -165,7 +173,7 @@ def degrees(multi_index: Index, comment: str = "") -> dict[str, Any]:
 def read_surrogate(
     dataset: xr.Dataset | xr.DataTree, name: str, needed: Sequence[str], dim: str = ""
 ) -> tuple[xr.Dataset, Labels, GermSpace]:
-    """Check that variables are present, all but the degrees with a dimension, and read axes and germ space."""
+    """Check variables, and their dimension `dim` except for the degrees; read labels and germ space."""
     from uqmbd.randomness import GermSpace
 
     data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset
@@ -173,11 +181,14 @@ def read_surrogate(
         if variable not in data or (dim and dim not in data[variable].dims and variable != "multi_index"):
             of = f"'{name}' of elements" if dim else f"'{name}'"
             the = f"the variable {variable!r}" + (" with its dimensions" if dim else "")
-            raise StudyError(f"A dataset {of} needs {the}; found {sorted(map(str, data.data_vars))}.")
+            raise StudyError(
+                f"A dataset {of} needs {the}; this dataset has the variables {sorted(map(str, data.data_vars))}."
+            )
     for coord in ("output", "output_units", "input", "input_units", "input_description"):
         if coord not in data.coords:
             raise StudyError(
-                f"A dataset '{name}' needs the coordinate {coord!r}; found {sorted(map(str, data.coords))}."
+                f"A dataset '{name}' needs the coordinate {coord!r}; this dataset has the coordinates "
+                f"{sorted(map(str, data.coords))}."
             )
     inputs = zip(*(data[x].values for x in ("input", "input_units", "input_description")), strict=True)
     labels = Labels(
@@ -189,14 +200,14 @@ def read_surrogate(
 
 
 def verification_of(data: xr.Dataset) -> dict[str, Any]:
-    """Return the verification realisations of a dataset by their names; none: empty."""
-    # results of earlier versions have no weights: their realisations are spread like the inputs
+    """Return the verification realisations of a dataset by variable name, or an empty mapping."""
+    # results of earlier versions have no weights, because their realisations are distributed like the inputs
     return {name: data[name].values for name in VERIFICATION if name in data}
 
 
 def box_variables(boxes: Sequence[GermBox], about: Mapping[str, str]) -> dict[str, Any]:
-    """Return ends (E, d) and probabilities (E,) of boxes as variables; `about` are attributes of the latter."""
-    note = "in the coordinates of the germs; an element holds its upper end, not its lower one"
+    """Return bounds (E, d) and probabilities (E,) of boxes as variables; `about`: attributes of the probabilities."""
+    note = "in the coordinates of the germs; an element contains its upper end, not its lower one"
     ends = {
         name: (
             ("element", "input"),

@@ -1,4 +1,4 @@
-"""A surrogate of surrogates of different kinds: at each time, each output has the one with the least error."""
+"""Combine surrogates of different kinds, with the most accurate one for each output and time."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | Cu
 def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
     """Return the chaos of a result, of one element or of several, from its dataset `chaos`.
 
-    `dataset`: as `PolynomialChaos.to_dataset` or `PiecewiseChaos.to_dataset` builds it. Return the same values to the
-    bit. Raise StudyError if it is no such dataset.
+    `dataset`: dataset from `PolynomialChaos.to_dataset` or `PiecewiseChaos.to_dataset`. The values of the surrogate are
+    bitwise identical. Raise StudyError for any other dataset.
 
     >>> import chaospy
     >>> import uqmbd
@@ -68,12 +68,12 @@ KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
 
 @typechecked
 def stored_as(chaos: Part) -> str:
-    """Return the name of the dataset that a surrogate is stored in.
+    """Return the name of the dataset in which a surrogate is stored.
 
     Parameters
     ----------
     chaos : surrogate
-        Of one kind, not composed.
+        Surrogate of one kind, not composed.
 
     Examples
     --------
@@ -102,25 +102,25 @@ class ComposedChaos(Surrogate):
     Parameters
     ----------
     parts : mapping of str to surrogate
-        By the name of what they have in common; each has some of the outputs, at the same times, of the same inputs and
-        verification realisations.
+        Surrogates by a common name. Each has some of the outputs; all have the same times, inputs and verification
+        realisations.
     outputs : sequence of str
         Names of all outputs, in their order.
     used : mapping of str to array of bool, optional
-        For each part the times at which its outputs have its values, shape (outputs of the part, T).  Default: all
-        times.  At each time, exactly one part has an output.
+        Times at which each part gives its outputs, shape (outputs of the part, T). Default: all times. At each time,
+        exactly one part gives an output.
 
     Attributes
     ----------
     multi_index : array of int, shape (P, d)
-        Degrees of the terms of the part that has most.
+        Degrees of the terms of the part with the most terms.
     verification_germs, verification_response, verification_weights : array or None
-        Those of the parts, where these have the same.
+        Verification realisations of the parts, if they agree; otherwise None.
 
     Raises
     ------
     uqmbd.StudyError
-        If an output is missing at a time, or there twice.
+        If no part, or more than one, gives an output at a time.
 
     Examples
     --------
@@ -156,8 +156,8 @@ class ComposedChaos(Surrogate):
         for name, part in () if self.used is None else self.parts.items():
             if name not in stated or np.size(stated[name]) != np.prod(part.labels.shape):
                 raise StudyError(
-                    f"ComposedChaos: used has {'no entry' if name not in stated else 'another shape'} for the part "
-                    f"{name!r}; expected truth values of the shape {part.labels.shape}."
+                    f"ComposedChaos: the argument 'used' has {'no entry' if name not in stated else 'another shape'} "
+                    f"for the part {name!r}; expected truth values of the shape {part.labels.shape}."
                 )
         object.__setattr__(self, "parts", dict(self.parts))
         object.__setattr__(self, "outputs", tuple(self.outputs))
@@ -170,8 +170,8 @@ class ComposedChaos(Surrogate):
         if set(infos) != set(self.outputs) or (count != 1).any() or len(set(self.outputs)) != len(self.outputs):
             names = (o.name for part in self.parts.values() for o in part.labels.outputs)
             raise StudyError(
-                f"Parts of a chaos must have each output once at each time; they have {', '.join(names)}, and the "
-                f"outputs are {', '.join(self.outputs)}."
+                f"The parts of a ComposedChaos contain {', '.join(names)}; expected each of the outputs "
+                f"{', '.join(self.outputs)} exactly once at each time."
             )
         first = next(iter(self.parts.values()))
         object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos[name] for name in self.outputs)))
@@ -198,11 +198,11 @@ class ComposedChaos(Surrogate):
 
     @property
     def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis are, of the part that has fewest."""
+        """Number of surrogate samples for skewness and kurtosis, from the part with the fewest samples."""
         return min((part.shape_samples for part in self.parts.values() if part.shape_samples), default=0)
 
     def discontinuities(self) -> tuple[Discontinuity | None, ...]:
-        """Suspect each output of a discontinuity in the germ space, or not (None), where it is a plain polynomial.
+        """Return the suspected discontinuity of each output in the germ space, or None; only for plain polynomials.
 
         Examples
         --------
@@ -225,7 +225,7 @@ class ComposedChaos(Surrogate):
         return self._by_output(list((none | known).values()))
 
     def to_datasets(self) -> dict[str, xr.Dataset]:
-        """Build the datasets of a propagator's node, by their paths under it; see :meth:`from_datasets`.
+        """Build the datasets of a propagator's node, by path below the node; see :meth:`from_datasets`.
 
         Examples
         --------
@@ -261,7 +261,7 @@ class ComposedChaos(Surrogate):
         Raises
         ------
         uqmbd.StudyError
-            If there are none.
+            If there are no datasets.
 
         Examples
         --------
@@ -282,7 +282,7 @@ class ComposedChaos(Surrogate):
         [2.0, 1.0]
         """
         if not datasets:
-            raise StudyError("ComposedChaos.from_datasets: there are no datasets; expected one of each part.")
+            raise StudyError("ComposedChaos.from_datasets: no datasets are given; expected one dataset for each part.")
         places = {
             str(name): int(place)
             for _, data in datasets.values()
@@ -296,7 +296,7 @@ class ComposedChaos(Surrogate):
         return cls(parts, tuple(sorted(places, key=lambda name: places[name])), used)
 
     def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
-        """Return the surrogate of some outputs and times, without parts that have none of them."""
+        """Return the surrogate of some outputs and times, without unused parts."""
         rows = list(fewer.get("output", range(len(self.outputs))))
         times = fewer.get("time")
         parts, masks = {}, {}
@@ -314,11 +314,11 @@ class ComposedChaos(Surrogate):
         )
 
     def _variables(self, stated: bool) -> dict[str, Any]:
-        raise StudyError(f"A {type(self).__name__} is stored in several datasets; {_SEVERAL}.")
+        raise StudyError(f"A {type(self).__name__} consists of several datasets; {_SEVERAL}.")
 
     @classmethod
     def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
-        raise StudyError(f"A {cls.__name__} is made from several datasets; {_SEVERAL}.")
+        raise StudyError(f"A {cls.__name__} consists of several datasets; {_SEVERAL}.")
 
     @property
     def _rows(self) -> list[list[int]]:
@@ -329,13 +329,13 @@ class ComposedChaos(Surrogate):
 
     @property
     def _used(self) -> list[Mask]:
-        """Times at which an output of a part is valid: for each part (own outputs, T), or (own outputs,)."""
+        """Mask of times at which each part is used: (outputs of the part, T), or (outputs of the part,)."""
         if self.used is None:
             return [np.ones(part.labels.shape, dtype=bool) for part in self.parts.values()]
         return [np.asarray(self.used[name], dtype=bool).reshape(p.labels.shape) for name, p in self.parts.items()]
 
     def _gathered(self, read: Callable[[Part], Array], axis: int) -> Array:
-        """Join values of the parts: outputs are along an axis, times, if there are any, along the next."""
+        """Join values of the parts, with outputs along an axis and times, if any, along the next axis."""
         before, found = (slice(None),) * axis, None
         for part, rows, used in zip(self.parts.values(), self._rows, self._used, strict=True):
             values = read(part)
@@ -357,14 +357,14 @@ class ComposedChaos(Surrogate):
         drawn = [part._sampler(germs) for part in self.parts.values()]
         times = int(np.prod(self.labels.shape[1:]))
         owner = np.zeros((len(self.outputs), times), dtype=int)
-        first = np.zeros(owner.shape, dtype=int)  # column of a part that holds an output at a time
+        first = np.zeros(owner.shape, dtype=int)  # column of an output at a time in its part
         for k, (rows, used) in enumerate(zip(self._rows, self._used, strict=True)):
             for n, row in enumerate(rows):
                 own = used[n].reshape(-1)
                 owner[row, own] = k
                 first[row, own] = n * times + np.flatnonzero(own)
         owners, columns = owner.reshape(-1), first.reshape(-1)
-        # runs of columns that one part holds in this order
+        # copy runs of consecutive columns of the same part
         breaks = np.flatnonzero((np.diff(owners) != 0) | (np.diff(columns) != 1)) + 1
 
         def pieces(part: slice) -> Sequence[tuple[SampleBlocks, slice]]:
@@ -400,7 +400,7 @@ class ComposedChaos(Surrogate):
         return self._by_output([part._verdicts_of_decay(tolerance) for part in self.parts.values()])
 
     def _by_output(self, said: Sequence[tuple[_Said, ...]]) -> tuple[_Said, ...]:
-        """Return a statement on each output in their order: that of the part that has it at the most times."""
+        """Return a statement on each output, in order, from the part that provides the output at most times."""
         found: dict[int, list[tuple[bool, int, _Said]]] = {}
         for rows, used, own in zip(self._rows, self._used, said, strict=True):
             for row, times, one in zip(rows, used, own, strict=True):

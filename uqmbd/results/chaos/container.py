@@ -1,6 +1,6 @@
-"""Container of all surrogates: elements with coefficients, and a readout from coefficients to outputs.
+"""Provide the base class of surrogates: elements with coefficients, and a readout from coefficients to outputs.
 
-Length: it is one class, whose public methods have examples.
+Length: the module has a single class, whose public methods have examples.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ __all__ = ["SurrogateContainer", "frozen"]
 _Kind = TypeVar("_Kind", bound=np.generic)
 
 ROUNDING = 1e-6
-"""Distance of a germ from its support that counts as rounding of inputs far from zero."""
+"""Distance of a germ from its support that is accepted as rounding error of inputs far from zero."""
 
 
 @typechecked
 class SurrogateContainer:
-    """Elements with coefficients, and a readout: the evaluation of a surrogate, its moments, and its storage."""
+    """Base class of surrogates with evaluation, moments and storage, made of elements and a readout."""
 
     labels: Labels
     space: GermSpace
@@ -61,10 +61,10 @@ class SurrogateContainer:
     verification_response: Array | None
     verification_weights: Array | None
 
-    _kind: ClassVar[type[Any]]  # of the readout
+    _kind: ClassVar[type[Any]]  # class of the readout
 
     def __post_init__(self) -> None:
-        """Check elements that share their terms, weights and times, and set derived attributes."""
+        """Check terms, weights, boxes and times, and set derived attributes."""
         object.__setattr__(self, "elements", tuple(self.elements))
         if np.ndim(self.multi_index) != 2:
             raise StudyError(
@@ -75,22 +75,22 @@ class SurrogateContainer:
         weights = checked_weights(self.verification_weights, self.verification_germs, self._boxes)
         object.__setattr__(self, "verification_weights", weights)
         if self.labels.times is None:
-            raise StudyError(f"Outputs without times have no {self._kind.of_times}; use PolynomialChaos.")
+            raise StudyError(f"Scalar outputs have no {self._kind.of_times}; use PolynomialChaos.")
 
     @property
     def readout(self) -> Readout:
-        """Readout from coefficients to outputs; its ``name`` is that of the dataset of the surrogate."""
+        """Readout from coefficients to outputs; its ``name`` is also the name of the dataset of the surrogate."""
         found: Readout = self._reader
         return found
 
     @property
     def _reader(self) -> Any:
-        """The readout, made of attributes of the surrogate with the same names."""
+        """Readout, created from attributes of the surrogate with the same names."""
         return self._kind(**{name: getattr(self, name) for name in getattr(self._kind, "__dataclass_fields__", ())})
 
     @property
     def _boxes(self) -> tuple[GermBox, ...]:
-        """Parts of the germ space that the elements are for."""
+        """Boxes of the germ space, one for each element."""
         return tuple(element.box for element in self.elements)
 
     @property
@@ -99,7 +99,7 @@ class SurrogateContainer:
         return tuple((element.box.local, self.multi_index, element) for element in self.elements)
 
     def _sampled(self, germs: Array) -> list[tuple[Piece, SampledPiece]]:
-        """Prepare samples at germ points (K, d) in the elements that have some."""
+        """Prepare samples at germ points (K, d), for each element that contains points."""
         pieces, reader = self._pieces, self._reader
         rows_of = [np.arange(len(germs))] if len(pieces) == 1 else rows_of_boxes(self._boxes, germs)
         return [
@@ -130,16 +130,16 @@ class SurrogateContainer:
 
     @cached_property
     def _moments(self) -> Any:
-        """Moments and indices: those of samples, if coefficients do not determine them."""
+        """Moments and Sobol' indices from samples; subclasses with exact moments override the property."""
         return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without)
 
     def _without(self, terms: Mask, germs: Array) -> Array:
-        """Evaluate at germ points (K, d) without some terms (P,)."""
+        """Evaluate at germ points (K, d) without the terms in a mask (P,)."""
         this: Any = self
         return np.asarray(replace(this, elements=tuple(e._without(terms) for e in self.elements)).evaluate_germs(germs))
 
     def _statistic(self, name: str, axis: int, part: Any = slice(None)) -> Array:
-        """Return a statistic of `_moments`, of which outputs are along an axis, or a part of it."""
+        """Return a statistic of `_moments`, or a part of it; `axis` is its output axis."""
         return frozen(np.asarray(getattr(self._moments, name)[part]))
 
     @cached_property
@@ -161,23 +161,23 @@ class SurrogateContainer:
     def skewness(self) -> Array:
         """Third standardised moment, shape (O, T); 0 where an output does not vary.
 
-        Of samples of the surrogate, where exact ones need too many operations (:attr:`shape_samples`).
+        If the exact moment needs too many operations, it is estimated from surrogate samples (:attr:`shape_samples`).
         """
         return self._statistic("shape", 1, 0)
 
     @cached_property
     def kurtosis(self) -> Array:
-        """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
+        """Fourth standardised moment (not the excess), shape (O, T); 3 for a normal or a constant output."""
         return self._statistic("shape", 1, 1)
 
     @property
     def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
+        """Number of surrogate samples from which skewness and kurtosis are estimated; 0 if they are exact."""
         return int(self._moments.shape_samples)
 
     @property
     def germ_names(self) -> tuple[str, ...]:
-        """Names of the germs: those of the inputs where these are independent."""
+        """Names of the germs; independent inputs give their names to the germs."""
         return tuple(self.space.names)
 
     @cached_property
@@ -197,12 +197,12 @@ class SurrogateContainer:
 
     @cached_property
     def sobol_first(self) -> Array:
-        """First-order Sobol' indices, shape (input, O, T): the share of the variance that one input alone explains."""
+        """First-order Sobol' indices, shape (input, O, T): share of the variance due to one input alone."""
         return self._by_input("sobol_first")
 
     @cached_property
     def sobol_total(self) -> Array:
-        """Total Sobol' indices, shape (input, O, T): the share of the variance that vanishes with an input."""
+        """Total Sobol' indices, shape (input, O, T): share of the variance due to an input and its interactions."""
         return self._by_input("sobol_total")
 
     @cached_property
@@ -222,24 +222,24 @@ class SurrogateContainer:
 
     @property
     def variance_germ(self) -> Array:
-        """Variance that vanishes with a germ (d, O, T)."""
+        """Variance due to each germ and its interactions (d, O, T)."""
         return np.asarray(self.sobol_total_germ * self.variance)
 
     @classmethod
     def joined(cls, chaoses: Sequence[Self], boxes: Sequence[GermBox]) -> Self:
-        """Join surrogates, each on the conditional distribution in its box, that were not split themselves.
+        """Join surrogates of one element, each on the conditional distribution in its box, into one surrogate.
 
         Parameters
         ----------
         chaoses : sequence
-            Of the elements, with the same outputs, times and harmonics.
+            Surrogates of the elements, with the same outputs, times and harmonics.
         boxes : sequence of GermBox
-            Their parts of the germ space, which they fill.
+            Box of each surrogate; the boxes fill the germ space.
 
         Returns
         -------
         AlignedChaos or QuasiPeriodicChaos
-            On the whole germ space.
+            Surrogate on the whole germ space.
 
         Examples
         --------
@@ -264,8 +264,8 @@ class SurrogateContainer:
         """
         if not len(chaoses) or len(chaoses) != len(boxes) or any(type(x) is not type(chaoses[0]) for x in chaoses):
             raise StudyError(
-                f"{cls.__name__}.joined: {len(chaoses)} surrogates and {len(boxes)} boxes are given; expected "
-                "surrogates of one kind, at least one, and a box for each."
+                f"{cls.__name__}.joined: {len(chaoses)} surrogates and {len(boxes)} boxes are given; expected at "
+                "least one surrogate, all of one kind, and one box for each."
             )
         terms, places = terms_of_all(chaoses)
         owners = zip(chaoses, boxes, places, strict=True)
@@ -276,12 +276,12 @@ class SurrogateContainer:
         return found
 
     def selected(self, outputs: Sequence[int] | None = None, times: Sequence[int] | None = None) -> Self:
-        """Return the surrogate of some outputs and times, by their numbers; itself where these are all.
+        """Return the surrogate of selected outputs and times, by index, or this surrogate if all are selected.
 
         Raises
         ------
         StudyError
-            If there is no such output or time, or none is wanted.
+            If an output or time does not exist, or the selection is empty.
 
         Examples
         --------
@@ -299,16 +299,19 @@ class SurrogateContainer:
         wanted = {dim: list(one) for dim, one in (("output", outputs), ("time", times)) if one is not None}
         for dim, one in wanted.items():
             if not one or any(k not in range(whole.get(dim, 0)) for k in one):
-                raise StudyError(f"Numbers along {dim!r} are {one!r}; expected some from 0 to {whole.get(dim, 0) - 1}.")
+                raise StudyError(
+                    f"The selected indices along {dim!r} are {one!r}; expected at least one index, each from 0 to "
+                    f"{whole.get(dim, 0) - 1}."
+                )
         fewer = {dim: one for dim, one in wanted.items() if one != [*range(whole[dim])]}
         return self._of(fewer) if fewer else self
 
     def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
-        """Return the surrogate of some outputs and times, by their numbers, of the dimensions that have fewer."""
+        """Return the surrogate of outputs and times by index, for each dimension to select from."""
         return type(self).from_dataset(self._dataset(stated=False).isel(dict(fewer)))
 
     def reached(self) -> Self:
-        """Return the surrogate at the times that all samples reach: itself, unless it is aligned.
+        """Return the surrogate at the times that all samples reach; only aligned surrogates differ from their own.
 
         Examples
         --------
@@ -342,7 +345,7 @@ class SurrogateContainer:
         return self._dataset(stated=True)
 
     def to_datasets(self) -> dict[str, xr.Dataset]:
-        """Build the datasets of a propagator's node, by their paths under it: a single one unless it is composed.
+        """Build the datasets of a propagator's node, by path below the node; only composed surrogates have several.
 
         Examples
         --------
@@ -359,12 +362,12 @@ class SurrogateContainer:
         return {self.readout.name: self.to_dataset()}
 
     def _dataset(self, *, stated: bool) -> xr.Dataset:
-        """Build the dataset, with the stated error where it is part of it."""
+        """Build the dataset, with the stated error on request."""
         known = {name: getattr(self, name) for name in VERIFICATION} if self.verification_germs is not None else {}
         return surrogate_dataset(self.space, self.labels, self._variables(stated and bool(known)), known)
 
     def _variables(self, stated: bool) -> dict[str, Any]:
-        """Return the variables of the dataset besides germs, labels and verification; on request the stated error."""
+        """Return variables of the dataset without germs, labels and verification; add the stated error on request."""
         boxes = box_variables(self._boxes, {"units": "1"})
         return {**self._reader.variables(self.elements), **degrees(self.multi_index), **boxes}
 
@@ -375,7 +378,7 @@ class SurrogateContainer:
         Raises
         ------
         StudyError
-            If it is no such dataset.
+            If the dataset is not the dataset of such a surrogate.
 
         Examples
         --------
@@ -394,7 +397,7 @@ class SurrogateContainer:
 
     @classmethod
     def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
-        """Return the arguments that a dataset was made from."""
+        """Return the arguments of the constructor from a dataset."""
         needed = (*cls._kind.needed, "multi_index", *BOUNDS)
         data, labels, space = read_surrogate(dataset, cls._kind.name, needed)
         readout, elements = cls._kind.read(data, boxes_of(data, space))
@@ -408,7 +411,7 @@ class SurrogateContainer:
         Raises
         ------
         StudyError
-            If the shape is another one, or a germ lies outside its support.
+            If the shape differs from (K, d), or a germ is outside its support.
 
         Examples
         --------
@@ -424,33 +427,33 @@ class SurrogateContainer:
         """
         points = np.asarray(germs, dtype=float)
         if points.ndim != 2 or points.shape[1] != len(self.germ_names):
-            raise StudyError(f"Points must have the shape (K, {len(self.germ_names)}); {points.shape} was given.")
+            raise StudyError(f"The points have the shape {points.shape}; expected (K, {len(self.germ_names)}).")
         low, high = np.array([germ.bounds for germ in self.space.germs]).T
         outside = ~((points >= low - ROUNDING) & (points <= high + ROUNDING))
         if outside.any():
             row, k = np.argwhere(outside)[0]
             raise StudyError(
-                f"Germ {self.germ_names[k]!r} is {points[row, k]:.10g} in row {row}; expected a number from {low[k]:g} "
-                f"to {high[k]:g}, its support."
+                f"Germ {self.germ_names[k]!r} is {points[row, k]:.10g} in row {row}; expected a number in its "
+                f"support, from {low[k]:g} to {high[k]:g}."
             )
         return self._evaluate(points)
 
     @cached_property
     def _constant(self) -> Mask:
-        """Outputs and times (O, T) without variation."""
+        """Mask of constant outputs and times (O, T)."""
         return constant_columns(self.mean, self.std, self._moments.summands)
 
     def _by_input(self, name: str) -> Array:
         if not self.space.independent:
             raise StudyError(
-                f"'{name}' has no meaning here: inputs depend on one another, so that shares of the variance belong to "
-                f"the germs {', '.join(self.germ_names)}. Use '{name}_germ', in that order."
+                f"'{name}' does not exist for dependent inputs, because shares of the variance belong to the germs. "
+                f"Use '{name}_germ', in the order {', '.join(self.germ_names)}."
             )
         found: Array = getattr(self, f"{name}_germ")
         return found
 
 
 def frozen(array: NDArray[_Kind]) -> NDArray[_Kind]:
-    """Return an array that cannot be changed any more."""
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array

@@ -1,4 +1,4 @@
-"""Decay of the coefficients of a chaos with their order, and verdicts in words on its accuracy."""
+"""Compute the decay of the coefficients of a chaos with their order, and describe the accuracy of the chaos."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uqmbd.results.chaos.terms import constant_columns, standard_deviation
 from uqmbd.results.schema import Labels, fixed_width, united
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array, Index, Mask
-from uqmbd.wording import format_at_most, format_percent
+from uqmbd.wording import format_at_most, format_part
 
 __all__ = [
     "decay_dataset",
@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 
-# Amplitudes below this part of the standard deviation are rounding, and no longer decay.
+# Amplitudes below this fraction of the standard deviation are rounding errors, which do not decay.
 _ROUNDING = 1e-14
 
 
@@ -35,15 +35,15 @@ def energy_of_orders(coefficients: Array, multi_index: Index) -> Array:
 
 
 def energy_of_germs(coefficients: Array, multi_index: Index) -> Array:
-    """Return the sum of squared coefficients (d, N + 1, ...) of each germ's degrees 0..N."""
+    """Return the sum of squared coefficients (d, N + 1, ...) of the degrees 0..N in each germ."""
     top = int(multi_index.max(initial=0))
     return np.stack([_sums(coefficients, degrees, top) for degrees in multi_index.T])
 
 
 def decay_rate(energy: Array) -> Array:
-    """Fit by how many decades of standard deviation the energy (N + 1, ...) falls with each order."""
-    # what remains in order n and above, which falls whether a response is odd, even or neither, is fitted by least
-    # squares in its logarithm over n = 1 .. N; NaN where fewer than two orders carry anything
+    """Fit the decay of the energy (N + 1, ...), in decades of standard deviation per order."""
+    # fit the logarithm of the standard deviation in orders n and above, for n = 1 .. N, by least squares; this tail
+    # falls for odd and even responses, too; NaN if fewer than two orders have energy
     tail = np.sqrt(np.cumsum(energy[:0:-1], axis=0)[::-1])
     orders = np.arange(1.0, len(tail) + 1).reshape(-1, *[1] * (tail.ndim - 1))
     used = (tail > _ROUNDING * tail.max(axis=0, initial=0.0)) & (tail > np.finfo(float).tiny)
@@ -66,7 +66,7 @@ def decay_dataset(
     energy_note: str,
     rate_note: str,
 ) -> xr.Dataset:
-    """Build the dataset of energies (N + 1, O, T) and (d, N + 1, O, T), with no rate where (O, T) nothing varies."""
+    """Build the dataset of energies (N + 1, O, T) and (d, N + 1, O, T), with rate NaN for constant outputs (O, T)."""
     dims, note = labels.dims, {"long_name": energy_note}
     rate = np.where(constant, np.nan, decay_rate(energy))
     return united(
@@ -87,9 +87,9 @@ def decay_dataset(
 
 
 def top_order(multi_index: Index) -> tuple[int, Mask]:
-    """Return the largest degree of any input in an index set, and which of its terms (P,) are on its edge."""
-    # on the edge are the terms of the largest total degree, and those in which an input has its own largest degree:
-    # order N for a total-degree set, the outer faces of a tensor set
+    """Return the largest degree of any input in an index set, and the mask (P,) of terms on the edge of the set."""
+    # the edge consists of terms of the largest total degree, and of terms in which an input has its largest degree:
+    # order N for a total-degree set, the outer faces for a tensor set
     tops = multi_index.max(axis=0, initial=0)
     totals = multi_index.sum(axis=1)
     edge = np.any((multi_index == tops) & (multi_index > 0), axis=1) | ((totals == totals.max()) & (totals > 0))
@@ -104,22 +104,22 @@ def verdict_of_decay(
     times: Array | None,
     tolerance: float,
 ) -> str:
-    """Return whether the coefficients (P, T), or (P,) without times, have decayed, as a text."""
+    """Return a text on the decay of the coefficients (P, T), or (P,) without times."""
     order, edge = top_order(multi_index)
     if order == 0:
-        return f"{name}: order 0 is the mean alone and says nothing about the spread; raise the order"
+        return f"{name}: order 0 contains only the mean, no spread; raise the order"
     columns = np.ascontiguousarray(coefficients.reshape(len(coefficients), -1))
     std = standard_deviation(columns)
     std[constant_columns(columns[0], std, len(columns))] = 0.0
     spread = reference_spread(std)
     share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / divisor(spread), 0.0)
     worst = int(share.argmax())
-    amount = f"{format_percent(float(share[worst]))} of the standard deviation"
+    amount = format_part(float(share[worst]), "the standard deviation")
     at = "" if times is None else f" at {times[worst]:g} s"
     if share[worst] <= tolerance:
         return (
-            f"{name}: order {order} carries {format_at_most(float(share[worst]))} of the standard deviation{at}: "
-            "an indication that it is enough, no proof without verification realisations"
+            f"{name}: order {order} carries {format_at_most(float(share[worst]), 'the standard deviation')}{at}: this "
+            "indicates that the order is sufficient, but only verification realisations can prove it"
         )
     blame = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]
     where = f"{amount} in the top order{at}, most of it in {germs[int(np.argmax(blame))]}"
@@ -136,7 +136,7 @@ def verdict_of_decay(
 
 
 def _sums(coefficients: Array, groups: Index, top: int) -> Array:
-    """Sum squared coefficients (P, ...) by group number 0..top."""
+    """Sum squared coefficients (P, ...) by group, with numbers 0..top."""
     squares = coefficients.reshape(len(coefficients), -1) ** 2
     found = np.stack([squares[groups == n].sum(axis=0) for n in range(top + 1)])
     return found.reshape(top + 1, *coefficients.shape[1:])

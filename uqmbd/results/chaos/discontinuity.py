@@ -1,4 +1,4 @@
-"""Signs of a discontinuity in the germ space: a large stated error, and coefficients that hardly fall."""
+"""Detect discontinuities in the germ space from a large stated error and slowly decaying coefficients."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ LARGE = 0.05
 """Stated error from which an output is suspected."""
 
 SLOW = 0.35
-"""Decades per order below which the decay is slow: a kink leaves n^-1.5 of the standard deviation, a jump n^-0.5."""
+"""Decay, in decades per order, below which it is slow: the tail falls as n^-1.5 at a kink, and as n^-0.5 at a jump."""
 
 CLEAR = 0.14
-"""The same from which it is certain: smooth responses of large spread were seen to fall by 0.146."""
+"""Decay, decades per order, below which a discontinuity is certain; smooth responses of large spread reached 0.146."""
 
 FEWEST = 3
-"""Order from which a decay is estimated from so many coefficients that it is certain."""
+"""Minimum order for a reliable estimate of the decay."""
 
 STEEP = 0.3
-"""Share of the error that two more orders leave; below it the response is smooth, and only the order is too low."""
+"""Remaining fraction of the error after two more orders; below it the response is smooth, but the order too low."""
 
 SPREADS = 0.1
-"""Times at which the standard deviation is below this part of its maximum are left out."""
+"""Minimum standard deviation, as a fraction of its maximum; other times are ignored."""
 
 
 @dataclass(frozen=True)
 class Discontinuity:
-    """A suspicion: an output that is no smooth function of an input.
+    """Suspected discontinuity of an output as a function of an input.
 
     Attributes
     ----------
     output, germ : str
-        Names; `germ` has most of the energy of the top order.
+        Names of the output and of the germ with most of the energy of the top order.
     since, worst : float or None
-        First time (s) at which it shows, and that of the largest error; None: outputs without times.
+        First time (s) at which the discontinuity is detected, and time of the largest error; None without times.
     error : float
         Largest stated error, over the standard deviation.
     rate : float
-        Decades that the remaining standard deviation falls with each order there.
+        Decay of the remaining standard deviation at that time, decades per order.
     order : int
-        Of the chaos.
+        Order of the chaos.
 
     Examples
     --------
@@ -71,11 +71,11 @@ class Discontinuity:
 
     @property
     def clear(self) -> bool:
-        """Whether the decay is so slow that the method warns, in addition to a verdict."""
+        """Whether the decay is so slow that the method issues a warning in addition to a verdict."""
         return self.rate < CLEAR and self.order >= FEWEST
 
     def words(self, *, events: bool = False) -> str:
-        """Return a sentence; with `events` (the mechanism has some) it proposes alignment too.
+        """Return a sentence; if the mechanism has `events`, the sentence also proposes alignment.
 
         Examples
         --------
@@ -87,8 +87,8 @@ class Discontinuity:
         how = "elements='adaptive', " + ("alignment='events', " if events else "")
         return (
             f"{self.output} looks discontinuous, or has a kink, in {self.germ}{when}: the error is "
-            f"{format_percent(self.error)} of the standard deviation{at}, and each order divides what is missing only "
-            f"by {format_factor(10 ** max(self.rate, 0.0))}. Try {how}or a higher order"
+            f"{format_percent(self.error)} of the standard deviation{at}, and each order divides the remaining error "
+            f"only by {format_factor(10 ** max(self.rate, 0.0))}. Try {how}or a higher order"
         )
 
 
@@ -96,10 +96,10 @@ def find_discontinuities(
     chaos: Surrogate, error: Array, energy: Array, energy_germ: Array, order: int
 ) -> tuple[Discontinuity | None, ...]:
     """Suspect outputs from errors (O, T) and squared coefficients by order (N + 1, O, T), and by germ (d, O, T)."""
-    # What the verification realisations miss counts as what the next orders would add: a chaos that is far from the
-    # response but whose own coefficients have fallen does not pass as resolved.  Where a smooth motion outgrows the
-    # order, its spectrum still ends steeply at the first time of a large error; next to a jump or a kink it does not.
-    # A smooth response of which the order is much too low at once looks like a discontinuity.
+    # The verification error is an estimate of the next orders, so a chaos with decayed coefficients and a large error
+    # does not count as resolved. If the order becomes too low for a smooth motion, the spectrum still decays fast at
+    # the first time of a large error; after a jump or a kink it does not. A smooth response for which the order is much
+    # too low from the start looks like a discontinuity.
     outputs = chaos.labels.outputs
     if order < 2:
         return (None,) * len(outputs)
@@ -109,12 +109,12 @@ def find_discontinuities(
     missed = (error * reference_spread(std)) ** 2
     whole = np.concatenate([energy, missed[None]])
     rate = decay_rate(whole)
-    # over two orders, since odd and even responses lack every other one
+    # sum over two orders, because odd and even responses have energy in every second order only
     before = whole[-3:].sum(axis=0)
     left = np.sqrt(np.divide(missed, before, out=np.zeros_like(missed), where=before > 0))
     most = np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)
     large = std > SPREADS * most
-    # rounding of a mean, or noise of an integration, is no spread
+    # ignore rounding of the mean and integration errors
     loud = most > 1e-6 * np.fmax.reduce(np.abs(chaos.mean.reshape(shape)), axis=-1, keepdims=True, initial=0.0)
     above = large & loud & (error > LARGE)
     seen = above & (rate < SLOW) & (left > STEEP)

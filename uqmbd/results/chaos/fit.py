@@ -1,4 +1,4 @@
-"""Coefficients of a polynomial chaos from realisations: projection by quadrature, and least squares with its error."""
+"""Compute coefficients of a polynomial chaos from realisations by quadrature or by least squares."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ __all__ = ["LeastSquares", "NodeRegression", "least_squares", "project", "regres
 
 
 _WORST_CONDITION = 1e12
-"""Above this condition number of the basis at the samples, coefficients have lost most of their digits."""
+"""Largest accepted condition number of the basis at the samples; above it, coefficients lose most of their digits."""
 _WORST_OF_NODES = 1e4
-"""Condition number of the basis at the nodes that are left of a quadrature beyond which they do not determine it."""
+"""Largest accepted condition number of the basis at the remaining nodes of a quadrature."""
 
 
 @typechecked
 def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:
     """Project realisations at the nodes of a quadrature onto an orthonormal basis (pseudo-spectral projection).
 
-    Exact where the quadrature integrates every product of the response and a basis polynomial. The result does not
-    depend on the number of threads, to the bit.
+    The projection is exact if the quadrature integrates every product of the response and a basis polynomial. The
+    result is bitwise identical for any number of threads.
 
     Parameters
     ----------
     response : array_like, shape (K, O, T) or (K, ...)
-        The response at each of the K nodes, in the units of the outputs.
+        Response at each of the K nodes, in the units of the outputs.
     psi : array_like, shape (K, P)
         The P basis polynomials at the nodes.
     weights : array_like, shape (K,)
-        Of the nodes; they may be negative (sparse grids).
+        Weights of the nodes; they may be negative (sparse grids).
 
     Returns
     -------
     array, shape (P, O, T) or (P, ...)
-        In the units of the outputs.
+        Coefficients, in the units of the outputs.
 
     Raises
     ------
     StudyError
-        If shapes do not fit, or a number is not finite: a failed node would spoil every coefficient.
+        If shapes do not match. If a number is not finite, because one failed node affects every coefficient.
 
     References
     ----------
@@ -61,7 +61,9 @@ def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:
     values, basis = _checked(response, psi)
     rule = np.asarray(weights, dtype=float)
     if rule.shape != (len(basis),):
-        raise StudyError(f"'weights' must have one number for each of the {len(basis)} nodes; found {rule.shape}.")
+        raise StudyError(
+            f"'weights' has the shape {rule.shape}; expected one number for each of the {len(basis)} nodes."
+        )
     _check_finite("weights", rule)
     with one_thread():
         found: Array = (basis * rule[:, None]).T @ values.reshape(len(basis), -1)
@@ -78,7 +80,8 @@ class LeastSquares:
         In the units of the outputs.
     leave_one_out : array, shape (...)
         Corrected leave-one-out error relative to the variance of the samples: 0 is perfect, 1 no better than the
-        mean; infinite where a sample cannot be left out (as many terms as samples), 0 where the samples agree.
+        mean. The error is infinite if a sample cannot be left out (as many terms as samples), and 0 if all samples are
+        equal.
     condition : float
         Condition number of the basis at the samples.
 
@@ -101,28 +104,28 @@ class LeastSquares:
 def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
     r"""Fit a basis to realisations by ordinary least squares.
 
-    The leave-one-out error needs no further fits: with the diagonal :math:`h` of the hat matrix, the residual of a
-    sample that is left out is :math:`r_k / (1 - h_k)` (PRESS). Its mean square over the variance of the samples is
-    multiplied by :math:`\frac{K}{K-P} \left(1 + \operatorname{tr}(\Psi^T \Psi)^{-1}\right)`. This is the correction for
-    few samples of [1]_ (after Chapelle, Vapnik and Bengio). The result does not depend on the number of threads, to the
-    bit.
+    The leave-one-out error needs no further fits. With the diagonal :math:`h` of the hat matrix, the residual of an
+    omitted sample is :math:`r_k / (1 - h_k)` (PRESS). The mean square of these residuals over the sample variance is
+    multiplied by :math:`\frac{K}{K-P} \left(1 + \operatorname{tr}(\Psi^T \Psi)^{-1}\right)`. This factor corrects for
+    few samples [1]_ (after Chapelle, Vapnik and Bengio). The result is bitwise identical for any number of threads.
 
     Parameters
     ----------
     response : array_like, shape (K, O, T) or (K, ...)
-        The response of each of the K samples, in the units of the outputs.
+        Response of each of the K samples, in the units of the outputs.
     psi : array_like, shape (K, P)
         The P basis polynomials at the samples, P <= K.
 
     Returns
     -------
     LeastSquares
+        Coefficients, their leave-one-out error, and the condition number of the basis.
 
     Raises
     ------
     StudyError
-        If the basis is larger than the number of samples, or the samples cannot distinguish its terms. Also if shapes
-        do not fit, or a number is not finite.
+        If the basis has more terms than there are samples, or the samples cannot distinguish its terms. If shapes do
+        not match, or a number is not finite.
 
     References
     ----------
@@ -140,8 +143,8 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
     count, terms = basis.shape
     if terms > count:
         raise StudyError(
-            f"Regression needs at least as many samples as terms: {terms} terms and {count} samples were given. "
-            "Draw more samples (twice as many as terms is a good number), lower the order, or use sparse regression."
+            f"Regression needs at least as many samples as terms, but there are {terms} terms and {count} samples. "
+            "Use about twice as many samples as terms, a lower order, or sparse regression."
         )
     import scipy.linalg
 
@@ -152,10 +155,10 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
         if not condition < _WORST_CONDITION:
             raise StudyError(
                 f"The {count} samples do not determine the {terms} terms: the condition number is {condition:.1e}, "
-                f"expected below {_WORST_CONDITION:.0e}. Draw more or other samples, or lower the order."
+                f"expected below {_WORST_CONDITION:.0e}. Use more or different samples, or a lower order."
             )
         flat = values.reshape(count, -1)
-        # about the mean of the samples: no digits are lost for a small spread about a large mean
+        # subtract the mean of the samples, so that a small spread about a large mean loses no digits
         centre = flat.mean(axis=0)
         deviations = flat - centre
         inner = scipy.linalg.solve_triangular(r, np.concatenate([q.T @ deviations, q.sum(axis=0)[:, None]], axis=1))
@@ -169,14 +172,14 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class NodeRegression:
-    """Coefficients from the nodes that are left of a quadrature.
+    """Coefficients from the successful nodes of a quadrature.
 
     Attributes
     ----------
     coefficients : array, shape (P, ...)
         In the units of the outputs.
     multi_index : array of int, shape (P, d)
-        The terms that the nodes determine.
+        Degrees of the terms that the nodes determine.
 
     Examples
     --------
@@ -197,32 +200,32 @@ class NodeRegression:
 def regress_on_nodes(
     response: ArrayLike, psi: ArrayLike, multi_index: ArrayLike, weights: ArrayLike | None = None
 ) -> NodeRegression | None:
-    """Fit the nodes of a quadrature that did not fail, where its projection does not hold any more.
+    """Fit a basis to the successful nodes of a quadrature by weighted least squares, if other nodes failed.
 
-    If they do not determine all terms, those of the highest total degrees are left out. In a tensor rule, all nodes of
-    one coordinate often fail. If all weights are positive, each node counts by its weight. Otherwise it counts by the
-    inverse of the sum of squares of the basis there, which is the weight of a Gauss node [1]_.
+    If the nodes do not determine all terms, the fit omits terms of the highest total degrees. In a tensor rule, all
+    nodes of one coordinate often fail. If all weights are positive, they are the weights of the fit. Otherwise the
+    weight of a node is the inverse sum of squares of the basis there, as for a Gauss node [1]_.
 
     Parameters
     ----------
     response : array_like, shape (K, O, T) or (K, ...)
-        The response at each of the K nodes that are left, in the units of the outputs.
+        Response at each of the K successful nodes, in the units of the outputs.
     psi : array_like, shape (K, P)
-        The P basis polynomials there.
+        The P basis polynomials at these nodes.
     multi_index : array_like of int, shape (P, d)
-        Their degrees.
+        Degrees of the basis polynomials.
     weights : array_like, shape (K,), optional
-        Of the nodes that are left.
+        Weights of the successful nodes.
 
     Returns
     -------
     NodeRegression or None
-        None: the nodes do not determine the basis, nor one of a lower degree (but for the mean alone).
+        Fitted coefficients and their terms. None if the nodes determine no terms except the mean.
 
     Raises
     ------
     uqmbd.StudyError
-        If shapes do not fit.
+        If shapes do not match.
 
     References
     ----------
@@ -230,7 +233,7 @@ def regress_on_nodes(
 
     Examples
     --------
-    Of the Gauss rule of three nodes for the standard normal one failed; the other two determine a line.
+    In a Gauss rule of three nodes for the standard normal, one node failed; the other two determine a line.
 
     >>> import numpy as np
     >>> x = np.array([0.0, 3.0**0.5])
@@ -249,7 +252,7 @@ def regress_on_nodes(
         )
     degrees = index.sum(axis=1)
     top = int(degrees.max())
-    # a mean alone is no chaos, unless nothing else was asked for
+    # accept a mean alone only if no higher term was requested
     for highest in range(top, min(0, top - 1), -1):
         kept = degrees <= highest
         part = basis[:, kept]
@@ -258,7 +261,7 @@ def regress_on_nodes(
             continue
         root = np.sqrt(counted / counted.sum())[:, None]
         flat = values.reshape(len(values), -1)
-        # about the weighted mean, which the first term holds: no digits are lost for a small spread about a large mean
+        # subtract the weighted mean (first term), so that a small spread about a large mean loses no digits
         centre = root[:, 0] ** 2 @ flat
         coefficients = least_squares((flat - centre) * root, part * root).coefficients.copy()
         coefficients[0] += centre
@@ -269,7 +272,7 @@ def regress_on_nodes(
 def _leave_one_out(
     values: Array, deviations: Array, residual: Array, leverage: Array, trace: float, terms: int
 ) -> Array:
-    """Corrected relative error (C,) from residuals (K, C), leverages (K,) and the trace of the inverse information."""
+    """Return the corrected relative error (C,) from residuals (K, C), leverages (K,) and tr(inverse information)."""
     count = len(values)
     total = np.sum(deviations**2, axis=0)
     rounding = 32.0 * np.finfo(float).eps * np.abs(values).max(axis=0)
@@ -286,8 +289,8 @@ def _checked(response: ArrayLike, psi: ArrayLike) -> tuple[Array, Array]:
     values, basis = np.asarray(response, dtype=float), np.asarray(psi, dtype=float)
     if basis.ndim != 2 or values.ndim == 0 or len(values) != len(basis) or 0 in basis.shape:
         raise StudyError(
-            "'response' and 'psi' must have one row for each realisation, (K, ...) and (K, P); "
-            f"{values.shape} and {basis.shape} were given."
+            f"'response' has the shape {values.shape}, and 'psi' has the shape {basis.shape}; expected (K, ...) and "
+            "(K, P), with one row for each realisation."
         )
     _check_finite("psi", basis)
     _check_finite("response", values)
@@ -298,6 +301,6 @@ def _check_finite(name: str, values: Array) -> None:
     rows = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     if not rows.all():
         raise StudyError(
-            f"'{name}' holds a number that is not finite in row {int(np.argmin(rows))}. A failed realisation must not "
-            "enter a fit: leave it out of a regression; a quadrature without one of its nodes is none."
+            f"'{name}' contains a number that is not finite in row {int(np.argmin(rows))}. Omit failed realisations "
+            "from a regression; a quadrature needs all of its nodes."
         )

@@ -1,7 +1,6 @@
-"""Interface of surrogates of outputs.
+"""Provide the interface of surrogates of outputs.
 
-Length: it is one class, the interface of all surrogates, whose methods have their types for each kind of inputs, and
-examples.
+Length: the module has a single class, whose methods have overloads for each kind of inputs, and examples.
 """
 
 from __future__ import annotations
@@ -45,20 +44,25 @@ from uqmbd.typing import Array
 __all__ = ["SAMPLES", "Surrogate"]
 
 SAMPLES = 16384
-"""Samples of the surrogate for quantiles and densities, unless another number is given."""
+"""Default number of surrogate samples for quantiles and densities."""
 
 
 @typechecked
 class Surrogate(SurrogateContainer):
-    """Outputs as functions of the inputs that are evaluated at low cost, with their statistics and stated errors.
+    """Outputs as low-cost functions of the inputs, with statistics and stated errors.
 
-    Elements hold coefficients, and `readout` says how outputs follow from these.  The five public kinds only say what
-    they are made of, and what else can be read of them: others use their names as types, and their class methods.
+    Elements contain coefficients, and `readout` computes outputs from the coefficients. The five public subclasses
+    define only their parts and additional methods. Other modules use them as types and call their class methods.
     """
 
     @property
+    def _advice(self) -> str:
+        """Advice for an uncertain stated error."""
+        return "raise verify"
+
+    @property
     def _remedy(self) -> str:
-        """Return what makes the stated error smaller."""
+        """Advice on how to reduce the stated error."""
         return "raise the order"
 
     @overload
@@ -79,22 +83,24 @@ class Surrogate(SurrogateContainer):
         Parameters
         ----------
         inputs : array_like, shape (K, d), or mapping, pandas.DataFrame, xarray.Dataset or xarray.DataArray
-            A plain array has the inputs as columns, in their order.  All else has them by name: a mapping or a dataset
-            has numbers, lists of one length, or arrays of xarray; a DataArray a dimension ``input``.
+            Values of the inputs. A plain array has one column for each input, in order. Other types have the inputs by
+            name. A mapping or a dataset contains numbers, lists of equal length, or xarray arrays. A DataArray has a
+            dimension ``input``.
         **values
-            Instead: inputs by name.  Arrays of xarray with dimensions of their own are combined with one another.
+            Alternatively, inputs by name. xarray arrays with different dimensions are broadcast: all combinations are
+            evaluated.
 
         Returns
         -------
         array, shape (K, O, T), or xarray.DataArray
-            Of a plain array an array, in the units of the outputs.  Else labelled, with the dimensions of the inputs
-            (``point`` for lists and rows without a name, none for single numbers), ``output`` and ``time``;
-            `uqmbd.results.output` takes one output out, with its unit.
+            Outputs in their units, as an array for a plain array. Other inputs give a labelled array with the
+            dimensions of the inputs, ``output`` and ``time``. Lists and unnamed rows have the dimension ``point``;
+            single numbers have none. `uqmbd.results.output` selects one output, with its unit.
 
         Raises
         ------
         StudyError
-            If an input lies outside its distribution, is missing, unknown, or has another unit.
+            If an input is outside its distribution, missing or unknown, or has another unit.
 
         Examples
         --------
@@ -130,27 +136,27 @@ class Surrogate(SurrogateContainer):
     def gradient(self, inputs: ArrayLike) -> Array: ...
 
     def gradient(self, inputs: Any = None, **values: Any) -> Any:
-        """Differentiate with respect to the inputs, each while the others are held.
+        """Return partial derivatives with respect to the inputs.
 
         Parameters
         ----------
         inputs, **values
-            As of :meth:`evaluate`.
+            Inputs as for :meth:`evaluate`.
 
         Returns
         -------
         array, shape (K, d, O, T), or xarray.DataArray
-            In the units of the outputs over those of the inputs; labelled, it has the dimension ``input`` before
-            ``output``.  Elements are differentiated each by itself: at an edge that of the element which the point is
-            in, and of a jump from one to the next nothing is seen.  Where the outputs jump at a landmark, the
-            derivative is that of the segment which the time is in; behind the last landmark it is NaN.  An input of
-            whole numbers is differentiated as if it had values between them.  NaN or infinite where one input belongs
-            to many germs, as at the ends of a tabulated distribution.
+            Derivatives in units of the output per unit of the input. A labelled array has the dimension ``input``
+            before ``output``. Each element is differentiated separately. At an edge between elements, the derivative is
+            taken in the element that contains the point; it ignores jumps between elements. If outputs jump at a
+            marker, the derivative is taken in the segment that contains the time; after the last marker it is NaN. An
+            integer input is differentiated as a continuous variable. The derivative is NaN or infinite if one input
+            value belongs to many germs, such as at the ends of a tabulated distribution.
 
         Raises
         ------
         StudyError
-            As of :meth:`evaluate`.
+            In the cases of :meth:`evaluate`.
 
         Examples
         --------
@@ -185,7 +191,7 @@ class Surrogate(SurrogateContainer):
     def _at(
         self, inputs: Any, values: Mapping[str, Any], of: Callable[[Array], Array], about: Mapping[str, str]
     ) -> Array | xr.DataArray:
-        """Evaluate a function of points (K, d) at inputs, with labels where they have some."""
+        """Evaluate a function of points (K, d) at inputs; label the values if the inputs have names."""
         points = points_of(inputs, values, self.labels.inputs)
         if points is None:
             name = next((x.name for x in self.labels.inputs), "input")
@@ -195,21 +201,21 @@ class Surrogate(SurrogateContainer):
         return labelled_array(of(points.values), points, self.labels, about)
 
     def sample(self, count: Annotated[int, Bounds(0, 10**9)], seed: Seed) -> tuple[Array, Array]:
-        """Draw independent inputs (K, d) of their distribution, and evaluate the outputs there: (K, O, T).
+        """Draw K independent samples of the inputs from their distribution, and evaluate the outputs at the samples.
 
         Parameters
         ----------
         count : int
-            How many, K.
+            Number of samples, K.
         seed : int
-            Of the random numbers.
+            Seed of the random numbers.
 
         Returns
         -------
         inputs : array, shape (K, d)
-            In their units.
+            Inputs in their units.
         outputs : array, shape (K, O, T)
-            In their units.
+            Outputs in their units.
 
         Examples
         --------
@@ -230,24 +236,25 @@ class Surrogate(SurrogateContainer):
     def quantiles(
         self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: Count = SAMPLES, seed: Seed = 0
     ) -> Array:
-        """Return quantiles (N, O, T) of samples of the surrogate.
+        """Estimate quantiles (N, O, T) from samples of the surrogate.
 
-        The samples are N points of a scrambled Sobol' sequence of the germs, the next power of two; outputs and times
-        go block by block, so that memory does not grow with them.  The probability of what is found differs from that
-        asked for by less than 2 / N where there is one germ. With several germs it has a random error. Its standard
-        deviation is at most about that of independent samples, sqrt(p (1 - p) / N), and mostly far less.
+        The samples are K points of a scrambled Sobol' sequence of the germs; K is `samples`, rounded up to a power of
+        two. Outputs and times are processed in blocks, so that memory does not grow with their number. For one germ,
+        the probability of a returned quantile differs from the requested one by less than 2 / K. For several germs,
+        this probability has a random error. Its standard deviation is at most about the value for independent samples,
+        sqrt(p (1 - p) / K), and mostly far less.
 
         Parameters
         ----------
         probabilities : sequence of float, length N
-            From 0 to 1.
+            Probabilities from 0 to 1.
         samples, seed : int
-            Samples of the surrogate, and the number that they begin from.
+            Number of surrogate samples, and their seed.
 
         Returns
         -------
         array, shape (N, O, T)
-            In the units of the outputs.
+            Quantiles in the units of the outputs.
 
         Examples
         --------
@@ -262,17 +269,17 @@ class Surrogate(SurrogateContainer):
         [1.0, 2.0]
         """
         germs = spread_germs(self.space, samples, seed)
-        columns, single = int(np.prod(self.labels.shape)), germs.shape[1] == 1
-        if single:
-            germs = np.sort(germs, axis=0)
-        drawn = self._sampler(germs).rows
-        found = quantiles_of_rows(drawn, len(germs), columns, probabilities, along=single)
+        if germs.shape[1] == 1:
+            germs = np.sort(germs, axis=0)  # samples are then nearly sorted, and counting is faster
+        drawn, columns = self._sampler(germs).rows, int(np.prod(self.labels.shape))
+        found = quantiles_of_rows(drawn, len(germs), columns, probabilities)
         return found.reshape(len(found), *self.labels.shape)
 
     def circular(self, *, samples: Count = SAMPLES, seed: Seed = 0) -> dict[str, Array]:
-        """Return `circular_mean` and `circular_std`, (O, T), of the outputs that are angles, from surrogate samples.
+        """Estimate `circular_mean` and `circular_std`, (O, T), of angular outputs from surrogate samples.
 
-        NaN for other outputs; nothing where no output is an angle. The samples are those of :meth:`quantiles`.
+        Other outputs have NaN. If no output is an angle, the result is empty. The samples are the same as for
+        :meth:`quantiles`.
 
         Parameters
         ----------
@@ -317,8 +324,9 @@ class Surrogate(SurrogateContainer):
         Parameters
         ----------
         values : array_like, shape (N,)
-            Where, in the units of the output.
+            Values of the output, in its units.
         output : str
+            Name of the output.
         time : float, optional
             One of the times, in s.
         samples, seed : int
@@ -327,12 +335,12 @@ class Surrogate(SurrogateContainer):
         Returns
         -------
         array, shape (N,)
-            In one over the units of the output.
+            Density, in 1 / units of the output.
 
         Raises
         ------
         StudyError
-            If output or time are unknown, or the output does not vary there.
+            If output or time are unknown, or the output does not vary at this time.
 
         Examples
         --------
@@ -348,7 +356,9 @@ class Surrogate(SurrogateContainer):
         """
         where = (output_index(self.labels, output), *time_index(self.labels, time, needed=True))
         if self.std[where] <= 32 * np.finfo(float).eps * abs(self.mean[where]):
-            raise StudyError(f"Output {output!r} does not vary there: it is {self.mean[where]:g} and has no density.")
+            raise StudyError(
+                f"Output {output!r} is constant at this time ({self.mean[where]:g}), so it has no density."
+            )
         column = int(np.ravel_multi_index(where, self.labels.shape))
         drawn = self._sampler(spread_germs(self.space, samples, seed))
         return kernel_density(drawn.columns(slice(column, column + 1))[:, 0], values)
@@ -368,11 +378,12 @@ class Surrogate(SurrogateContainer):
         Returns
         -------
         xarray.Dataset
-            As of :func:`uqmbd.extend.statistics_dataset`, with Sobol' indices of inputs where these are independent;
-            else `sobol_first_germ` and `sobol_total_germ` (germ, output, time). With `verification_error` if it is
-            known, and `circular_mean` and `circular_std` where an output is an angle. Skewness and kurtosis may be
-            those of samples, and a surrogate of very many terms may allow fewer samples than requested. Then the
-            attribute ``samples`` of the variable states their number, and its ``comment`` the reason.
+            Dataset as from :func:`uqmbd.extend.statistics_dataset`, with Sobol' indices of independent inputs. For
+            dependent inputs it has `sobol_first_germ` and `sobol_total_germ` (germ, output, time). It contains
+            `verification_error` if this error is known, and `circular_mean` and `circular_std` if an output is an
+            angle. Skewness and kurtosis may be estimated from samples, and a surrogate of very many terms may allow
+            fewer samples than requested. The attribute ``samples`` of the variable then states the number of samples,
+            and its ``comment`` the reason.
 
         Examples
         --------
@@ -409,7 +420,7 @@ class Surrogate(SurrogateContainer):
         return reasons_where_missing(found, reasons) if reasons else found
 
     def _why_unknown(self) -> dict[str, str]:
-        """Return why statistics may be NaN at some times, by output; of most surrogates they are not."""
+        """Return reasons why statistics may be NaN at some times, by output; empty for most surrogates."""
         return {}
 
     def to_xarray(
@@ -419,22 +430,22 @@ class Surrogate(SurrogateContainer):
         seed: Seed = 0,
         probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
     ) -> xr.Dataset:
-        """Return what is known of the outputs as labelled data.
+        """Return the known statistics of the outputs as labelled data.
 
         Parameters
         ----------
         samples : int
-            Samples of the surrogate that are drawn besides; 0: none.
+            Number of additional samples of the surrogate; 0: none.
         seed : int
-            Of these.
+            Seed of these samples.
         probabilities : sequence of float
-            Of the quantiles.
+            Probabilities of the quantiles.
 
         Returns
         -------
         xarray.Dataset
-            That of :meth:`statistics`: moments, quantiles, Sobol' indices, stated errors.  With samples also
-            ``response`` (sample, output, time) and ``inputs`` (sample, input), as of :meth:`sample`.
+            Dataset of :meth:`statistics`: moments, quantiles, Sobol' indices, stated errors. With samples, it also has
+            ``response`` (sample, output, time) and ``inputs`` (sample, input), as from :meth:`sample`.
 
         Examples
         --------
@@ -461,18 +472,19 @@ class Surrogate(SurrogateContainer):
     def verdicts(self, tolerance: Annotated[float, Bounds(0)] = 0.01) -> tuple[str, ...]:
         """Return a sentence for each output on the accuracy of the surrogate.
 
-        By the stated error where there is verification data; what looks like a discontinuity is named. Else by the
-        decay: whether the terms of the top order carry more than a part `tolerance` of the standard deviation, and
-        from when on; a small part is no proof.
+        With verification data, the sentences state the stated error and name suspected discontinuities. Otherwise they
+        describe the decay of the coefficients: whether the top-order terms contribute more than a fraction `tolerance`
+        of the standard deviation, and from which time on. A small contribution is no proof of accuracy.
 
         Parameters
         ----------
         tolerance : float
-            Of the error, or of the top order, relative to the standard deviation.
+            Limit of the error, or of the top-order contribution, relative to the standard deviation.
 
         Returns
         -------
         tuple of str, length O
+            Sentences, one for each output.
 
         Examples
         --------
@@ -494,29 +506,31 @@ class Surrogate(SurrogateContainer):
         rows = zip(self.labels.outputs, errors, factors, self._suspicions(), strict=True)
         return tuple(
             f"{output.name}: {stated_words('surrogate', row, self.labels.times, tolerance, self._remedy)}"
-            + factor_words(float(factor[np.nan_to_num(row, nan=-1.0).argmax()]), count)
+            + factor_words(float(factor[np.nan_to_num(row, nan=-1.0).argmax()]), count, self._advice)
             + suspicion
             for output, row, factor, suspicion in rows
         )
 
     def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
-        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
+        """Return the stated error: the error at the verification realisations, relative to the standard deviation.
 
-        The root mean square over the realisations, each by its weight: they lie in the tails more often than the inputs
-        do, and count for less there.  Where the standard deviation is below 1 % of its maximum over time, 1 % of that
-        maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the error 1 where the
-        realisations differ from its mean.  :meth:`verification_factor` says how well it is known.
+        The stated error is the weighted root mean square over the realisations. These are more frequent in the tails
+        than the inputs, and have smaller weights there. If the standard deviation is below 1 % of its maximum over
+        time, the error is relative to 1 % of that maximum. An output that is constant in the surrogate (as at order 0)
+        has the error 1 if the realisations differ from its mean. :meth:`verification_factor` returns the uncertainty
+        factor of this error.
 
         Parameters
         ----------
         output : str, optional
-            Default: all.
+            Name of the output. Default: all.
         time : float, optional
             One of the times, in s. Default: all.
 
         Returns
         -------
-        array, shape (O, T), without the axes that were chosen
+        array, shape (O, T), without the axes of a selected output or time
+            Stated errors.
 
         Raises
         ------
@@ -540,10 +554,10 @@ class Surrogate(SurrogateContainer):
         return np.array(found[(row, *time_index(self.labels, time))])
 
     def verification_factor(self) -> Array:
-        """Return by which factor the stated error may be off, shape (O, T): two standard errors, from the scatter.
+        """Return the uncertainty factor of the stated error, shape (O, T): two standard errors, from the scatter.
 
-        Where it exceeds 2, there are too few verification realisations for the error.  What none of them reaches it
-        does not know.
+        If the factor exceeds 2, there are too few verification realisations. The factor does not include errors that
+        occur in no verification realisation.
 
         Examples
         --------
@@ -561,9 +575,9 @@ class Surrogate(SurrogateContainer):
         return uncertainty_factor(self.evaluate_germs(germs) - response, weights)
 
     def verification_rms(self) -> Array:
-        """Return the root mean square error (O, T) by the weighted verification realisations, in units of the outputs.
+        """Return the root mean square error (O, T) at the weighted verification realisations, in units of the outputs.
 
-        NaN where the surrogate is not known.
+        The error is NaN where the surrogate is NaN.
 
         Examples
         --------
@@ -581,7 +595,7 @@ class Surrogate(SurrogateContainer):
         return np.asarray(np.maximum(root_mean_square(self.evaluate_germs(germs) - response, weights), self._unseen))
 
     def verification_std(self) -> Array:
-        """Return the standard deviation (O, T) of the outputs by the weighted verification realisations.
+        """Return the standard deviation (O, T) of the outputs of the weighted verification realisations.
 
         Examples
         --------
@@ -599,7 +613,7 @@ class Surrogate(SurrogateContainer):
         return weighted_std(response, weights)
 
     def horizon(self, limit: Annotated[float, Bounds(0)] = 0.01) -> dict[str, float | None]:
-        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none.
+        """Return the first time (s) at which the stated error of each output exceeds a limit; None if it never does.
 
         Raises
         ------
@@ -619,7 +633,7 @@ class Surrogate(SurrogateContainer):
         ({'x': 0.0}, {'x': None})
         """
         if self.labels.times is None:
-            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
+            raise StudyError("Scalar outputs have no times and therefore no horizon; use 'verification_error'.")
         first = [first_above(row, limit) for row in self._stated_error]
         names = (o.name for o in self.labels.outputs)
         times = self.labels.times
@@ -627,7 +641,7 @@ class Surrogate(SurrogateContainer):
 
     @cached_property
     def _stated_error(self) -> Array:
-        """The stated error as (O, T), with T = 1 for outputs without times."""
+        """Stated error (O, T), with T = 1 for outputs without times."""
         germs, response, weights = self._verified
         shape = (len(self.labels.outputs), -1)
         surrogate = self.evaluate_germs(germs)
@@ -639,14 +653,19 @@ class Surrogate(SurrogateContainer):
             weights,
             terms=self._moments.summands,
             unseen=self._unseen.reshape(shape),
+            times=self.labels.times,
         )
 
     @cached_property
     def _unseen(self) -> Array:
-        """Root mean squares (O, T) of errors in thin layers that verification points miss: by faces of elements."""
+        """Root mean squares (O, T) of errors in thin layers that verification points miss."""
+        return self._missed_at_faces()
+
+    def _missed_at_faces(self) -> Array:
+        """Return root mean squares (O, T) of errors in thin layers between elements."""
         if len(self._boxes) < 2:
             return np.zeros(self.labels.shape)
-        # the outermost of n Gauss nodes is about 1 / n^2 of the probability away from a face
+        # the probability between a face and the outermost of n Gauss nodes is about 1 / n^2
         known = np.full(len(self._boxes), (int(self.multi_index.max()) + 1) ** 2)
         if self.verification_germs is not None:
             known = np.maximum(known, [len(rows) for rows in rows_of_boxes(self._boxes, self.verification_germs)])
@@ -664,7 +683,7 @@ class Surrogate(SurrogateContainer):
         return found[0], found[1], found[2]
 
     def _repr_html_(self) -> str | None:
-        """Tables, for notebooks."""
+        """Return HTML tables for notebooks."""
         return html_of(self)
 
     def _suspicions(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Multi-element polynomial chaos: a separate chaos in each of some boxes of the germ space."""
+"""Provide multi-element polynomial chaos: a separate chaos in each box of the germ space."""
 
 from __future__ import annotations
 
@@ -45,24 +45,24 @@ __all__ = ["PiecewiseChaos"]
 @typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class PiecewiseChaos(Surrogate):
-    """Outputs as a polynomial chaos in each of the boxes (elements) that the germ space is split into.
+    """Outputs as a polynomial chaos in each box (element) of a partition of the germ space.
 
-    It does what a :class:`uqmbd.results.PolynomialChaos` does.  Moments are merged from those of the elements;
-    Sobol' indices are exact integrals of the piecewise polynomial over the whole germ space; quantiles and densities
-    come from samples.  It never changes.
+    The class has the interface of :class:`uqmbd.results.PolynomialChaos`. Moments are merged from the moments of the
+    elements. Sobol' indices are exact integrals of the piecewise polynomial over the whole germ space. Quantiles and
+    densities come from samples. The object is immutable.
 
     Parameters
     ----------
     elements : sequence of PolynomialChaos
-        One for each box, on its ``local`` germ space, all with the same labels.  Their verification realisations,
-        if any, lie in their boxes.
+        Chaos of each box, on the ``local`` germ space of the box. All elements have the same labels. Verification
+        realisations are within the box of their element.
     boxes : sequence of GermBox
-        Disjoint; they fill the germ space.
+        Disjoint boxes that fill the germ space.
 
     Raises
     ------
     StudyError
-        If elements and boxes do not belong together, or the boxes do not fill the space.
+        If elements and boxes do not fit, or the boxes do not fill the space.
 
     References
     ----------
@@ -98,24 +98,30 @@ class PiecewiseChaos(Surrogate):
 
     @property
     def _remedy(self) -> str:
-        return "allow more elements, or raise the order"
+        return "increase max_elements, or raise the order"
 
     def __post_init__(self) -> None:
-        """Check that elements and boxes belong together."""
+        """Check that elements and boxes match."""
         object.__setattr__(self, "elements", tuple(self.elements))
         object.__setattr__(self, "boxes", tuple(self.boxes))
         if not self.elements or len(self.elements) != len(self.boxes):
             raise StudyError(
-                f"Each box needs a chaos, and there must be one; {len(self.elements)} chaoses and {len(self.boxes)} "
-                "boxes were given."
+                f"PiecewiseChaos: {len(self.elements)} polynomial chaoses and {len(self.boxes)} boxes are given; "
+                "expected at least one box, and one polynomial chaos for each."
             )
         first = self.elements[0].labels
         for element, box in zip(self.elements, self.boxes, strict=True):
             same = element.labels.dims == first.dims and element.labels.outputs == first.outputs
             if not same or not np.array_equal(element.labels.times, first.times):  # type: ignore[arg-type]
-                raise StudyError("All elements must have the same outputs and times.")
+                raise StudyError(
+                    "PiecewiseChaos: the outputs or times of the elements differ; expected the same outputs and "
+                    "times in all elements."
+                )
             if element.space.inputs != box.space.inputs:
-                raise StudyError(f"A chaos of {element.space.inputs} is none of a box of {box.space.inputs}.")
+                raise StudyError(
+                    f"PiecewiseChaos: a polynomial chaos has the inputs {element.space.inputs}, but its box has the "
+                    f"inputs {box.space.inputs}; expected the same inputs."
+                )
         check_filled(self.boxes)
         object.__setattr__(self, "labels", first)
         object.__setattr__(self, "space", self.boxes[0].space)
@@ -135,12 +141,12 @@ class PiecewiseChaos(Surrogate):
 
     @cached_property
     def multi_index(self) -> Index:  # type: ignore[override]
-        """Degrees of all terms that any element has, shape (P, d), the mean first."""
+        """Degrees of the terms of all elements, shape (P, d), with the mean first."""
         return self._terms[0]
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients of each element, shape (E, P, O, T); 0 where it does not have a term."""
+        """Coefficients of each element, shape (E, P, O, T); 0 for terms that an element does not have."""
         terms, places = self._terms
         found = np.zeros((len(self.elements), len(terms), *self.labels.shape))
         for part, element, rows in zip(found, self.elements, places, strict=True):
@@ -154,13 +160,13 @@ class PiecewiseChaos(Surrogate):
         return np.array([np.isin(np.arange(len(terms)), rows) for rows in places])
 
     def element_errors(self) -> Array:
-        """Return the stated error within each element, over the standard deviation of the whole.
+        """Return the stated error within each element, relative to the total standard deviation.
 
         Returns
         -------
         array, shape (E, O, T)
-            The root mean square at the verification realisations of the element; 0 where it has none.  With the
-            probabilities as weights their mean square is that of :meth:`verification_error`.
+            Root mean square error at the verification realisations of the element; 0 if it has none. The mean square of
+            these errors, weighted by the element probabilities, is the square of :meth:`verification_error`.
 
         Examples
         --------
@@ -189,12 +195,12 @@ class PiecewiseChaos(Surrogate):
         return found
 
     def decay(self) -> xr.Dataset:
-        """Build a dataset of how the coefficients fall with the order, on average over the elements.
+        """Build a dataset of the decay of the coefficients with the order, averaged over the elements.
 
         Returns
         -------
         xarray.Dataset
-            As of :meth:`PolynomialChaos.decay`; of each element its probability is the weight.
+            Dataset as from :meth:`PolynomialChaos.decay`. The weight of each element is its probability.
 
         Examples
         --------
@@ -234,7 +240,7 @@ class PiecewiseChaos(Surrogate):
 
     @cached_property
     def _terms(self) -> tuple[Index, list[list[int]]]:
-        """All terms (P, d), and the numbers of those that each element has."""
+        """All terms (P, d), and the indices of the terms of each element."""
         return terms_of_all(self.elements)
 
     @cached_property
@@ -270,7 +276,7 @@ class PiecewiseChaos(Surrogate):
         germs = verified.get("verification_germs", np.zeros((0, space.dimension)))
         elements = []
         for k, (box, own) in enumerate(zip(boxes, rows_of_boxes(boxes, germs), strict=True)):
-            # a part of a discrete germ has fewer polynomials
+            # a box of a discrete germ has fewer polynomials
             highest = [germ.values - 1 if germ.values is not None else np.inf for germ in box.local.germs]
             kept = (multi_index <= highest).all(axis=1)
             if "has_term" in data:
@@ -286,7 +292,7 @@ class PiecewiseChaos(Surrogate):
         share = tops.reshape(shape) / divisor(spread)
         return tuple(
             f"{output.name}: within the {len(self.elements)} elements the top order carries "
-            f"{format_at_most(float(np.fmax.reduce(row)))} of the standard deviation"
+            + format_at_most(float(np.fmax.reduce(row)), "the standard deviation")
             + (f"; {self._remedy}" if np.any(row > tolerance) else ", no proof without verification realisations")
             for output, row in zip(self.labels.outputs, share, strict=True)
         )

@@ -1,4 +1,4 @@
-"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, and statistics of their coefficients."""
+"""Provide polynomial chaos: outputs as sums of orthonormal polynomials of the germs, with exact statistics."""
 
 from __future__ import annotations
 
@@ -32,43 +32,46 @@ __all__ = ["PolynomialChaos"]
 class PolynomialChaos(Surrogate):
     r"""Outputs as a sum of orthonormal polynomials of standard random variables (germs), one sum per output and time.
 
-    Mean, variance, skewness, kurtosis and Sobol' indices come straight from the coefficients; quantiles and densities
-    come from samples of the surrogate, which cost no run of the mechanism. It never changes.
+    Mean, variance, skewness, kurtosis and Sobol' indices are computed from the coefficients. Quantiles and densities
+    come from samples of the surrogate, which need no run of the mechanism. The object is immutable.
 
     *Independent inputs*: germ k belongs to input k, and ``sobol_first``, ``sobol_total``, ``sobol_second`` are
-    indices of inputs. *Dependent inputs*: a germ as "b | a" represents what b adds once a is known. So the shares of
-    the variance depend on the order of the inputs and belong to no input. Then those three raise an error.
-    ``sobol_first_germ``, ``sobol_total_germ`` and ``sobol_second_germ`` give the indices of the germs (in the order of
-    ``germ_names``). The dataset of statistics has them under these names, with a dimension ``germ``. An output that
-    does not vary, or by rounding of its mean only, has the indices 0, the skewness 0 and the kurtosis 3.
+    indices of inputs. *Dependent inputs*: a germ such as "b | a" represents the variation of b for a given a. The
+    shares of the variance then depend on the order of the inputs and belong to no input, and the three properties raise
+    an error. ``sobol_first_germ``, ``sobol_total_germ`` and ``sobol_second_germ`` give the indices of the germs, in the
+    order of ``germ_names``. The dataset of statistics contains the indices under these names, with a dimension
+    ``germ``. An output that is constant within the rounding of its mean has the indices 0, skewness 0 and kurtosis 3.
 
-    *Memory* beyond the coefficients, P x O x T x 8 bytes: some 20 MB for each of variance, indices, and skewness with
-    kurtosis, which go block by block over outputs and times. For many inputs the last need a table of products of
-    polynomials, 140 bytes for each while it is made: 9 MB for 10 inputs of order 3 (286 terms, 67,000 products for
-    normal inputs). For 20 inputs of order 3 it is 310 MB (1771 terms, 2.2 million products); instead of more than 5
-    million products samples of the surrogate are taken. Quantiles take P x 8 bytes for each sample, and 65 MB.
+    *Memory*: the coefficients need P x O x T x 8 bytes. Variance, indices, and skewness with kurtosis are computed in
+    blocks over outputs and times, and need some 20 MB each. For many inputs, skewness and kurtosis also need a table of
+    products of polynomials, with 140 bytes for each product during its construction. The table needs 9 MB for 10 inputs
+    of order 3 (286 terms, 67,000 products for normal inputs). It needs 310 MB for 20 inputs of order 3 (1771 terms, 2.2
+    million products). Above 5 million products, skewness and kurtosis are estimated from samples of the surrogate.
+    Quantiles need P x 8 bytes for each sample, and 65 MB.
 
     Parameters
     ----------
     coefficients : array, shape (P, O, T), or (P, O) if the labels have no times
-        In the units of the outputs.
+        Coefficients, in the units of the outputs.
     multi_index : array of int, shape (P, d)
-        Degree of each polynomial in each germ; row 0, the mean, is all zeros.
+        Degree of each polynomial in each germ. Row 0, the mean, is zero.
     space : uqmbd.randomness.GermSpace
-        The d germs, their polynomials, and the map between germs and inputs.
+        Space of the d germs, with their polynomials and the map between germs and inputs.
     labels : Labels
-        Meaning of the axes.
+        Outputs, inputs and times of the axes.
     verification_germs : array, shape (V, d), optional
-        Germ points that did not enter the coefficients.
+        Germs of the verification realisations, which did not affect the coefficients.
     verification_response : array, shape (V, O, T), optional
-        What the mechanism did there; with it the chaos tells its own error.
+        Outputs of the mechanism at these germs, from which the chaos computes its stated error.
     verification_weights : array, shape (V,), optional
-        What each counts, where they are not spread like the inputs; default: all the same.  They are made to sum to 1.
+        Weights of the verification realisations, scaled to the sum 1, for germs that are not distributed like the
+        inputs. Default: equal weights.
 
     Raises
     ------
     StudyError
-        If shapes or names do not fit, a number is not finite, or a term is missing its meaning.
+        If shapes or names do not match, or a number is not finite. If `multi_index` repeats a term or does not start
+        with the mean.
 
     References
     ----------
@@ -111,27 +114,32 @@ class PolynomialChaos(Surrogate):
         names, terms = tuple(i.name for i in self.labels.inputs), len(self.multi_index)
         if names != tuple(self.space.inputs):
             raise StudyError(
-                f"Labels and germ space must have the same inputs; {names} and {self.space.inputs} differ."
+                f"PolynomialChaos: the labels have the inputs {names}, but the germ space has {self.space.inputs}; "
+                "expected the same inputs."
             )
         if not names:
-            raise StudyError("A chaos needs at least one input; there is none.")
+            raise StudyError("PolynomialChaos: the germ space has no input; expected at least one.")
         check_shape("coefficients", self.coefficients, (terms, *self.labels.shape), ("term", *self.labels.dims))
         check_shape("multi_index", self.multi_index, (terms, len(names)), ("term", "input"))
         if np.any(self.multi_index < 0) or np.any(self.multi_index[:1] != 0) or not terms:
-            raise StudyError("'multi_index' must hold degrees, none negative, and start with the mean, a row of zeros.")
+            raise StudyError(
+                "'multi_index' must contain degrees of 0 or more; its first row must contain zeros, for the mean."
+            )
         if len(np.unique(self.multi_index, axis=0)) < terms:
-            raise StudyError("'multi_index' must not hold a term twice.")
+            raise StudyError("'multi_index' contains a term twice; expected each term once.")
         _check_finite("coefficients", self.coefficients)
         if (self.verification_germs is None) != (self.verification_response is None):
             raise StudyError(
-                "'verification_germs' and 'verification_response' belong together; one of them is missing."
+                "Only one of 'verification_germs' and 'verification_response' is given; expected both or neither."
             )
         if self.verification_germs is not None:
             self._set("verification_germs", np.array(self.verification_germs, dtype=float))
             self._set("verification_response", np.array(self.verification_response, dtype=float))
             count = len(self.verification_germs) if self.verification_germs.ndim else 0
             if not count:
-                raise StudyError("Verification needs at least one realisation; leave both arrays out if there is none.")
+                raise StudyError(
+                    "The verification arrays contain no realisation; expected at least one, or no verification arrays."
+                )
             for name, shape, dims in (
                 ("verification_germs", (count, len(names)), ("verification", "germ")),
                 ("verification_response", (count, *self.labels.shape), ("verification", *self.labels.dims)),
@@ -150,26 +158,27 @@ class PolynomialChaos(Surrogate):
 
     @property
     def variance_germ(self) -> Array:
-        """Parts of the variance by germ (d, O, T): a term counts by its degrees."""
+        """Parts of the variance by germ (d, O, T), with terms divided in proportion to their degrees."""
         return self._moments.by_germ(slice(None))
 
     def sobol_interaction(self, *names: str) -> Array:
-        """Return the Sobol' index of an interaction: the share of the variance that needs all these germs together.
+        """Return the Sobol' index of an interaction: the share of the variance due to all these germs together.
 
         Parameters
         ----------
         *names : str
-            Of different germs (:attr:`germ_names`; of inputs where these are independent). One alone: its first-order
-            index.
+            Names of different germs (:attr:`germ_names`), or of inputs if these are independent. A single name gives
+            its first-order index.
 
         Returns
         -------
         array, shape (O, T)
+            Sobol' index of the interaction.
 
         Raises
         ------
         StudyError
-            If a name is unknown or given twice, or there is none.
+            If there are no names, or a name is unknown or repeated.
 
         Examples
         --------
@@ -186,15 +195,16 @@ class PolynomialChaos(Surrogate):
         return self._moments.interaction(self._columns(names))
 
     def marginal(self, *names: str) -> PolynomialChaos:
-        """Return the chaos of the expectation of the outputs given some germs: it has only their terms.
+        """Return the chaos of the conditional expectation of the outputs given some germs, with only their terms.
 
-        Where inputs are independent the names are theirs. The result takes the same inputs as this one, and does not
-        depend on the others. It has no verification: that was of the whole.
+        For independent inputs, germs have the names of the inputs. The result has the same inputs as this chaos, but
+        depends only on the given germs. The result has no verification realisations, because these belong to the whole
+        chaos.
 
         Raises
         ------
         StudyError
-            If a name is unknown or given twice, or there is none.
+            If there are no names, or a name is unknown or repeated.
 
         Examples
         --------
@@ -209,19 +219,20 @@ class PolynomialChaos(Surrogate):
         >>> alone.std.tolist(), alone.labels.inputs[0].name
         ([[0.3]], 'a')
         """
+        # polynomials are orthonormal, so the expectation over a germ removes every term that contains the germ
         others = np.delete(self.multi_index, self._columns(names), axis=1)
         kept = ~np.any(others > 0, axis=1)
         return PolynomialChaos(self.coefficients[kept], self.multi_index[kept], self.space, self.labels)
 
     def decay(self) -> xr.Dataset:
-        """Build a dataset of how the coefficients fall with the order.
+        """Build a dataset of the decay of the coefficients with the order.
 
         Returns
         -------
         xarray.Dataset
-            `energy` (order, output, time), the sum of squared coefficients of each total degree, in squared units.
-            `energy_germ` (germ, degree, output, time), that of each degree in a germ, in the same units; `rate`
-            (output, time), by how many decades the remaining standard deviation falls with each order (NaN: unknown).
+            ``energy`` (order, output, time): sum of squared coefficients of each total degree, in squared units.
+            ``energy_germ`` (germ, degree, output, time): the same sum for each degree in a germ. ``rate`` (output,
+            time): decades by which the remaining standard deviation falls with each order; NaN if unknown.
 
         Examples
         --------
@@ -247,14 +258,16 @@ class PolynomialChaos(Surrogate):
         )
 
     def discontinuities(self) -> tuple[Discontinuity | None, ...]:
-        """Suspect each output of a discontinuity or a kink in the germ space, or not (None).
+        """Return the suspected discontinuity or kink of each output in the germ space, or None.
 
-        Suspicious is a stated error of more than 5 % together with coefficients that hardly fall with the order; each
-        suspicion names the time and the input. Without verification realisations there is none.
+        An output is suspected if its stated error is above 5 % and its coefficients hardly decrease with the order.
+        Each suspected discontinuity names the time and the input. Without verification realisations all entries are
+        None.
 
         Returns
         -------
         tuple of Discontinuity or None, length O
+            Suspected discontinuity of each output, or None.
 
         Examples
         --------
@@ -279,18 +292,18 @@ class PolynomialChaos(Surrogate):
         )
 
     def to_chaospy(self) -> Any:
-        """Return it as a polynomial of chaospy, e.g. for ``chaospy.E``.
+        """Convert the chaos to a polynomial of chaospy, e.g. for ``chaospy.E``.
 
         Returns
         -------
         numpoly.ndpoly
-            Of the shape (O, T), in the units of the outputs.  Its variables ``q0``, ``q1``, ... are the germs in the
-            order of :attr:`germ_names`, not the inputs: ``chaos.space.to_germs(inputs)`` are their values.  Germs of
-            normal inputs are standard normal, those of uniform ones uniform on [-1, 1].
+            Polynomials of the shape (O, T), in the units of the outputs. The variables ``q0``, ``q1``, ... are the
+            germs in the order of :attr:`germ_names`, not the inputs. ``chaos.space.to_germs(inputs)`` gives their
+            values. Germs of normal inputs are standard normal; germs of uniform inputs are uniform on [-1, 1].
 
         Notes
         -----
-        Sums of powers lose digits where the degree is high: as many as the largest summand is larger than the value.
+        Sums of powers lose digits at high degrees: the loss corresponds to the ratio of the largest summand to the sum.
 
         Examples
         --------
@@ -332,7 +345,10 @@ class PolynomialChaos(Surrogate):
     def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
         data, labels, space = read_surrogate(dataset, "chaos", ("coefficients", "multi_index"))
         if "element" in data["coefficients"].dims:
-            raise StudyError("This chaos has elements; read it by uqmbd.results.PiecewiseChaos, or chaos_from_dataset.")
+            raise StudyError(
+                "This dataset contains a polynomial chaos with elements; use uqmbd.results.PiecewiseChaos, or "
+                "chaos_from_dataset."
+            )
         return {
             "coefficients": data["coefficients"].transpose("term", *labels.dims).values,
             "multi_index": data["multi_index"].transpose("term", "input").values,
@@ -354,9 +370,11 @@ class PolynomialChaos(Surrogate):
         known = self.germ_names
         for k, name in enumerate(names):
             if name not in known or name in names[:k]:
-                raise StudyError(f"Different germs are expected, of {', '.join(known)}; {', '.join(names)} was given.")
+                raise StudyError(
+                    f"The germs are {', '.join(names)}; expected different germs out of {', '.join(known)}."
+                )
         if not names:
-            raise StudyError(f"At least one germ is expected, of {', '.join(known)}; none was given.")
+            raise StudyError(f"No germ is given; expected at least one of {', '.join(known)}.")
         return [known.index(name) for name in names]
 
     def _set(self, name: str, value: Any) -> None:
@@ -367,11 +385,11 @@ def _whole(values: Any) -> Index:
     given = np.array(values)
     whole = given.astype(np.int64) if given.dtype.kind in "iuf" else np.zeros(0, dtype=np.int64)
     if whole.shape != given.shape or not np.array_equal(whole, given):
-        raise StudyError("'multi_index' must hold whole numbers, the degrees of the polynomials.")
+        raise StudyError("'multi_index' must contain whole numbers, which are the degrees of the polynomials.")
     return whole
 
 
 def _check_finite(name: str, array: Array) -> None:
     if not np.isfinite(array).all():
         where = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise StudyError(f"'{name}' holds a number that is not finite at {where}; leave failed realisations out.")
+        raise StudyError(f"'{name}' contains a number that is not finite at {where}; omit failed realisations.")

@@ -1,4 +1,4 @@
-"""Quasi-periodic polynomial chaos: frequencies and amplitudes are expanded, and combined at any time."""
+"""Provide quasi-periodic polynomial chaos, which expands frequencies and amplitudes and combines them at any time."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class QuasiPeriodicElement(GermElement):
     Attributes
     ----------
     box : GermBox
-        The part.
+        Part of the germ space.
     frequencies : array, shape (P, M)
         Coefficients of the base frequencies, rad/s.
     constants, drifts : array, shape (P, O)
-        Coefficients of what is constant, and of mean rates (1/s), in the units of the outputs.
+        Coefficients of the constant terms, and of mean rates (1/s), in the units of the outputs.
     waves : array of complex, shape (P, O, H)
         Coefficients of the harmonics: a - i b for a cos + b sin.
 
@@ -77,7 +77,7 @@ class SampledHarmonics(SampledPiece):
 
     @cached_property
     def parts(self) -> tuple[Array, Array, Array, NDArray[np.complex128]]:
-        """Frequencies (K, M), constants and drifts (K, O), and waves (K, O, H)."""
+        """Frequencies (K, M), constants and drifts (K, O), and harmonics (K, O, H)."""
         of, basis = self.element, self.basis
         return basis @ of.frequencies, basis @ of.constants, basis @ of.drifts, np.tensordot(basis, of.waves, 1)
 
@@ -88,11 +88,11 @@ class SampledHarmonics(SampledPiece):
         sum_harmonics(frequencies, self.lattice, *of_outputs, times, found, self.rows)
 
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate the change by that of the basis (K, P) at times (T,) since the origin, into rows of (N, O, T)."""
+        """Evaluate the change due to a basis change (K, P) at times (T,) since the origin, into rows of (N, O, T)."""
         frequencies, constants, _, waves = self.parts
         changes = SampledHarmonics(self.element, self.rows, change, self.lattice).parts
         sum_harmonics(frequencies, self.lattice, changes[1], changes[2], changes[3], times, found, self.rows)
-        # d/dw of a wave is i t times the wave
+        # the derivative of a harmonic with respect to its frequency is i t times the harmonic
         turned = 1j * (changes[0] @ self.lattice.T)[:, None, :] * waves
         still = np.zeros_like(constants)
         phases = np.zeros_like(found)
@@ -113,15 +113,15 @@ COEFFICIENTS = {
     "cosine": ("output", {"long_name": "coefficients of the cosines", "comment": "in the units of the outputs"}),
     "sine": ("output", {"long_name": "coefficients of the sines", "comment": "in the units of the outputs"}),
 }
-"""Stored coefficients: their last dimension (harmonics follow in waves), and attributes."""
+"""Stored coefficients: their last dimension (before harmonics) and their attributes."""
 
 
 @dataclass(frozen=True)
 class Harmonic(OverTime):
-    """Outputs are sums of harmonics, whose frequencies and amplitudes are polynomials of the germs."""
+    """Readout of outputs as sums of harmonics, whose frequencies and amplitudes are polynomials of the germs."""
 
     lattice: Index  # (H, M) multiples of the base frequencies
-    origin: float  # time from which phases count, s
+    origin: float  # time from which t in the harmonics counts, s
 
     name = "quasi_periodic"
     needed = (*(f"{name}_coefficients" for name in COEFFICIENTS), "harmonics", "origin")
@@ -163,28 +163,28 @@ class Harmonic(OverTime):
 class QuasiPeriodicChaos(Surrogate):
     """Outputs as sums of harmonics of one or two frequencies, whose frequencies and amplitudes are polynomials.
 
-    Where realisations oscillate with frequencies of their own their phases drift apart, and no order follows outputs at
-    a fixed time for long; frequencies and amplitudes stay smooth functions of the inputs.  At a sample they are put
-    together: ``y(t) = c + d t + sum_h a_h cos(w_h t) + b_h sin(w_h t)`` with ``w_h = k_h1 w1 + k_h2 w2`` and t from
-    `origin` on.  Statistics come from samples of this surrogate.
+    If realisations oscillate with different frequencies, their phases drift apart, and after some time no order
+    resolves outputs at a fixed time. Frequencies and amplitudes remain smooth functions of the inputs. The output of a
+    sample is ``y(t) = c + d t + sum_h a_h cos(w_h t) + b_h sin(w_h t)``, with ``w_h = k_h1 w1 + k_h2 w2`` and t
+    since `origin`. Statistics come from samples of this surrogate.
 
     Parameters
     ----------
     elements : sequence of QuasiPeriodicElement
-        Their boxes fill the germ space.
+        Elements whose boxes fill the germ space.
     lattice : array of int, shape (H, M)
         Multiples k of the base frequencies in each harmonic.
     origin : float
-        Time from which phases count, s.
+        Time from which t in the harmonics counts, s.
     multi_index : array of int, shape (P, d)
         Degrees of the terms.
     labels : Labels
-        Outputs, inputs and times.
+        Outputs, inputs and times of the axes.
     verification_germs, verification_response : array, shape (V, d) and (V, O, T), optional
-        Realisations that did not enter the coefficients.
+        Verification realisations, which did not affect the coefficients.
     verification_weights : array, shape (V,), optional
-        What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
-        each element counts by its probability.
+        Weights of the verification realisations, scaled to the sum 1. Default: equal weights within an element, and
+        each element has its probability.
 
     Raises
     ------
@@ -231,14 +231,14 @@ class QuasiPeriodicChaos(Surrogate):
     _kind = Harmonic
 
     def __post_init__(self) -> None:
-        """Check the multiples of the frequencies, and what all surrogates have."""
+        """Check the multiples of the frequencies, and the common attributes of surrogates."""
         super().__post_init__()
         for element in self.elements:
             counts = np.shape(element.frequencies)[-1:], np.shape(element.waves)[-1:]
             if np.ndim(self.lattice) != 2 or (self.lattice.shape[1:], self.lattice.shape[:1]) != counts:
                 raise StudyError(
-                    f"QuasiPeriodicChaos: lattice is {shown(self.lattice)}; expected an array (H, M) of the multiples "
-                    "of the frequencies in each harmonic of the elements."
+                    f"QuasiPeriodicChaos: lattice is {shown(self.lattice)}; expected an array (H, M) with the "
+                    "multiples of the M base frequencies in each of the H harmonics."
                 )
 
     def __repr__(self) -> str:

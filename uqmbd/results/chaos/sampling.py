@@ -1,7 +1,7 @@
-"""Samples of a polynomial chaos, and statistics that only samples determine: quantiles and densities.
+"""Sample a polynomial chaos, and estimate quantiles and densities from the samples.
 
-:class:`scipy.stats.gaussian_kde` takes three times as long for the same density: it works out kernels that are too far
-away to count.
+:class:`scipy.stats.gaussian_kde` takes three times as long for the same density, because it evaluates distant kernels
+whose values are negligible.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.arguments import shown
+from uqmbd.compiled import order_statistics
 from uqmbd.errors import StudyError
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
@@ -32,22 +33,19 @@ __all__ = [
 
 
 ROWS = 4096
-"""Germ points at which the basis is evaluated at once."""
+"""Number of germ points at which the basis is evaluated at once."""
 
 BASIS_NUMBERS = 50_000_000
-"""Values of the basis (8 bytes each) that statistics hold at once."""
+"""Maximum number of basis values (8 bytes each) in memory during the computation of statistics."""
 
 WORK = 1e12
-"""Multiplications that statistics spend on samples: a minute or two."""
+"""Maximum number of multiplications for samples of statistics; they take one or two minutes."""
 
 LEAST = 512
-"""Samples that are taken however many terms there are."""
+"""Minimum number of samples for any number of terms."""
 
 BLOCK_NUMBERS = 4_000_000
-"""Responses (8 bytes each) that are sampled and sorted at once."""
-
-PROBES, TURNS = 256, 16
-"""Samples along a germ at which it is seen how often they rise and fall, and how often that may be to merge them."""
+"""Number of responses (8 bytes each) that are sampled and sorted at once."""
 
 
 def random_germs(space: GermSpace, count: int, seed: int) -> Array:
@@ -58,7 +56,7 @@ def random_germs(space: GermSpace, count: int, seed: int) -> Array:
 
 
 def spread_germs(space: GermSpace, count: int, seed: int) -> Array:
-    """Return at least `count` germ points (K, d) of a scrambled Sobol' sequence: the next power of two."""
+    """Return germ points (K, d) of a scrambled Sobol' sequence; K is `count`, rounded up to a power of two."""
     from scipy.stats import qmc
 
     _check_count(count, 2)
@@ -67,7 +65,7 @@ def spread_germs(space: GermSpace, count: int, seed: int) -> Array:
 
 
 def affordable(wanted: int, terms: int, columns: int) -> int:
-    """Return how many samples of a surrogate fit into memory and time: those that are wanted, or a power of two.
+    """Return the number of surrogate samples within the limits of memory and time: `wanted`, or a power of two.
 
     >>> affordable(8192, terms=1771, columns=1000), affordable(8192, terms=53130, columns=1000)
     (8192, 512)
@@ -79,8 +77,8 @@ def affordable(wanted: int, terms: int, columns: int) -> int:
 def sampled_shape(
     space: GermSpace, coefficients: Array, multi_index: Index, std: Array, samples: int
 ) -> tuple[Array, Array]:
-    """Estimate skewness and kurtosis (C,) of coefficients (P, C) from evenly spread samples of the surrogate."""
-    # by the samples' own mean and deviation; 0 and 3 where `std` (C,) is 0
+    """Estimate skewness and kurtosis (C,) for coefficients (P, C) from Sobol' points of the surrogate."""
+    # standardised by the mean and deviation of the samples; 0 and 3 where `std` (C,) is 0
     basis = basis_values(space, spread_germs(space, samples, 0), multi_index)
     skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
     varies = np.flatnonzero(std > 0)
@@ -100,7 +98,7 @@ def sampled_shape(
 
 
 def basis_values(space: GermSpace, germs: Array, multi_index: Index, by: int | None = None) -> Array:
-    """Evaluate the basis (K, P), or its derivatives by a germ, some thousand points at a time."""
+    """Evaluate the basis (K, P), or its derivative with respect to a germ, in blocks of `ROWS` points."""
     found = np.empty((len(germs), len(multi_index)))
     for start in range(0, len(germs), ROWS):
         part = germs[start : start + ROWS]
@@ -109,53 +107,35 @@ def basis_values(space: GermSpace, germs: Array, multi_index: Index, by: int | N
     return found
 
 
-def quantiles_of_rows(
-    rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike, *, along: bool = False
-) -> Array:
-    """Return quantiles (N, C) of K samples, made as rows (c, K) block by block; `along`: in the order of one germ."""
-    # Samples are sorted as a whole: NumPy sorts with vector instructions, in less than half the time in which it
-    # selects a dozen of some thousand.  Those along a single germ rise and fall a few times only: merging them takes a
-    # fifth to a half of that again.
+def quantiles_of_rows(rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike) -> Array:
+    """Return quantiles (N, C) of K samples, computed in blocks of rows (c, K); NaN where a sample is NaN."""
     levels = np.array(probabilities, dtype=float)
     if levels.ndim != 1 or not levels.size or np.any((levels < 0) | (levels > 1)) or np.any(np.diff(levels) <= 0):
-        raise StudyError(f"Probabilities must increase between 0 and 1; {levels.tolist()} was given.")
+        raise StudyError(f"The probabilities are {levels.tolist()}; expected increasing numbers between 0 and 1.")
     position = levels * (count - 1)
     below = np.minimum(position.astype(int), max(count - 2, 0))
     above = np.minimum(below + 1, count - 1)
+    ranks, of_both = np.unique(np.concatenate([below, above]), return_inverse=True)
+    of_below, of_above = of_both[: len(levels)], of_both[len(levels) :]
     found = np.empty((len(levels), columns))
     size = max(1, BLOCK_NUMBERS // count)
     with one_thread():
         for start in range(0, columns, size):
             part = slice(start, min(start + size, columns))
-            values = rows(part)
-            _sort(values, along)
-            low, high = values[:, below], values[:, above]
+            ordered = order_statistics(np.ascontiguousarray(rows(part), dtype=float), ranks)
+            low, high = ordered[:, of_below], ordered[:, of_above]
             found[:, part] = (low + (position - below) * (high - low)).T
-            # NaN are sorted to the end: where a sample has no value, no quantile is known
-            found[:, part][:, np.isnan(values[:, -1])] = np.nan
-    # interpolation may order neighbours wrongly by their last bits
+    # rounding in the interpolation may reverse the order of close quantiles
     return np.maximum.accumulate(found, axis=0)
 
 
-def _sort(values: Array, along: bool) -> None:
-    """Sort rows in place."""
-    if not along:
-        values.sort(axis=1)
-        return
-    # what varies by rounding only rises and falls all the time
-    steps = np.diff(values[:, :: max(1, values.shape[1] // PROBES)], axis=1)
-    turns = np.count_nonzero(steps[:, 1:] * steps[:, :-1] < 0, axis=1)
-    for row, calm in zip(values, turns <= TURNS, strict=True):
-        row.sort(kind="stable" if calm else None)
-
-
 def kernel_density(samples: Array, values: ArrayLike) -> Array:
-    """Estimate a density at values (N,) from samples (K,) by Gaussian kernels, in one over their units."""
+    """Estimate a density (1 / units of the samples) at values (N,) from samples (K,) by Gaussian kernels."""
     # bandwidth: B. W. Silverman, Density Estimation for Statistics and Data Analysis, 1986, section 3.4.2
     points = np.asarray(values, dtype=float)
     if np.isnan(points).any():
         raise StudyError(
-            f"values is {shown(values)}, with {np.isnan(points).sum()} NaN; expected values of the output."
+            f"values is {shown(values)} and contains {np.isnan(points).sum()} NaN; expected values of the output."
         )
     low, high = np.quantile(samples, [0.25, 0.75])
     spread = min(float(samples.std(ddof=1)), float(high - low) / 1.34) or float(samples.std(ddof=1))
@@ -163,14 +143,14 @@ def kernel_density(samples: Array, values: ArrayLike) -> Array:
     ordered = np.sort(samples)
     found = np.empty(points.size)
     for k, point in enumerate(points.ravel()):
-        # kernels further away than nine widths are below rounding
+        # kernels at more than nine bandwidths are below rounding
         first, last = np.searchsorted(ordered, [point - 9.0 * width, point + 9.0 * width])
         found[k] = np.exp(-0.5 * ((ordered[first:last] - point) / width) ** 2).sum()
     return np.asarray(found.reshape(points.shape) / (len(samples) * width * np.sqrt(2.0 * np.pi)))
 
 
 def _inside(uniform: Array) -> Array:
-    """Move numbers of [0, 1) off the ends, where germs may be infinite."""
+    """Clip numbers in [0, 1) to the open interval, because germs may be infinite at its ends."""
     tiny = 2.0**-53
     result: Array = np.clip(uniform, tiny, 1.0 - tiny)
     return result
@@ -178,4 +158,4 @@ def _inside(uniform: Array) -> Array:
 
 def _check_count(count: int, least: int) -> None:
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
-        raise StudyError(f"The number of samples must be a whole number of at least {least}; {count!r} was given.")
+        raise StudyError(f"The number of samples is {count!r}; expected a whole number of at least {least}.")

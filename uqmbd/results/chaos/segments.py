@@ -1,4 +1,4 @@
-"""Outputs in segments between landmarks: elements, samples, and how they are stored."""
+"""Provide elements, samples and storage of outputs in segments between markers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uqmbd.compiled import SegmentTable
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
 from uqmbd.results.chaos.sampling import basis_values, spread_germs
-from uqmbd.results.schema import fixed_width
+from uqmbd.results.schema import check_shape, fixed_width
 from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
@@ -26,19 +26,22 @@ __all__ = ["AlignedElement", "Markers", "SampledSegments", "Segmented"]
 
 
 SLACK = 1e-12
-"""Part of the times by which a time may be behind the last edge."""
+"""Tolerance, relative to the times, by which a time may be after the last edge."""
 
 NOISE = 1e-10
-"""Size of a coefficient in time, over the largest one of its output, that is rounding."""
+"""Coefficient in time, relative to the largest coefficient of its output, below which it counts as rounding."""
+
+SMOOTH = 1e-6
+"""Jump at an event, relative to the size of the output, below which it counts as integration error."""
 
 AT_ONCE = 64
-"""Samples that are differentiated at once."""
+"""Number of samples that are differentiated at once."""
 
 DENSITY_SAMPLES, NARROW = 4096, 0.0625
-"""Samples from which the density of event times is estimated, and its bandwidth over their standard deviation."""
+"""Number of samples for the density of event times, and its bandwidth relative to their standard deviation."""
 
 MOST_POINTS = 10_000
-"""Points of a segment, at most."""
+"""Maximum number of points of a segment."""
 
 Markers = Literal["events", "phase", "time"]
 """Points of comparison of the motions of an element: their events, equal phases of a clock, or equal times."""
@@ -47,22 +50,22 @@ Markers = Literal["events", "phase", "time"]
 @typechecked
 @dataclass(frozen=True, eq=False)
 class AlignedElement(GermElement):
-    """Part of the germ space in which all realisations have the same sequence of landmarks.
+    """Part of the germ space in which all realisations have the same sequence of markers.
 
     Attributes
     ----------
     box : GermBox
         Part of the germ space.
     events : tuple of str, length S
-        What ends each segment; empty: no event.
+        Event that ends each segment; empty if no event ends the segment.
     edges : array, shape (P, S + 1)
         Coefficients of the times at which segments begin and end, s.
     segments : array, shape (P, S, O, N)
-        Coefficients of the outputs in Chebyshev polynomials of each segment's normalised time.
+        Coefficients of the outputs in Chebyshev polynomials of the normalised time of each segment.
     landmarks : {"events", "phase", "time"}
-        Where segments end: at events, at equal phases of a clock, or at equal times.
+        Markers that end segments: events, equal phases of a clock, or equal times.
     event_errors : tuple of float, length S
-        Mean absolute error of the time at which each segment ends, s, where an event ends it; NaN: unknown.
+        Mean absolute error of the time of the event that ends each segment, s; NaN if unknown.
 
     Examples
     --------
@@ -91,14 +94,18 @@ class AlignedElement(GermElement):
     event_errors: tuple[OrNaN | OrInfinite, ...] = ()
 
     def _layer_mean_squares(self, space: GermSpace, terms: Index, times: Array) -> Array:
-        """Return the mean square (O, T) of errors between predicted and true times of events, by local germs, s.
+        """Return the mean square (O, T) of errors between predicted and true times (s) of events, from local germs.
 
-        There the output has already jumped in one of surrogate and mechanism. Such a layer is thinner than the
-        distance of verification realisations, so that these do not see it: its probability is that of an event within
-        the mean error of its time.
+        Between both times, the output has jumped in either the surrogate or the mechanism, but not in both. This layer
+        is thinner than the distance of verification realisations, which therefore miss the layer. Its probability is
+        the probability of an event within the mean error of its time. The result is NaN if an output jumps and the
+        error of the event time is unknown.
         """
         found = np.zeros((self.segments.shape[2], len(times)))
-        jumping = [s for s, error in enumerate(self.event_errors[:-1]) if self.events[s] and error > 0]
+        # realisations with a late event may be missing; use the largest known error
+        largest = max((error for error in self.event_errors if not np.isnan(error)), default=np.nan)
+        errors = [largest if np.isnan(error) else error for error in self.event_errors]
+        jumping = [s for s, error in enumerate(errors[:-1]) if self.events[s] and error != 0]
         if not jumping:
             return found
         germs = spread_germs(space, DENSITY_SAMPLES, 0)
@@ -106,37 +113,47 @@ class AlignedElement(GermElement):
         edges = self.table.edges_at(basis)
         signs = (-1.0) ** np.arange(self.segments.shape[-1])
         for s in jumping:
-            at, error = edges[:, s + 1], self.event_errors[s]
+            at, error = edges[:, s + 1], errors[s]
             before, after = self.segments[:, s].sum(axis=-1), self.segments[:, s + 1] @ signs
             squares = growth[:, None] * (basis @ (after - before)) ** 2  # (M, O)
             # times of events (M,) within a bandwidth of each time, in order
             order = np.argsort(at)
             at, squares = at[order], squares[order]
             summed = np.concatenate([np.zeros((1, squares.shape[1])), np.cumsum(squares, axis=0)])
-            width = max(error / 2, NARROW * float(at.std()))
+            width = max(0.0 if np.isnan(error) else error / 2, NARROW * float(at.std()))
+            if np.isnan(error):
+                size = ((basis @ before) ** 2 + (basis @ after) ** 2).mean(axis=0)
+                near = (at[0] - width <= times) & (times <= at[-1] + width)
+                found[np.ix_(squares.mean(axis=0) > SMOOTH**2 * size, near)] = np.nan
+                continue
             low, high = (np.searchsorted(at, times + side * width) for side in (-1, 1))
             found += error * ((summed[high] - summed[low]) / (2 * width * len(at))).T
         return found
 
     @typechecked
     def verified(self, space: GermSpace, terms: Index, germs: Array, weights: Array, ends: Array) -> Self:
-        """Return it with the errors of its event times, from realisations that did not enter it.
+        """Return the element with errors of its event times, from realisations that were not used to fit it.
 
         Parameters
         ----------
         space : GermSpace
-            Conditional distribution in its box.
+            Conditional distribution in the box of the element.
         terms : array of int, shape (P, d)
             Degrees of the terms.
         germs, weights : array, shape (V, d) and (V,)
-            Verification points, and what each counts.
+            Verification points, and their weights.
         ends : array, shape (V, S)
-            Times at which their segments end, s; NaN: unknown.
+            Times at which the segments end, s; NaN if unknown.
 
         Returns
         -------
         AlignedElement
-            With `event_errors`.
+            Element with `event_errors`.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the shapes do not match.
 
         Examples
         --------
@@ -156,10 +173,14 @@ class AlignedElement(GermElement):
         >>> np.round(found.event_errors, 2).tolist()  # a polynomial of order 1 is half as large there as on average
         [0.1, nan]
         """
+        check_shape("terms", terms, (len(self.edges), space.dimension), ("P", "d"))
+        check_shape("germs", germs, (len(weights), space.dimension), ("V", "d"))
+        check_shape("weights", weights, (len(weights),), ("V",))
+        check_shape("ends", ends, (len(weights), len(self.events)), ("V", "S"))
         wrong = np.abs(self.table.edges_at(basis_values(space, germs, terms))[:, 1:] - ends)
         known = np.isfinite(wrong) & np.array([bool(event) for event in self.events])
         counted = np.where(known, weights[:, None], 0.0)
-        # errors are as large on average as at these points, where the next polynomials are as large as on average
+        # scale errors at these points by the size of the next polynomials there, relative to the average size
         size = _growth(space, germs, terms) @ counted
         total = (np.where(known, wrong, 0.0) * counted).sum(axis=0)
         errors = np.divide(total, size, out=np.full(size.shape, np.nan), where=size > 0)
@@ -167,7 +188,7 @@ class AlignedElement(GermElement):
 
     @staticmethod
     def points(count: Annotated[int, Bounds(2, MOST_POINTS)]) -> Array:
-        """Return Chebyshev points of the second kind in a segment's normalised time, from 0 to 1, shape (count,)."""
+        """Return Chebyshev points of the second kind in the normalised time of a segment, 0 to 1, shape (count,)."""
         found: Array = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
         return found
 
@@ -175,27 +196,27 @@ class AlignedElement(GermElement):
     def through(
         cls, box: GermBox, events: tuple[str, ...], edges: Array, values: Array, landmarks: Markers
     ) -> AlignedElement:
-        """Return the element of coefficients (P, S, O, N) of the outputs at the `points` of each segment.
+        """Create an element from coefficients (P, S, O, N) of the outputs at the `points` of each segment.
 
-        Powers of the normalised time whose coefficients are rounding are left out.
+        The element omits powers of the normalised time whose coefficients are below rounding.
 
         Parameters
         ----------
         box : GermBox
             Part of the germ space.
         events : tuple of str, length S
-            What ends each segment.
+            Event that ends each segment; empty if none does.
         edges : array, shape (P, S + 1)
-            Coefficients of the times of its ends, s.
+            Coefficients of the times at which segments begin and end, s.
         values : array, shape (P, S, O, N)
             Coefficients of the outputs at the points.
         landmarks : {"events", "phase", "time"}
-            Where segments end.
+            Markers that end segments.
 
         Returns
         -------
         AlignedElement
-            With as many Chebyshev coefficients as points.
+            Element with as many Chebyshev coefficients as points.
 
         Raises
         ------
@@ -205,7 +226,7 @@ class AlignedElement(GermElement):
         if values.ndim != 4 or not 2 <= values.shape[-1] <= MOST_POINTS:
             raise StudyError(
                 f"AlignedElement.through: values is {shown(values)}; expected four axes (term, segment, output, "
-                "point), and two points at least."
+                "point) with at least two points."
             )
         count = values.shape[-1]
         vander = np.polynomial.chebyshev.chebvander(2 * cls.points(count) - 1, count - 1)
@@ -215,13 +236,13 @@ class AlignedElement(GermElement):
         return cls(box, events, edges, found[..., : int(large[-1]) + 1 if len(large) else 1], landmarks)
 
     def _without(self, terms: Mask) -> Self:
-        """Return it without some terms (P,); the last landmark stays: behind it nothing is known."""
+        """Return the element without some terms (P,); keep the last marker, after which outputs are unknown."""
         edges = np.append(self.edges[:, :-1] * ~terms[:, None], self.edges[:, -1:], axis=1)
         return replace(super()._without(terms), edges=edges)
 
     @cached_property
     def table(self) -> SegmentTable:
-        """The coefficients in the form in which they are evaluated."""
+        """Table of the coefficients for evaluation."""
         return SegmentTable.of(self.edges, self.segments)
 
 
@@ -232,17 +253,17 @@ class SampledSegments(SampledPiece):
     element: AlignedElement
 
     def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
-        """Evaluate some outputs at increasing times (T,), into rows of (N, C, T); NaN behind a sample's last edge."""
+        """Evaluate some outputs at increasing times (T,), into rows of (N, C, T); NaN after the last edge."""
         self.element.table.evaluate(self.basis, times, outputs, found, self.rows)
 
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate the change by that of the basis (K, P), into rows of (N, O, T); NaN behind a sample's last edge."""
+        """Evaluate the change due to a basis change (K, P), into rows of (N, O, T); NaN after the last edge."""
         for start in range(0, len(self.rows), AT_ONCE):
             part = slice(start, start + AT_ONCE)
             SampledSegments(self.element, self.rows[part], self.basis[part])._change(change[part], times, found)
 
     def _change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate some; the change of an edge moves the normalised time, and an edge is in the segment behind it."""
+        """Evaluate a block; edge changes shift the normalised time, and an edge belongs to the segment after it."""
         edges, moving = self._moving_edges(change)
         segments, powers = self.element.segments, self.element.segments.shape[-1]
         at = np.stack([np.searchsorted(row[1:-1], times, side="right") for row in edges])  # (K, T)
@@ -251,7 +272,7 @@ class SampledSegments(SampledPiece):
         length = end - begin
         there = length > 0
         share = np.divide(times - begin, length, out=np.zeros_like(length), where=there)
-        # what is before the begin or at the end stands still
+        # before the start and after the end, values are constant
         free = there & (share > 0) & (share < 1)
         slid = -(moving[sample, at] * (1 - share) + moving[sample, at + 1] * share)
         slid = np.divide(slid, length, out=np.zeros_like(length), where=free)
@@ -265,7 +286,7 @@ class SampledSegments(SampledPiece):
             found[row] = np.where(times <= edges[k, -1] + SLACK * np.abs(times).max(), values, np.nan)
 
     def _moving_edges(self, change: Array) -> tuple[Array, Array]:
-        """Return the edges (K, S + 1), none before the one before it, and how they change."""
+        """Return the edges (K, S + 1), made non-decreasing, and their changes."""
         edges, moving = self.basis @ self.element.edges, change @ self.element.edges
         for s in range(1, edges.shape[1]):
             late = edges[:, s] < edges[:, s - 1]
@@ -274,7 +295,7 @@ class SampledSegments(SampledPiece):
 
 
 def _growth(space: GermSpace, germs: Array, terms: Index) -> Array:
-    """Return the size (K,) of the polynomials of the next degree, which errors of terms (P, d) follow, of mean one."""
+    """Return the size (K,), with mean 1, of polynomials of the next degree; errors of terms (P, d) follow this size."""
     degree = int(terms.max(initial=0)) + 1
     free = [k for k, germ in enumerate(space.germs) if germ.values is None or degree < germ.values]
     if not free:
@@ -299,7 +320,7 @@ def _chebyshev_slopes(x: Array, powers: int) -> Array:
 
 
 class Segmented(OverTime):
-    """Outputs are polynomials of the normalised time between landmarks, whose times are polynomials of the germs."""
+    """Readout of outputs as polynomials of the normalised time between markers, with polynomial marker times."""
 
     name = "aligned"
     needed = ("edge_coefficients", "segment_coefficients")
@@ -310,7 +331,7 @@ class Segmented(OverTime):
         return SampledSegments(element, rows, basis)
 
     def variables(self, elements: Sequence[AlignedElement]) -> dict[str, Any]:
-        """Return elements as variables, padded to the most segments and powers."""
+        """Return elements as variables, padded to the largest number of segments and powers."""
         terms, outputs = elements[0].segments.shape[0], elements[0].segments.shape[2]
         most, powers = (max(e.segments.shape[k] for e in elements) for k in (1, 3))
         edges = np.full((len(elements), terms, most + 1), np.nan)
@@ -357,7 +378,7 @@ class Segmented(OverTime):
         kinds = [str(x) for x in data["landmarks"].values] if "landmarks" in data else ["events"] * len(boxes)
         if unknown := set(kinds) - set(get_args(Markers)):
             raise StudyError(
-                f"Landmarks of an aligned chaos are {min(unknown)!r}; expected one of {', '.join(get_args(Markers))}."
+                f"The landmarks of an aligned chaos are {min(unknown)!r}; expected {', '.join(get_args(Markers))}."
             )
         found: list[Any] = [
             (

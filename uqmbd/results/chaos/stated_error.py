@@ -1,14 +1,17 @@
-"""Stated error of a chaos: its error at realisations that did not enter it, in numbers and in words."""
+"""Compute the stated error of a surrogate, its error at realisations that were not used to fit it, and describe it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.schema import SPREAD_FLOOR, reference_spread
 from uqmbd.results.statistics import divisor
-from uqmbd.typing import Array
-from uqmbd.wording import format_at_most, format_percent
+from uqmbd.typing import Array, Mask
+from uqmbd.wording import FACTOR, format_at_most, format_part, format_percent
 
 __all__ = [
     "SPREAD_FLOOR",
@@ -25,10 +28,22 @@ __all__ = [
 
 
 MOST = 50.0
-"""Largest exponent of a factor by which an error may be off."""
+"""Maximum exponent in the uncertainty factor of an error."""
+
+SPREAD = "the standard deviation"
+"""Reference quantity of stated errors."""
 
 KNOWN = 2.0
-"""Factor up to which a stated error counts as known."""
+"""Uncertainty factor up to which texts do not mention the uncertainty of a stated error."""
+
+NEIGHBOUR = 0.25
+"""Minimum stated error, as a fraction of the error at a neighbouring time."""
+
+CLOSE = 0.05
+"""Maximum step between neighbouring times, relative to the whole time; more distant times are independent."""
+
+FEW, SHARE = 2.0, 0.2
+"""Number, or share, of realisations with the error of a jump when this error begins or ends."""
 
 
 def compute_stated_error(
@@ -40,22 +55,96 @@ def compute_stated_error(
     *,
     terms: int = 1,
     unseen: Array | float = 0.0,
+    times: Array | None = None,
 ) -> Array:
     """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`.
 
-    At least `unseen` (O, T), an error that the realisations miss.
+    The error is at least `unseen` (O, T), an error that the realisations miss. With `times` (T,), it is also at least
+    a fraction of `moving_errors`.
     """
-    # An output that does not vary in the chaos at any time is compared with the root mean square of the responses about
-    # its mean: 1, the surrogate misses all.  A difference that is rounding of the mean counts as 0; the standard
-    # deviation comes from so many terms, for its rounding.
-    error = np.maximum(root_mean_square(surrogate - response, weights), unseen)
+    # For an output that is constant in the surrogate at all times, the reference is the root mean square of the
+    # responses about its mean; an error of 1 then means that the surrogate misses all variation. Differences within the
+    # rounding of the mean count as 0. `terms` is the number of terms in the standard deviation, for its rounding.
+    wrong = surrogate - response
+    seen = root_mean_square(wrong, weights)
+    found, few = np.maximum(seen, unseen), (seen < unseen) | _of_few(wrong, weights)
     constant = constant_columns(mean, std, terms)
     missed = root_mean_square(response - mean, weights)
-    # a time at which nothing is known does not make the output vary
+    # times with unknown statistics (NaN) do not count as variation
     still = (constant | np.isnan(std)).all(axis=-1, keepdims=True)
     spread = reference_spread(np.where(still & ~np.isnan(std), missed, np.where(constant, 0.0, std)))
-    rounding = constant_columns(mean, error, terms) & constant
+    rounding = constant_columns(mean, found, terms) & constant
+    error = found.copy()
+    for part in _close(times):
+        error[:, part] = np.maximum(found[:, part], NEIGHBOUR * moving_errors(found[:, part], few[:, part]))
     return np.where(rounding, 0.0, error / divisor(spread))
+
+
+def _close(times: Array | None) -> list[NDArray[np.intp]]:
+    """Return indices of times (T,) in groups, within which steps are small relative to the whole time.
+
+    >>> [one.tolist() for one in _close(np.array([0.0, 1.0, 50.0, 51.0, 52.0, 100.0]))]
+    [[0, 1], [2, 3, 4]]
+    """
+    if times is None or len(times) < 2:
+        return []
+    apart = np.flatnonzero(np.diff(times) > CLOSE * (times[-1] - times[0]) * (1 + 1e-9)) + 1
+    return [part for part in np.split(np.arange(len(times)), apart) if len(part) > 1]
+
+
+def _of_few(wrong: Array, weights: Array) -> Mask:
+    """Return a mask (...) of weighted errors (V, ...) whose mean square is mainly due to few realisations.
+
+    >>> _of_few(np.array([[1.0, 1.0]] + 9 * [[0.0, 1.0]]), np.full(10, 0.1)).tolist()
+    [True, False]
+    """
+    part = (wrong / divisor(np.abs(wrong).max(axis=0))) ** 2 * weights.reshape(-1, *[1] * (wrong.ndim - 1))
+    squared = (part * part).sum(axis=0)
+    return np.asarray(part.sum(axis=0) ** 2 <= max(FEW, SHARE * len(wrong)) * squared)
+
+
+def moving_errors(error: Array, few: Mask | None = None) -> Array:
+    """Return the largest error (O, T) at times that other realisations may reach earlier or later, from (O, T).
+
+    The error at an event begins and ends at different times in different realisations, and few realisations miss the
+    first and last of these times. The function searches these times within one step of the output times, and within the
+    time in which the mean square doubles. The second search is only for errors of `few` (O, T) realisations (default:
+    all), because an error of many realisations has already begun.
+
+    Times with unknown errors are ignored.
+
+    >>> moving_errors(np.array([[0.0, 0.0, 0.0, 1.0, 1.2, 2.0, 0.0, 0.0]])).tolist()
+    [[0.0, 0.0, 1.0, 1.2, 2.0, 2.0, 2.0, 0.0]]
+    """
+    known, found = np.isfinite(error), error.copy()
+    few = np.ones_like(known) if few is None else few
+    if known.all():
+        found = np.maximum(_earlier(error, few), _earlier(error[:, ::-1], few[:, ::-1])[:, ::-1])
+        # no event occurs before the start
+        found[:, :1] = error[:, :1]
+        return found
+    for k, own in enumerate(known):
+        found[k, own] = moving_errors(error[k : k + 1, own], few[k : k + 1, own])[0]
+    return found
+
+
+def _earlier(error: Array, few: Mask) -> Array:
+    """Return the largest error (O, T) that may occur earlier, from the next time and from rising errors after it."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    def ahead(function: Callable[..., Array], values: Array, steps: int) -> Array:
+        """Return the extreme over the present time and the next steps."""
+        return np.asarray(function(values, steps + 1, axis=1, mode="nearest", origin=-((steps + 1) // 2)))
+
+    found, steps, doubled = ahead(maximum_filter1d, error, 1), 2, np.sqrt(2.0) * error
+    near = ahead(maximum_filter1d, error, steps)
+    while steps < error.shape[1]:
+        far = ahead(maximum_filter1d, error, 2 * steps)
+        rising = few & (ahead(minimum_filter1d, error, steps) >= error) & (near < doubled) & (far >= doubled)
+        if rising.any():
+            found = np.maximum(found, ahead(maximum_filter1d, np.where(rising, error, 0.0), steps))
+        steps, near = 2 * steps, far
+    return found
 
 
 def first_above(values: Array, limit: float) -> int | None:
@@ -65,7 +154,7 @@ def first_above(values: Array, limit: float) -> int | None:
 
 
 def root_mean_square(values: Array, weights: Array) -> Array:
-    """Return the root mean square over the first axis of values (V, ...), by weights (V,) that sum to 1."""
+    """Return the root mean square over the first axis of values (V, ...), with weights (V,) of sum 1."""
     scale = np.abs(values).max(axis=0)
     scaled = values / divisor(scale)
     result: Array = scale * np.sqrt(np.tensordot(weights, scaled * scaled, axes=1))
@@ -73,24 +162,24 @@ def root_mean_square(values: Array, weights: Array) -> Array:
 
 
 def uncertainty_factor(wrong: Array, weights: Array) -> Array:
-    """Return by which factor the root mean square (...) of weighted errors (V, ...) may be off, by their scatter."""
-    # Two standard errors of the logarithm of the mean square, which are those of independent points, make one factor of
-    # the root: exp(r) with the relative standard error r of the mean square.  1 where there is no error; infinite where
-    # there is one point, which has no scatter.
+    """Return the uncertainty factor (...) of the root mean square of weighted errors (V, ...), from their scatter."""
+    # The factor is exp(r), with the relative standard error r of the mean square of independent points: two standard
+    # errors of the logarithm of the mean square, halved by the root. The factor is 1 without error, and infinite for
+    # one point, which has no scatter.
     scale = np.abs(wrong).max(axis=0)
     square = (wrong / divisor(scale)) ** 2
     mean = np.tensordot(weights, square, axes=1)
-    # as of n points of the same weight, n - 1 of which are free
+    # equivalent to n points of equal weight with n - 1 degrees of freedom
     free = 1.0 - float(weights @ weights)
     if len(weights) == 1 or free <= 0:
         return np.where(scale > 0, np.inf, np.where(scale == 0, 1.0, np.nan))
     scatter = np.sqrt(np.tensordot(weights**2, (square - mean) ** 2, axes=1) / free)
-    # what is not known at all would overflow
+    # infinite errors would overflow
     return np.asarray(np.exp(np.minimum(np.where(scale == 0, 0.0, scatter / divisor(mean)), MOST)))
 
 
 def weighted_std(values: Array, weights: Array) -> Array:
-    """Return the standard deviation over the first axis of values (V, ...), by weights (V,); 0 of none.
+    """Return the standard deviation over the first axis of values (V, ...), with weights (V,); 0 if V = 0.
 
     >>> weighted_std(np.array([[0.0], [4.0]]), np.array([3.0, 1.0])).round(3).tolist()
     [1.732]
@@ -103,9 +192,9 @@ def weighted_std(values: Array, weights: Array) -> Array:
 
 
 def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:
-    """Say how large a stated error (T,), or (1,) without times, is, and what to do where it passes a limit.
+    """Describe the size of a stated error (T,), or (1,) without times, and a remedy if the error exceeds a limit.
 
-    Every place that tells a stated error tells it in these words.
+    Every text with a stated error uses this function.
 
     >>> import numpy as np
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
@@ -115,29 +204,31 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
     return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
 
 
-def factor_words(factor: float, count: int) -> str:
-    """Return a text on the accuracy of the largest stated error, from a number of realisations.
+def factor_words(factor: float, count: int, advice: str = "raise verify") -> str:
+    """Return a text on the uncertainty of the largest stated error from `count` realisations, with advice.
 
     >>> factor_words(1.5, 16), factor_words(3.14, 8)
-    ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
+    ('', ', uncertain by a factor of 3.1 because it is based on 8 verification realisations: raise verify')
     """
     if not factor > KNOWN:
         return ""
     if count == 1:
-        return ", of which one verification realisation knows little: raise verify"
-    return f", known to a factor of {factor:.2g} only from {count} verification realisations: raise verify"
+        return f", uncertain because it is based on one verification realisation: {advice}"
+    return f", uncertain by a factor of {factor:.2g} because it is based on {count} verification realisations: {advice}"
 
 
 def error_words(error: Array, times: Array | None, limit: float) -> str:
-    """Return a text on an error (T,), or (1,) without times, and on the time from which it exceeds a limit.
+    """Describe an error (T,), or (1,) without times, and the time from which the error exceeds a limit.
 
-    Of times at which it is NaN, the first is named.
+    The text names the first time at which the error is NaN.
 
     >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
     'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
+    >>> error_words(np.array([0.002, 31.0]), np.array([0.0, 1.0]), 0.1)
+    'below 10 % of the standard deviation until 1 s, 31 times the standard deviation at 1 s'
     """
     if times is None:
-        return f"{format_percent(float(error[0]))} of the standard deviation"
+        return format_part(float(error[0]), SPREAD)
     unknown = np.isnan(error)
     if unknown.all():
         return "unknown at all times"
@@ -146,10 +237,11 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
         return f"{known}, unknown at {unknown.sum()} of {len(error)} times from {since:g} s on"
     first, worst = first_above(error, limit), int(error.argmax())
     if first is None:
-        return f"{format_at_most(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
+        return f"{format_at_most(float(error[worst]), SPREAD)} (at {times[worst]:g} s)"
     since = f"below {100 * limit:g} % of the standard deviation until {times[first]:g} s"
     if first == 0:
         since = f"above {100 * limit:g} % of the standard deviation from {times[0]:g} s on"
         if not np.all(error > limit):
             since = f"above {100 * limit:g} % of the standard deviation already at {times[0]:g} s"
-    return f"{since}, {format_percent(float(error[worst]))} at {times[worst]:g} s"
+    large = float(error[worst])
+    return f"{since}, {format_part(large, SPREAD) if large >= FACTOR else format_percent(large)} at {times[worst]:g} s"

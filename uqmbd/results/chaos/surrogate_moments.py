@@ -1,4 +1,4 @@
-"""Moments and indices of surrogates: from coefficients, of one expansion or of elements together, and from samples."""
+"""Compute moments and Sobol' indices of surrogates from coefficients of one or more elements, or from samples."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 __all__ = ["FEWER", "MOMENTS", "TOPS", "ExactMoments", "MergedMoments", "SampledMoments", "frozen_germs"]
 
 FEWER = 8192
-"""Samples of the surrogate for quantiles of all outputs at all times together, and for shapes that need samples."""
+"""Number of surrogate samples for quantiles of all outputs and times, and for sampled skewness and kurtosis."""
 
 MOMENTS = 16_384
-"""Samples of the surrogate for mean and standard deviation."""
+"""Number of surrogate samples for mean and standard deviation."""
 FROZEN = 4_096
-"""Pairs of samples for Sobol' indices."""
+"""Number of pairs of samples for Sobol' indices."""
 TOPS = 256
-"""Samples of the surrogate for the energy of its top order."""
+"""Number of surrogate samples for the energy of the top order."""
 BLOCK = 2_048
-"""Samples that are evaluated at once."""
+"""Number of samples that are evaluated at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class ExactMoments:
 
     @cached_property
     def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
+        """Number of surrogate samples for skewness and kurtosis; 0 if these are exact."""
         exact = self._route != "samples"
         return 0 if exact else affordable(FEWER, len(self.multi_index), self._flat.shape[1])
 
@@ -91,12 +91,12 @@ class ExactMoments:
 
     @property
     def tops(self) -> Array:
-        """Sum of squared coefficients of the top order (1 + d, O, T): of all terms, and by germ."""
+        """Sum of squared coefficients of the top order (1 + d, O, T), in total and by germ."""
         _, edge = top_order(self.multi_index)
         return np.concatenate([[np.sum(self.coefficients[edge] ** 2, axis=0)], self.by_germ(edge)])
 
     def interaction(self, germs: Sequence[int]) -> Array:
-        """Return the share (O, T) of the variance that needs all these germs together."""
+        """Return the share (O, T) of the variance due to the interaction of all these germs."""
         return np.asarray(self._shares(interaction_mask(self.multi_index, germs)[None])[0])
 
     @property
@@ -120,7 +120,7 @@ class ExactMoments:
         return np.reshape(found, (2, *self.mean.shape))
 
     def by_germ(self, terms: Mask | slice) -> Array:
-        """Return the sum of squares of some coefficients by germ (d, O, T): a term counts by its degrees."""
+        """Return the sum of squares of coefficients by germ (d, O, T), with terms divided in proportion to degrees."""
         own = self.multi_index[terms]
         degrees = own / np.maximum(own.sum(axis=1, keepdims=True), 1)
         found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients[terms] ** 2)
@@ -133,7 +133,7 @@ class ExactMoments:
 
 @dataclass(frozen=True, eq=False)
 class MergedMoments:
-    """Moments of an expansion in each of some boxes (E), with coefficients (E, P, O, T) of common terms (P, d)."""
+    """Moments of expansions in E boxes, with coefficients (E, P, O, T) of common terms (P, d)."""
 
     parts: Sequence[Any]
     boxes: Sequence[GermBox]
@@ -155,7 +155,7 @@ class MergedMoments:
 
     @property
     def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis of an element are; 0: they are exact."""
+        """Largest number of surrogate samples for skewness and kurtosis of an element; 0 if these are exact."""
         return max(int(part.shape_samples) for part in self.parts)
 
     @cached_property
@@ -182,7 +182,7 @@ class MergedMoments:
         return self.merged(self._each("tops"))
 
     def merged(self, values: Array) -> Array:
-        """Average over the elements (E, ...), by their probabilities."""
+        """Average values over the elements (E, ...), weighted by the element probabilities."""
         weights = np.array([box.probability for box in self.boxes])
         found: Array = np.einsum("e,e...->...", weights, values) / weights.sum()
         return found
@@ -206,7 +206,7 @@ class MergedMoments:
         return np.stack([np.where(self._constant, 0.0, third), np.where(self._constant, 3.0, fourth)])
 
     def _closed(self, germs: list[int]) -> Array:
-        """Share of the variance that the expectation given some germs has."""
+        """Return the share of the variance in the conditional expectation given some germs."""
         if not germs:
             return np.zeros(self.mean.shape)
         shape = self.coefficients.shape
@@ -219,7 +219,7 @@ class MergedMoments:
 
 @dataclass(frozen=True, eq=False)
 class SampledMoments:
-    """Moments and indices of samples of a function of germ points (K, d), also without some of its terms (P,)."""
+    """Moments and Sobol' indices from samples of a function of germ points (K, d), which may omit terms (P,)."""
 
     space: GermSpace
     multi_index: Index
@@ -247,15 +247,15 @@ class SampledMoments:
 
     @property
     def sobol_second(self) -> Array:
-        """Refuse."""
+        """Raise StudyError: samples do not give indices of pairs."""
         raise StudyError(
-            "Sobol' indices of pairs are not known of this surrogate, whose statistics are those of samples; "
-            "expected one of polynomials at equal times. Use sobol_first and sobol_total."
+            "This surrogate has no Sobol' indices of pairs, because its statistics are computed from samples. "
+            "Expected a surrogate of polynomials at equal times. Use sobol_first and sobol_total."
         )
 
     @cached_property
     def tops(self) -> Array:
-        """Mean square (1 + d, O, T) of the change by the terms of the top order: of all, and of those of each germ."""
+        """Mean square (1 + d, O, T) of the contribution of top-order terms, in total and by germ."""
         germs = spread_germs(self.space, TOPS, 0)
         whole, (_, edge) = self.evaluate(germs), top_order(self.multi_index)
         groups = (edge, *(edge & (degrees > 0) for degrees in self.multi_index.T))
@@ -270,7 +270,7 @@ class SampledMoments:
         for first in range(0, len(germs), BLOCK):
             x = self.evaluate(germs[first : first + BLOCK]) - shift
             if not first:
-                # by powers of two: fourth powers of small numbers are numbers still, and nothing is rounded
+                # scale by powers of two, without rounding, so that fourth powers of small numbers do not underflow
                 largest = np.abs(x).max(axis=0)
                 size = np.frexp(np.where(np.isfinite(largest), largest, 0.0))[1].astype(np.int64)
             x = np.ldexp(x, -size)
@@ -314,7 +314,7 @@ class SampledMoments:
 
 
 def frozen_germs(space: GermSpace) -> tuple[Array, Array]:
-    """Return germ points (K, d) of Sobol' indices: two of each pair."""
+    """Return two independent sets of germ points (K, d) for Sobol' indices."""
     from scipy.stats import qmc
 
     d = space.dimension

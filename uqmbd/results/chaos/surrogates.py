@@ -1,4 +1,4 @@
-"""The surrogate that a method's results hold, of its kind."""
+"""Read the surrogates in the results of a method."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import xarray as xr
 from uqmbd.arguments import Bounds, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
-from uqmbd.results.chaos.custom import Custom, absent_model
+from uqmbd.results.chaos.custom import Custom
 from uqmbd.results.chaos.stated_error import weighted_std
+from uqmbd.results.storage import absent_model
 from uqmbd.typing import Array, Index
 
 __all__ = [
@@ -28,7 +29,7 @@ __all__ = [
 
 
 class StoredSurrogate(NamedTuple):
-    """The stored surrogate of some outputs: its kind, its dataset, and the numbers of these outputs."""
+    """Stored surrogate of some outputs: its kind, its dataset, and the indices of these outputs."""
 
     kind: str
     data: xr.Dataset
@@ -36,7 +37,7 @@ class StoredSurrogate(NamedTuple):
 
     @property
     def equal_times(self) -> bool:
-        """Whether it is one expansion at equal times over the whole germ space."""
+        """Whether the surrogate is a single expansion at equal times over the whole germ space."""
         data = self.data
         return (
             {"multi_index", "coefficients"} <= set(data.data_vars)
@@ -46,8 +47,8 @@ class StoredSurrogate(NamedTuple):
 
     @property
     def split(self) -> bool:
-        """Whether it consists of elements, so that more elements would improve it."""
-        # an aligned one that is not split has one element
+        """Whether the surrogate consists of elements, so that more elements could improve it."""
+        # an aligned surrogate of the whole germ space has one element
         return self.data.sizes.get("element", 0) > (0 if self.kind == "chaos" else 1)
 
 
@@ -55,28 +56,28 @@ class StoredSurrogate(NamedTuple):
 def surrogate(
     node: xr.DataTree | xr.DataArray, output: str | None = None, times: Sequence[int] | None = None
 ) -> Part | ComposedChaos:
-    """Return the surrogate of a method: one polynomial chaos, one of elements, an aligned one, or one of several kinds.
+    """Return the surrogate of a method, of any kind.
 
-    All of them evaluate, sample, and give statistics and densities alike.
+    All kinds have the same methods for evaluation, samples, statistics and densities.
 
     Parameters
     ----------
     node : xarray.DataTree
-        The node of a propagator, ``tree["LABEL"]``, which to checkers of types may be a DataArray.
+        Node of a propagator, ``tree["LABEL"]``. Type checkers may regard it as a DataArray.
     output : str, optional
-        Only this output is read, which is faster; default: all.
+        Name of the only output to read, which is faster. Default: all.
     times : sequence of int, optional
-        Only these of its times are read, by their numbers; default: all.
+        Indices of the only times to read. Default: all.
 
     Returns
     -------
     PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos or ComposedChaos
-        The last one where outputs have surrogates of different kinds, and all of them are read.
+        Surrogate of the method; a ComposedChaos if outputs have surrogates of different kinds and all are read.
 
     Raises
     ------
     StudyError
-        If it is no node, or holds no surrogate, or no such output.
+        If `node` is not the node of a propagator, or has no surrogate or no such output.
 
     Examples
     --------
@@ -93,12 +94,12 @@ def surrogate(
     """
     if not isinstance(node, xr.DataTree):
         kind = type(node).__name__
-        raise StudyError(f"A {kind} holds no surrogate; expected the node of a method, tree['LABEL'].")
+        raise StudyError(f"A {kind} contains no surrogate; expected the node of a method, tree['LABEL'].")
     parts = surrogate_parts(node)
     if why := absent_surrogate(node):
         raise StudyError(f"The propagator {node.name!r}: {why}")
     if not parts:
-        raise StudyError(f"The propagator {node.name!r} holds no surrogate; collocation and Galerkin make one.")
+        raise StudyError(f"The propagator {node.name!r} contains no surrogate; collocation and Galerkin compute one.")
     found, names = {}, []
     for name, (kind, part) in parts.items():
         data = part.to_dataset()
@@ -108,7 +109,7 @@ def surrogate(
             count = data.sizes["time"]
             if not len(times) or not all(fits(k, Annotated[int, Bounds(0, count - 1)]) for k in times):
                 raise StudyError(
-                    f"surrogate: times is {shown(times)}; expected numbers of times, from 0 to {count - 1}."
+                    f"surrogate: times is {shown(times)}; expected indices of times, from 0 to {count - 1}."
                 )
             data = data.isel(time=list(times))
         if output is None:
@@ -116,7 +117,7 @@ def surrogate(
         elif output in own:
             found[name] = (kind, data.isel(output=own.index(output) + np.arange(1)))
     if not found:
-        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
+        raise StudyError(f"The surrogate has no output {output!r}; its outputs are {', '.join(map(repr, names))}.")
     if list(found) == [""] or (output is not None and len(found) == 1):
         ((kind, data),) = found.values()
         return KINDS[kind](data)
@@ -124,10 +125,10 @@ def surrogate(
 
 
 def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
-    """Return the stored parts of the surrogates of a method's outputs, each with the name of its kind.
+    """Return the stored parts of the surrogates of a method, by name, each with the name of its kind.
 
-    By the names of the parts that a composed one has; else there is one, without a name, or none. A model whose plugin
-    is not installed cannot be evaluated, and is none.
+    A composed surrogate has several named parts; any other surrogate has one part with an empty name. Surrogates whose
+    plugin is not installed cannot be evaluated and are omitted.
 
     `node`: a propagator's node, or its child ``scalars``.
 
@@ -154,13 +155,15 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
 
 
 def absent_surrogate(node: xr.DataTree) -> str:
-    """Return why the surrogate of a method's node cannot be evaluated here; nothing where it can, or there is none."""
-    name = Custom.name
-    return absent_model(node.children[name]) if name in node.children else ""
+    """Return why the surrogate of a method cannot be evaluated on this computer; empty if it can or there is none."""
+    name, composed = Custom.name, node.children.get("composed")
+    holders = [node, *(composed.children.values() if composed is not None else ())]
+    stored = [holder.children[name] for holder in holders if name in holder.children]
+    return next((why for one in stored if (why := absent_model(one))), "")
 
 
 def stored_surrogates(node: xr.DataTree) -> tuple[StoredSurrogate, ...]:
-    """Return the surrogates in the node of a method, or in its child ``scalars``, without making them; may be none."""
+    """Return the stored surrogates, possibly none, in the node of a method or in its child ``scalars``."""
     found = []
     for kind, part in surrogate_parts(node).values():
         data = part.to_dataset()
@@ -170,9 +173,9 @@ def stored_surrogates(node: xr.DataTree) -> tuple[StoredSurrogate, ...]:
 
 
 def verified_std(node: xr.DataTree, shape: tuple[int, ...]) -> Array:
-    """Return the standard deviation of the verification realisations, of the shape of a method's statistics.
+    """Return the standard deviation of the verification realisations, in the shape of the statistics of a method.
 
-    0 where there are none.
+    The standard deviation is 0 for outputs without verification realisations.
     """
     found = np.zeros(shape)
     for _, data, rows in stored_surrogates(node):
@@ -184,9 +187,9 @@ def verified_std(node: xr.DataTree, shape: tuple[int, ...]) -> Array:
 
 
 def verified_range(node: xr.DataTree, shape: tuple[int, ...]) -> tuple[Array, Array, int]:
-    """Return smallest and largest values (shape) of the verification realisations, NaN without any; and their number.
+    """Return smallest and largest values (shape) of the verification realisations, NaN without any, and their number.
 
-    Of surrogates with different numbers of realisations, the smallest of these.
+    If surrogates have different numbers of realisations, the smallest number is returned.
     """
     low, high, counts = np.full(shape, np.nan), np.full(shape, np.nan), list[int]()
     for _, data, rows in stored_surrogates(node):
@@ -199,7 +202,7 @@ def verified_range(node: xr.DataTree, shape: tuple[int, ...]) -> tuple[Array, Ar
 
 
 def verified_trials(node: xr.DataTree) -> float:
-    """Return as how many independent samples of the inputs the verification realisations count; 0 without any."""
+    """Return the number of independent input samples equivalent to the verification realisations; 0 without any."""
     weights = [data.get("verification_weights") for _, data, _ in stored_surrogates(node)]
     known = [w.values / w.values.sum() for w in weights if w is not None and w.size]
     return min((1 / float((w**2).sum()) for w in known), default=0.0) if len(known) == len(weights) else 0.0

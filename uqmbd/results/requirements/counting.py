@@ -25,18 +25,19 @@ __all__ = ["Violations", "events", "failures_in"]
 @typechecked
 @dataclass(frozen=True)
 class Violations:
-    """Counts of some realisations; those of several chunks add up.
+    """Counts of violations in some realisations; the sum of several objects counts all of their realisations.
 
     Attributes
     ----------
     by_time : array of int, shape (event, T)
-        Realisations that have violated a requirement by a time; the last event of several is that of any of them.
+        Number of realisations that violate each requirement until each time. If there are several requirements, the
+        last row counts violations of any of them.
     total, failed : int
-        Realisations, and those of them that failed: neither safe nor unsafe.
+        Number of realisations, and number of failed ones, which count neither as safe nor as violations.
 
     Examples
     --------
-    Four realisations of a requirement at two times; the third violates it at the second, and the last failed:
+    Four realisations of a requirement at two times: the third violates it at the second time, and the last failed:
 
     >>> import numpy as np
     >>> from uqmbd.extend import Violations
@@ -54,24 +55,24 @@ class Violations:
 
     @classmethod
     def of(cls, running: Array, failed: Mask) -> Violations:
-        """Count those of running margins (K, requirement, T), of which some failed (K,).
+        """Count violations from running margins (K, requirement, T); failed realisations are not violations.
 
         Parameters
         ----------
         running : array, shape (K, requirement, T)
             Smallest margins until each time.
         failed : array of bool, shape (K,)
-            Which realisations have none.
+            Whether each realisation failed.
 
         Returns
         -------
         Violations
-            Where there are several requirements, with a row for any of them.
+            Counts, with a last row for the violation of any requirement if there are several.
 
         Raises
         ------
         StudyError
-            If there is not one truth value for each realisation.
+            If `failed` does not have one value for each realisation.
         """
         if running.ndim != 3 or failed.shape != running.shape[:1] or failed.dtype != bool:
             raise StudyError(
@@ -85,7 +86,7 @@ class Violations:
 
     @property
     def share(self) -> Array:
-        """Share of the realisations that did not fail, shape (event, T); NaN where all did."""
+        """Share of violations among successful realisations, shape (event, T); NaN if all failed."""
         return np.asarray(self.by_time / np.where(self.total > self.failed, self.total - self.failed, np.nan))
 
     @staticmethod
@@ -98,27 +99,27 @@ class Violations:
         ----------
         requirements : sequence of Requirement
         replicates : sequence of Violations
-            One of independent realisations; or several of a design whose points are not independent, which are
-            independent of one another.
+            One element for independent realisations, or several independent replicates of a design whose points are
+            dependent.
         times : array_like, shape (T,)
             Output times, s.
 
         Returns
         -------
         xarray.Dataset
-            With ``violations (requirement)``, and the attributes ``realisations`` and ``failed``.  Intervals are those
-            of Clopper and Pearson, or of the spread over replicates; the lower end is that as if what failed were safe,
-            the upper one as if it were not.
+            Dataset with ``violations (requirement)``, and the attributes ``realisations`` and ``failed``. Intervals
+            come from Clopper and Pearson, or from the spread over replicates. Failed realisations count as safe for the
+            lower end, and as violations for the upper end.
 
         Raises
         ------
         StudyError
-            If there are no counts, or not at the given times.
+            If there are no counts, or the counts are not at the given times.
         """
         if not len(replicates) or np.shape(times) != replicates[0].by_time.shape[1:]:
             raise StudyError(
-                f"Violations.dataset: {len(replicates)} replicates and times of the shape {np.shape(times)}; expected "
-                "1 replicate or more, and a time for each column of their counts."
+                f"Violations.dataset: {len(replicates)} replicates and times of the shape {np.shape(times)} are "
+                "given; expected at least one replicate, and one time for each column of counts."
             )
         whole = replicates[0]
         for one in replicates[1:]:
@@ -151,7 +152,7 @@ class Violations:
 
 
 def events(running: Array) -> NDArray[np.bool_]:
-    """Return which events have happened by each time: requirements (K, R, T) violated, and of several, any of them.
+    """Return a mask of events until each time: violations of requirements (K, R, T) and, if several, of any of them.
 
     >>> events(np.array([[[1.0, -1.0], [2.0, 1.0]]])).tolist()
     [[[False, True], [False, False], [False, True]]]
@@ -163,7 +164,7 @@ def events(running: Array) -> NDArray[np.bool_]:
 
 
 def failures_in(lower: Array, upper: Array, share: float) -> tuple[Array, Array]:
-    """Widen intervals by a share of realisations that failed: all of them safe, or all of them not.
+    """Widen intervals by a share of failed realisations: safe for the lower end, violations for the upper end.
 
     >>> failures_in(np.array([0.1]), np.array([0.2]), 0.5)
     (array([0.05]), array([0.6]))

@@ -1,4 +1,4 @@
-"""The dataset ``requirements`` of a propagator's node: probabilities of violation, with confidence intervals."""
+"""Dataset ``requirements`` of a propagator's node: probabilities of violation with confidence intervals."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ ANY_WORDS = "any of the requirements is violated"
 
 @typechecked
 def requirement_names(requirements: Sequence[Requirement | str]) -> tuple[str, ...]:
-    """Return the names of events: those of the requirements, and where there are several ``any``, the last one.
+    """Return the names of the requirements, followed by ``any`` if there are several.
 
     Parameters
     ----------
     requirements : sequence of Requirement or str
-        In their order.
+        Requirements, or their names, in their order.
 
     Examples
     --------
@@ -61,27 +61,28 @@ def requirements_dataset(
     Parameters
     ----------
     requirements : sequence of Requirement or str
-        Those that are answered, as ``problem.requirements``; where there are several, all values have one more row,
-        the last one, ``any``: that any of them is violated.
+        Requirements of the node, such as ``problem.requirements``. If there are several, all values have an additional
+        last row ``any``, for the violation of any of them.
     violation_probability, lower, upper : array_like, shape (requirement,)
-        Probabilities, and the ends of their 95 % intervals.
+        Probabilities of violation, and ends of their 95 % intervals.
     std_error : array_like, shape (requirement,), optional
-        Default: not known, NaN.
+        Standard errors of the probabilities. Default: unknown, NaN.
     times : array_like, shape (T,), optional
-        Output times, s, for `violated_by`.
+        Output times, s, of `violated_by`.
     violated_by : array_like, shape (requirement, T), optional
-        Probability of having been violated by a time.
+        Probability of a violation until each time.
     variables, attrs : mapping, optional
-        Further variables, as of `xarray.Dataset`, and attributes.
+        Further variables, as for `xarray.Dataset`, and attributes.
 
     Returns
     -------
     xarray.Dataset
+        Probabilities of violation.
 
     Raises
     ------
     StudyError
-        If shapes do not fit, or an interval does not hold its probability.
+        If shapes do not fit, or an interval does not contain its probability.
 
     Examples
     --------
@@ -103,8 +104,8 @@ def requirements_dataset(
     if wrong.any():
         k = int(np.argmax(wrong))
         raise StudyError(
-            f"requirement {names[k]!r}: the probability {probability[k]:g} is given the interval from {ends[0][k]:g} "
-            f"to {ends[1][k]:g}; expected one within 0 and 1 that holds it."
+            f"requirement {names[k]!r}: the probability is {probability[k]:g}, and its interval is {ends[0][k]:g} to "
+            f"{ends[1][k]:g}; expected an interval within 0 to 1 that contains the probability."
         )
     about = {"long_name": "probability that the requirement is violated", "units": "1"}
     data: dict[str, Any] = {
@@ -130,7 +131,7 @@ def requirements_dataset(
     }
     if (violated_by is None) != (times is None):
         alone, other = ("times", "violated_by") if violated_by is None else ("violated_by", "times")
-        raise StudyError(f"{alone} is given without {other}; expected both, or none.")
+        raise StudyError(f"{alone} is given without {other}; expected both or neither.")
     if violated_by is not None:
         grid, over_time = real_numbers("times", times), real_numbers("violated_by", violated_by)
         if grid.ndim != 1 or not np.isfinite(grid).all():

@@ -1,4 +1,4 @@
-"""Intervals of probabilities from counts."""
+"""Confidence intervals of probabilities from counts."""
 
 from __future__ import annotations
 
@@ -12,34 +12,35 @@ from uqmbd.typing import Array
 __all__ = ["LEVEL", "clopper_pearson", "of_replicates"]
 
 LEVEL = 0.95
-"""Confidence of intervals."""
+"""Confidence level of intervals."""
 
 FEWEST = 5
-"""Smallest number of replicates with and without the event from which a spread is estimated."""
+"""Smallest number of replicates with an event, and of replicates with a trial without an event, to use their spread."""
 
 
 @typechecked
 def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: Share = LEVEL) -> tuple[Array, Array]:
-    """Return the interval of a probability from how often something happened among independent trials.
+    """Return the confidence interval of a probability from the number of occurrences in independent trials.
 
-    Its confidence is at least `level` whatever the probability is [1]_.  Where it never happened, or always, the
-    interval has one end only, with all of the confidence: ``1 - (1 - level)^(1 / of)`` at most.
+    The confidence is at least `level` for any probability [1]_. Without occurrences, or with occurrences in all trials,
+    the interval is one-sided, and its width is ``1 - (1 - level)^(1 / of)``.
 
     Parameters
     ----------
     happened, of : array_like of int
-        How often, and of how many trials.
+        Numbers of occurrences and of trials.
     level : float
-        Confidence.
+        Confidence level.
 
     Returns
     -------
     lower, upper : array
+        Ends of the interval.
 
     Raises
     ------
     StudyError
-        If the numbers are negative, or more than there are trials.
+        If a number is negative, or occurrences exceed trials.
 
     References
     ----------
@@ -57,12 +58,12 @@ def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: Share = LEVEL) ->
         k, n = np.broadcast_arrays(np.asarray(happened, dtype=float), np.asarray(of, dtype=float))
     except ValueError:
         raise StudyError(
-            f"clopper_pearson: happened has the shape {np.shape(happened)}, of {np.shape(of)}; expected equal shapes, "
-            "or one number of trials."
+            f"clopper_pearson: 'happened' has the shape {np.shape(happened)}, and 'of' has the shape {np.shape(of)}; "
+            "expected equal shapes, or one number of trials."
         ) from None
     if not ((k >= 0) & (k <= n) & (n < np.inf)).all():
-        raise StudyError("clopper_pearson: happened and of hold other numbers than 0 <= happened <= of < inf.")
-    # one end: all of the confidence is its own
+        raise StudyError("clopper_pearson: expected numbers with 0 <= happened <= of < inf.")
+    # the single end of a one-sided interval has the whole confidence
     tail = np.where((k == 0) | (k == n), 1 - level, (1 - level) / 2)
     with np.errstate(invalid="ignore"):
         lower = np.where(k > 0, betaincinv(np.maximum(k, 1), n - np.minimum(k, n) + 1, tail), 0.0)
@@ -75,16 +76,16 @@ def of_replicates(
 ) -> tuple[Array, Array, Array]:
     """Return standard errors and intervals of probabilities from the shares of independent replicates.
 
-    `shares` (replicate, ...): of trials in which something happened; `of`: all trials; `lower`, `upper` (...):
-    intervals that hold as if all trials were independent; they stay where it happened in too few replicates for their
-    spread to tell anything; `level`: confidence. Return (...).
+    `shares` (replicate, ...): shares of trials with the event; `of`: number of all trials; `lower`, `upper` (...):
+    intervals for independent trials; `level`: confidence. The given intervals remain if too few replicates contain
+    trials with the event, or without it, for an estimate from the spread. The results have the shape (...).
     """
     from scipy.special import stdtrit
 
     count, mean = len(shares), shares.mean(axis=0)
     error = shares.std(axis=0, ddof=1) / np.sqrt(count)
     spread = np.minimum((shares > 0).sum(axis=0), (shares < 1).sum(axis=0)) >= FEWEST
-    # replicates that agree by chance know no more than one trial tells
+    # replicates may agree by chance: the half-width is at least one trial
     reach = np.maximum(stdtrit(count - 1, (1 + level) / 2) * error, 1 / of)
     return (
         error,

@@ -1,4 +1,4 @@
-"""Results of methods on requirements, side by side: for tables, and for probabilities as conditions."""
+"""Results of methods for requirements, for tables and for conditions on probabilities."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ VARIABLES = ("violation_probability", "violation_lower", "violation_upper", "vio
 @typechecked
 @dataclass(frozen=True)
 class Answer:
-    """Result of a method on a requirement.
+    """Result of a method for a requirement.
 
     Attributes
     ----------
     method, requirement, description, relation : str
+        Label of the method; name, description and relation of the requirement.
     probability, lower, upper : float
-        Of being violated, and its 95 % interval.
+        Probability of violation, and its 95 % interval.
     how : str
-        Where they come from.
+        Origin of these numbers, such as ``of 500 samples``.
 
     Examples
     --------
@@ -54,12 +55,12 @@ class Answer:
 
     @property
     def words(self) -> str:
-        """The probability with its interval."""
+        """Text of the probability with its interval."""
         return format_interval(self.probability, self.lower, self.upper)
 
     @property
     def known(self) -> bool:
-        """Whether the method has a probability at all: an interval from 0 to 1 without one agrees with everything."""
+        """Whether the method states a probability; otherwise the interval from 0 to 1 agrees with all others."""
         return math.isfinite(self.probability)
 
     @property
@@ -69,24 +70,24 @@ class Answer:
 
     @property
     def relative_width(self) -> float:
-        """The longer side of the interval over the probability; infinite of a probability that is 0, or not known."""
+        """Longer side of the interval, relative to the probability; infinite if the probability is 0 or unknown."""
         side = max(self.upper - self.probability, self.probability - self.lower)
         return side / self.probability if self.probability > 0 else math.inf
 
     def apart(self, other: Answer) -> bool:
-        """Return whether the intervals of two methods have nothing in common."""
+        """Return whether the intervals of two methods are disjoint."""
         return self.lower > other.upper or other.lower > self.upper
 
 
 def _data(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
-    """Return the datasets ``requirements`` by the label of the method; methods without are left out."""
+    """Return the datasets ``requirements`` by the label of the method; omit methods without one."""
     found = {label: node.children["requirements"] for label, node in nodes.items() if "requirements" in node.children}
     return {label: node.to_dataset() for label, node in found.items()}
 
 
 @typechecked
 def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
-    """Return results by requirement, in the order of the study, ``any`` last, and by the label of the method.
+    """Return results by requirement and by label of the method, in the order of the study, with ``any`` last.
 
     Parameters
     ----------
@@ -113,12 +114,14 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
 
 
 def meets(found: Collection[Answer], allowed: float) -> bool | None:
-    """Return whether a requirement is met with 95 % confidence; None: not certain.
+    """Return whether a requirement is met with 95 % confidence; None if this is uncertain.
 
-    It is met if all methods say so, and not met if any says so and none says the contrary. Methods that do not know the
-    probability do not count.
+    The requirement is met if the upper ends of all methods are allowed. It is not met if the lower end of one method is
+    not allowed, and no method has an allowed upper end. Methods without a probability are ignored.
     """
     found = [one for one in found if one.known]
+    if allowed >= 1:
+        return True  # for any probability
     if not found:
         return None
     if all(one.upper <= allowed for one in found):
@@ -129,22 +132,23 @@ def meets(found: Collection[Answer], allowed: float) -> bool | None:
 
 @typechecked
 def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
-    """Return which requirements are not met with 95 % confidence: their probability exceeds the allowed one.
+    """Return the requirements that are not met, or not known to be met, with 95 % confidence.
 
-    All methods have to tell that it is less: the one with the largest upper end counts.  That it is more, and the
-    requirement is not met, one method may tell, where none tells the contrary.
+    A requirement is met if every method with a known probability states an upper end of at most the allowed one. It is
+    not met if one method states a larger lower end and no method an allowed upper end. Otherwise, it is not known to be
+    met.
 
     Parameters
     ----------
     nodes : mapping of str to xarray.DataTree
         Propagator nodes by label.
     probability : float
-        That is allowed.
+        Allowed probability of violation.
 
     Returns
     -------
     list of str
-        A sentence for each requirement, without ``any``.
+        One sentence for each requirement, except ``any``.
 
     Examples
     --------
@@ -170,7 +174,13 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     for name, found in answers(nodes).items():
         met = meets(found.values(), probability)
         if not met and name != ANY:
-            known = [one for one in found.values() if one.known] or list(found.values())
+            known = [one for one in found.values() if one.known]
+            if not known:
+                said.append(
+                    f"requirement {name!r} is not known to be met, because no method states the probability of its "
+                    f"violation; the allowed probability is {format_probability(probability)}"
+                )
+                continue
             wrong = [one for one in known if not one.upper <= probability]
             one = max(wrong, key=lambda one: one.upper)
             told, end = "is not known to be met", f"up to {format_probability(one.upper)}"
@@ -186,21 +196,21 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
 
 @typechecked
 def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr.Dataset | None:
-    """Compare probabilities of violation; None where no method has any.
+    """Compare probabilities of violation; return None if no method states one.
 
     Parameters
     ----------
     nodes : mapping of str to xarray.DataTree
         Propagator nodes by label.
     reference : str
-        Label of the reference; where it knows no probability, the first one that does stands in for it.
+        Label of the reference. If it states no probability, the first method with a probability replaces it.
 
     Returns
     -------
     xarray.Dataset
         ``violation_probability``, ``violation_lower`` and ``violation_upper (method, requirement)``, NaN for methods
-        without, and ``violation_verdict``: ``reference``, ``agrees``, ``differs`` (the intervals have nothing in
-        common), ``not known`` (the method has no probability), or empty.
+        without a probability. ``violation_verdict`` is ``reference``, ``agrees``, ``differs`` (disjoint intervals),
+        ``not known`` (the method states no probability), or empty.
 
     Examples
     --------
@@ -226,7 +236,7 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
     values = np.full((3, len(methods), len(names)), np.nan)
     verdicts = [["" for _ in names] for _ in methods]
     for column, by_method in enumerate(found.values()):
-        # one that does not know the probability is no reference, and agrees with none
+        # a method without a probability is not a reference, and does not agree with others
         known = {label: one for label, one in by_method.items() if one.known}
         base = known.get(reference) or next(iter(known.values()), None)
         for label, one in by_method.items():

@@ -1,19 +1,19 @@
-"""Probabilities of violation from a surrogate of margins, with the contribution of its error to their intervals.
+"""Probabilities of violation from a surrogate of margins, with intervals that include the error of the surrogate.
 
-A million samples of a surrogate give a wrong probability as precisely as a right one.  Its error is measured at
-realisations that did not enter it, its verification realisations. Their residuals are divided by a growth function,
-since the error of polynomials grows with the distance of the margin from its median. Limits are far from the median:
-the function is the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate. Here :math:`u` is the
-normal score of the margin in its own distribution. An error that consists of all polynomials up to that degree grows
-like this. The root mean square of the residuals is multiplied by the quantile of Student's t distribution with as many
-degrees of freedom as residuals. The result is a band about the limit; by the weights of the realisations, or all alike,
-whichever is wider. Samples within it may be violations, or not.
+A million samples of an inaccurate surrogate give a wrong probability with a small sampling error. Verification
+realisations, which did not enter the surrogate, measure its error. The error of polynomials grows with the distance of
+the margin from its median, and limits are far from the median. Residuals are therefore divided by a growth function:
+the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate. Here :math:`u` is the normal score of
+the margin in its own distribution. An error that consists of all polynomials up to that degree grows like this. The
+root mean square of the residuals is multiplied by the quantile of Student's t distribution with as many degrees of
+freedom as residuals. The result is a band about the limit. Residuals have the weights of the realisations or equal
+weights; the wider band is used. Samples within the band may be violations or not.
 
 Residuals contain no information on a margin that the surrogate does not follow at all. Such a margin jumps, or its only
-change is between all realisations. Where they are beyond `FOLLOWED` of the spread of the samples, or where nothing
-varies, the interval also holds what the signs alone tell: the probability that a verification realisation and the
-surrogate are on different sides of the limit. Its interval is that of Clopper and Pearson, with the effective number of
-trials of the weights.
+change is between the realisations. This is assumed if residuals exceed `FOLLOWED` of the spread of the samples, or if
+nothing varies. The interval then also includes the information from signs: the probability that a verification
+realisation and the surrogate are on different sides of the limit. Clopper and Pearson's method gives the interval of
+this probability, with the effective number of trials of the weights.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ if TYPE_CHECKING:
 __all__ = ["margin_bands", "margins_of", "sampled_requirements", "signs_allow"]
 
 SAMPLES = 1 << 17
-"""Samples of the surrogate for probabilities of the whole motion."""
+"""Number of samples of the surrogate for probabilities of the whole motion."""
 
 FEWER = 1 << 14
-"""Samples for probabilities over time."""
+"""Number of samples for probabilities over time."""
 
 ROWS = 4096
-"""Samples that are evaluated at once."""
+"""Number of samples that are evaluated at once."""
 
 RELIANCE = 0.995
-"""One-sided quantile of Student's t distribution that makes a band of the residuals."""
+"""One-sided probability of the quantile of Student's t distribution for the band from residuals."""
 
 FOLLOWED = 0.3
-"""Part of the spread of a margin up to which its error is that of a surrogate that follows it."""
+"""Error, relative to the spread of a margin, up to which a surrogate follows the margin."""
 
 CONSTANT = 1e-9
-"""Spread of a margin over its size that is none."""
+"""Spread of a margin, relative to its size, up to which the margin is constant."""
 
 HIGHEST = 8
-"""Degree above which growth is not followed."""
+"""Highest degree of the growth function."""
 
 
 def sampled_requirements(
@@ -68,11 +68,11 @@ def sampled_requirements(
 ) -> xr.Dataset:
     """Build the dataset ``requirements`` of a propagator's node from a surrogate of margins.
 
-    `late` (requirement,): whose margins are known at the end only; `at_end`, `over_time`: of the running margins: at
-    the last output time, and at all of them; `lost`: share of the realisations that failed; `seed`: of the samples.
-    Return ``uncertain (requirement)``: the share of samples so near the limit that the error of the surrogate can move
-    them over it. Its attributes are ``samples``, ``verification`` (realisations) and ``failed`` (share). Without
-    verification realisations every interval is that from 0 to 1.
+    `late` (requirement,): whether margins are known only at the end; `at_end`, `over_time`: surrogates of the running
+    margins at the last output time and at all output times; `lost`: share of failed realisations; `seed`: seed of the
+    samples. The variable ``uncertain (requirement)`` is the share of samples that the error of the surrogate can move
+    over the limit. Attributes of the dataset are ``samples``, ``verification`` (number of realisations) and ``failed``
+    (share). Without verification realisations, every interval is from 0 to 1.
     """
     margins = _sampled(at_end, SAMPLES, seed)
     verified = at_end.verification_germs is not None and at_end.verification_response is not None
@@ -102,7 +102,7 @@ def sampled_requirements(
         else "; without verification realisations its error is unknown: use verify=16 or more"
     )
     if astray:
-        about["how"] += f"; it does not follow {', '.join(astray)}, of which the signs of these alone tell"
+        about["how"] += f"; for {', '.join(astray)} it is inaccurate, and only the signs of its margins are reliable"
     near = (("requirement",), (most - least) / count, {"long_name": "share of samples that the error can move over"})
     return requirements_dataset(
         requirements,
@@ -123,27 +123,27 @@ def _sampled(chaos: Surrogate, samples: int, seed: int) -> Array:
 
 
 def margins_of(chaos: Surrogate, germs: Array) -> Array:
-    """Return margins (K, requirement) at germs (K, d) of a surrogate at one time, some thousand at a time."""
+    """Return margins (K, requirement) at germs (K, d) of a surrogate at one time; evaluate some thousand at once."""
     parts = [chaos.evaluate_germs(germs[k : k + ROWS]) for k in range(0, len(germs), ROWS)]
     return np.concatenate(parts).reshape(len(germs), len(chaos.labels.outputs))
 
 
 def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, seed: int) -> Array:
-    """Return the probabilities (event, T) of having been violated by each time, that of the last time being known."""
+    """Return the probabilities (event, T) of a violation until each time; `probability` is that at the last time."""
     germs = spread_germs(chaos.space, FEWER, seed)
     counts: Array | float = 0.0
     for k in range(0, len(germs), ROWS):
         margins = chaos.evaluate_germs(germs[k : k + ROWS]).reshape(-1, len(late), chaos.labels.shape[1])
         margins[:, late, :-1] = np.inf
         counts = counts + events(margins).sum(axis=0)
-    # a limit that has been passed stays passed, which polynomials at each time by itself do not know
+    # a violation is permanent, which separate polynomials at each time do not express
     shares = np.minimum(np.maximum.accumulate(np.asarray(counts) / len(germs), axis=1), probability[:, None])
     shares[:, -1] = probability
     return np.asarray(shares)
 
 
 def margin_bands(chaos: Surrogate, margins: Array) -> Array:
-    """Return half the widths (K, requirement) of the band within which margins may be on the other side of a limit."""
+    """Return half-widths (K, requirement) of the band within which margins may be on the other side of a limit."""
     from scipy.special import ndtri
 
     points = np.asarray(chaos.verification_germs)
@@ -152,7 +152,7 @@ def margin_bands(chaos: Surrogate, margins: Array) -> Array:
     real = np.asarray(chaos.verification_response).reshape(count, size)
     weights = np.asarray(chaos.verification_weights)
     degree = min(int(chaos.multi_index.sum(axis=1).max(initial=0)) + 1, HIGHEST)
-    if not len(chaos.multi_index):  # of a model that is no polynomial nobody knows how its error grows
+    if not len(chaos.multi_index):  # the growth of the error is unknown for models other than polynomials
         degree = HIGHEST
     bands = np.empty_like(margins)
     for k in range(size):
@@ -160,17 +160,17 @@ def margin_bands(chaos: Surrogate, margins: Array) -> Array:
         rank = np.searchsorted(margins[order, k], seen[:, k])
         growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
         square = (real[:, k] - seen[:, k]) ** 2 / growth[rank]
-        # by what the realisations count in means, and all alike, as in the tails
+        # use the weights, as for means, and equal weights, as for the tails
         reach = max(_reach(square, w) for w in (weights, np.full(count, 1 / count)))
         bands[order, k] = reach * np.sqrt(growth[:-1])
     return bands
 
 
 def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the interval from signs at verification realisations (event,), if the surrogate does not follow.
+    """Return bounds of probabilities from signs at verification realisations.
 
-    Return (event,): by how much a probability may be less, and more. Return (event,): whether it is known by
-    residuals.
+    The results (event,) are the possible decrease and increase of each probability, and whether the surrogate follows
+    the margin. If it does, decrease and increase are 0.
     """
     points = np.asarray(chaos.verification_germs)
     count, size = len(points), margins.shape[1]
@@ -191,10 +191,10 @@ def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray
 
 
 def _reach(square: Array, weights: Array) -> float:
-    """Return the half-width of the errors whose squares are known at some points, by weights that sum to 1.
+    """Return the half-width of a band from squared errors at some points, with weights of sum 1.
 
-    A few of the squares may be nearly all of their sum, as near a jump. Then the root of their mean is known as poorly
-    as from so few: of normal errors a third of them are, so to say.
+    Near a jump, a few squares may be nearly all of the sum. The root mean square is then as uncertain as from so few
+    errors. Normal errors have an effective number of a third of the points, so this number is multiplied by 3.
     """
     from scipy.special import stdtrit
 

@@ -1,4 +1,4 @@
-"""Meaning of the axes of a propagator's arrays: outputs, inputs and times, with their units."""
+"""Label the axes of arrays of a propagator: outputs, inputs and times, with units."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ __all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels", "output
 @typechecked
 @dataclass(frozen=True)
 class OutputInfo:
-    """An output: its name as the user wrote it, its units (empty: none stated), and how long a turn is in these.
+    """Output with its name as declared by the user, its units, and the length of a full turn.
 
-    `turn` is 0 unless the output is an angle; its values are unwrapped then.
+    If `turn` is not 0, the output is an angle, whose values are unwrapped.
 
     Parameters
     ----------
     name : str
-        As the user wrote it.
+        Name of the output, as declared.
     units : str
-        Empty: none stated.
+        Units of the output; empty if none are stated.
     turn : float
-        Length of a turn, in these units; 0: it is no angle.
+        Length of a turn, in these units; 0 if the output is not an angle.
 
     Examples
     --------
@@ -51,16 +51,16 @@ class OutputInfo:
 @typechecked
 @dataclass(frozen=True)
 class InputInfo:
-    """A random input: its name, units, and its distribution in words, as in ``Normal(mu=0.15, sigma=0.003)``.
+    """Random input with its name, units, and a text on its distribution, such as ``Normal(mu=0.15, sigma=0.003)``.
 
     Parameters
     ----------
     name : str
-        As the user wrote it.
+        Name of the input, as declared.
     units : str
-        Empty: none stated.
+        Units of the input; empty if none are stated.
     description : str
-        Its distribution in words.
+        Distribution of the input, as text.
 
     Examples
     --------
@@ -80,14 +80,16 @@ _Info = TypeVar("_Info", OutputInfo, InputInfo)
 @typechecked
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Meaning of the axes of a propagator's arrays; :func:`labels` makes it.
+    """Labels of the axes of arrays of a propagator; create them by :func:`labels`.
 
     Attributes
     ----------
     outputs : tuple of OutputInfo
+        Name, units and turn of each output.
     inputs : tuple of InputInfo
+        Name, units and distribution of each input.
     times : numpy.ndarray or None
-        Increasing, shape (T,), in seconds; None for outputs without a time.
+        Output times, s, increasing, shape (T,); None for scalar outputs.
 
     Examples
     --------
@@ -115,7 +117,7 @@ class Labels:
 
     @property
     def turns(self) -> NDArray[np.float64]:
-        """Length of a turn of each output, shape (O,): 0 unless it is an angle."""
+        """Length of a full turn of each output, shape (O,); 0 for outputs that are not angles."""
         return np.array([o.turn for o in self.outputs], dtype=float)
 
     def output_coords(self) -> dict[str, Any]:
@@ -149,26 +151,27 @@ def labels(
     inputs: Iterable[InputInfo | str | tuple[str, str] | tuple[str, str, str]],
     times: ArrayLike | None,
 ) -> Labels:
-    """State the meaning of the axes of a propagator's arrays once.
+    """Create the labels of the axes of arrays of a propagator.
 
     Parameters
     ----------
     outputs : iterable of OutputInfo, name, (name, units), or (name, units, turn)
-        At least one. The length of a turn, in the units, is stated for angles.
+        Outputs; at least one. For an angle, `turn` is the length of a turn in its units.
     inputs : iterable of InputInfo, name, (name, units), or (name, units, description)
-        May be empty.
+        Inputs; may be empty.
     times : array_like or None
-        Increasing finite times in seconds, shape (T,) with T >= 1; None for outputs without a time.
+        Output times, s, increasing and finite, shape (T,) with T >= 1. None for scalar outputs.
 
     Returns
     -------
     Labels
+        Labels of the axes.
 
     Raises
     ------
     StudyError
-        If a name is empty, contains ``/``, is ``time`` or occurs twice, a turn has no length, or if the times do not
-        increase.
+        If a name is empty, contains ``/``, is ``time``, or occurs twice. If a turn is negative or infinite, or times do
+        not increase.
 
     Examples
     --------
@@ -178,66 +181,66 @@ def labels(
     >>> labels(["x", "x"], [], [0.0])
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: Output names must be unique: 'x' occurs twice.
+    uqmbd.errors.StudyError: Output name 'x' occurs twice; expected unique names.
     """
     given_outputs = tuple(_info(OutputInfo, o) for o in outputs)
     given_inputs = tuple(_info(InputInfo, i) for i in inputs)
     _check_names("Output", [o.name for o in given_outputs])
     _check_names("Input", [i.name for i in given_inputs])
     if not given_outputs:
-        raise StudyError("A propagator needs at least one output; none was given.")
+        raise StudyError("No output is given; expected at least one output of a propagator.")
     for output in given_outputs:
         if not (isinstance(output.turn, (int, float)) and 0 <= output.turn < np.inf):
             raise StudyError(
-                f"Output {output.name!r}: the length of a turn is {output.turn!r}; a positive number is expected, "
-                "or 0 if it is no angle."
+                f"Output {output.name!r}: the length of a turn is {output.turn!r}; expected a positive number, or 0 "
+                "for an output that is not an angle."
             )
     if times is None:
         return Labels(given_outputs, given_inputs, None)
     grid = np.array(times, dtype=float)
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) <= 0.0):
         raise StudyError(
-            f"Times must be a list of finite, increasing numbers (in seconds); shape {grid.shape} was given."
+            f"The times (shape {grid.shape}) are invalid; expected a list of finite, increasing numbers in s."
         )
     grid.setflags(write=False)
     return Labels(given_outputs, given_inputs, grid)
 
 
 def output_infos(data: xr.Dataset) -> tuple[OutputInfo, ...]:
-    """Read outputs from the coordinates that :meth:`Labels.output_coords` made."""
+    """Read outputs from the coordinates of :meth:`Labels.output_coords`."""
     names, units = data["output"].values, data["output_units"].values
     turns = data["output_angle"].values if "output_angle" in data.coords else np.zeros(len(names))
     return tuple(OutputInfo(str(n), str(u), float(t)) for n, u, t in zip(names, units, turns, strict=True))
 
 
 def output_index(labels: Labels, name: str) -> int:
-    """Return the number of an output."""
+    """Return the index of an output."""
     names = [o.name for o in labels.outputs]
     if name not in names:
-        raise StudyError(f"There is no output {name!r}; there are {', '.join(names)}.")
+        raise StudyError(f"The results have no output {name!r}; the outputs are {', '.join(names)}.")
     return names.index(name)
 
 
 def time_index(labels: Labels, time: float | None, *, needed: bool = False) -> tuple[int, ...]:
-    """Return the index of a time; None if none is requested."""
+    """Return the index of a time as a tuple; empty if no time is requested."""
     times = labels.times
     if times is None:
         if time is not None:
-            raise StudyError(f"These outputs have no times; time = {time!r} was given.")
+            raise StudyError(f"time is {time!r}, but these outputs are scalar outputs without times; omit time.")
         return ()
     if time is None:
         if needed:
-            raise StudyError(f"A time is needed, from {times[0]:g} s to {times[-1]:g} s.")
+            raise StudyError(f"The time is missing; expected an output time from {times[0]:g} s to {times[-1]:g} s.")
         return ()
     nearest = int(np.abs(times - time).argmin())
     if abs(times[nearest] - time) > 1e-9 * max(1.0, abs(float(times[-1] - times[0]))):
-        raise StudyError(f"Time {time!r} s is none of the times; the nearest is {times[nearest]:g} s.")
+        raise StudyError(f"The time {time!r} s is not an output time; the nearest output time is {times[nearest]:g} s.")
     return (nearest,)
 
 
 def fixed_width(values: Iterable[str]) -> NDArray[np.str_]:
     """Return texts as an array of fixed width, shape (N,)."""
-    # Fixed-width text: the one string type that netCDF, Zarr and every supported NumPy agree on.
+    # fixed-width text is the only string type that netCDF, Zarr and every supported NumPy support
     return np.array([str(v) for v in values], dtype=np.str_)
 
 
@@ -248,14 +251,14 @@ def _info(kind: type[_Info], given: OutputInfo | InputInfo | str | tuple[Any, ..
         return kind(given)
     if isinstance(given, tuple) and 1 <= len(given) <= len(fields(kind)):
         return kind(*given)
-    raise StudyError(f"A name, a tuple (name, units) or {kind.__name__} is expected; {given!r} was given.")
+    raise StudyError(f"The argument is {given!r}; expected a name, a tuple (name, units) or {kind.__name__}.")
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:
     for k, name in enumerate(names):
         if not isinstance(name, str) or not name.strip() or "/" in name or name == "time":
-            raise StudyError(f"{kind} names must not be empty, contain '/' or be 'time'; {name!r} was given.")
+            raise StudyError(f"{kind} name {name!r}: expected a non-empty name other than 'time' without '/'.")
         if mark := unwritable(name):
-            raise StudyError(f"{kind} name {name!r}: a name cannot contain {mark}.")
+            raise StudyError(f"{kind} name {name!r}: a name must not contain {mark}.")
         if name in names[:k]:
-            raise StudyError(f"{kind} names must be unique: {name!r} occurs twice.")
+            raise StudyError(f"{kind} name {name!r} occurs twice; expected unique names.")

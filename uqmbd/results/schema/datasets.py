@@ -5,20 +5,19 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     /                          attrs: schema_version, study, mechanism, rtol, integrator, created, uqmbd_version, ...
     |-- monte-carlo            attrs: propagator, label, options, seed, wall_time, realisations, failures, ...
     |   |-- statistics         mean, std, variance, skewness, kurtosis (output, time),
-    |   |                      quantile (probability, output, time); of samples smallest, largest (output, time),
-    |   |                      and quantile_error (probability, output, time) where quantiles are not those of all
-    |   |                      samples exactly; where an output is an angle
-    |   |                      circular_mean, circular_std (output, time);
+    |   |                      quantile (probability, output, time); from samples: smallest, largest (output, time);
+    |   |                      quantile_error (probability, output, time) if quantiles of samples are not exact;
+    |   |                      quantile_interval (bound, probability, output, time) for independent samples and for
+    |   |                      replicates of a design; circular_mean, circular_std (output, time) for angles;
     |   |                      integration_error, integration_error_rms, integration_error_factor (output, time), NaN
-    |   |                      where they are not known
+    |   |                      if unknown
     |   |-- samples            response (sample, output, time), inputs (sample, input), status, message (sample):
     |   |                      draws from the joint distribution of the inputs
-    |   `-- nodes              the same by ``node``, of training points: no probability is counted from them
+    |   `-- nodes              same variables by ``node`` for training points; no probability is counted from them
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 
-A propagator states once what its axes mean (:func:`uqmbd.extend.labels`), and hands arrays to
-:func:`sample_dataset`, :func:`statistics_dataset` and :func:`uqmbd.results.propagator_node`. Children that the schema
-does not know are allowed.
+A propagator labels its axes once (:func:`uqmbd.extend.labels`), and passes arrays to :func:`sample_dataset`,
+:func:`statistics_dataset` and :func:`uqmbd.results.propagator_node`. Children outside the schema are allowed.
 """
 
 from __future__ import annotations
@@ -54,15 +53,15 @@ __all__ = [
 SCHEMA_VERSION = 2
 """Version of the schema in results (root attribute ``schema_version``; results without it have version 0).
 
-It is raised where something is renamed, removed or changes its meaning; what is only added leaves it.  Results of
-earlier versions are read.  Version 2: each NaN among statistics has a reason.
+The version increases if a name is changed or removed, or if a meaning changes; additions do not change the version.
+uqmbd reads results of earlier versions. Since version 2, each NaN in statistics has a reason.
 """
 
 KIND = "kind"
 """Attribute of a dataset of realisations that states their purpose."""
 
 CHILDREN: Mapping[str, str] = {"samples": "draws", "nodes": "nodes"}
-"""Kinds of realisations by the child of a node that holds them."""
+"""Kinds of realisations by the child of a node that contains them."""
 
 STATUS_MEANINGS: Mapping[int, str] = {int(status): status.meaning for status in Status}
 """Meanings of the integers of ``status``; a propagator may pass its own."""
@@ -78,6 +77,7 @@ _LONG_NAMES = {
     "kurtosis": "kurtosis",
     "quantile": "quantile",
     "quantile_error": "bound on the error of the quantile",
+    "quantile_interval": "95 % interval of the quantile",
     "smallest": "smallest sample",
     "largest": "largest sample",
     "std_error_mean": "standard error of the mean",
@@ -94,16 +94,16 @@ _COMMENTS = {
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
     "quantile": "NaN where the method cannot tell",
     "quantile_error": "how far the quantile of all samples may be from that which is stated; certain",
+    "quantile_interval": "by ranks of independent samples, or by replicates of a design; infinite with too few samples",
     "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel and for what is no angle",
     "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
 }
 
 
 def check_version(attrs: Mapping[Any, Any], where: str) -> None:
-    """Refuse results of a later schema than this one.
+    """Check that the schema of results is not later than this one.
 
-    `attrs`: attributes of the root; `where`: file, for the message. Raise StudyError if the version is later, or no
-    version at all.
+    `attrs`: attributes of the root; `where`: file, for the message. Raise StudyError for later or invalid versions.
 
     >>> check_version({}, "old.nc")  # written before there were versions
     >>> check_version({"schema_version": 999}, "new.nc")
@@ -116,8 +116,9 @@ def check_version(attrs: Mapping[Any, Any], where: str) -> None:
         raise StudyError(f"{where!r} has the schema version {version!r:.80}; expected a whole number, 0 or more.")
     if version > SCHEMA_VERSION:
         raise StudyError(
-            f"{where!r} has the schema version {version}; this uqmbd reads those up to {SCHEMA_VERSION}. Read it with "
-            f"the uqmbd that wrote it ({attrs.get('uqmbd_version', 'not stated')}) or a later one."
+            f"{where!r} has the schema version {version}; this uqmbd reads those up to "
+            f"{SCHEMA_VERSION}. Read it with the version of uqmbd that wrote it "
+            f"({attrs.get('uqmbd_version', 'not stated')}), or with a later version."
         )
 
 
@@ -135,35 +136,36 @@ def sample_dataset(
 ) -> xr.Dataset:
     """Build the dataset ``samples`` or ``nodes``: responses and inputs, with a status and a reason for each sample.
 
-    A sample whose status is not 0 is stored as NaN. A sample that claims to be fine but holds a NaN or an infinity
-    becomes a failure (status 3, ``not_finite``) whose message says where: a mean is never poisoned.
+    A sample whose status is not 0 is stored as NaN. A sample of status 0 that contains a NaN or an infinity becomes a
+    failure (status 3, ``not_finite``), so that no mean becomes NaN. Its message states the place.
 
     Parameters
     ----------
     response : array_like, shape (S, O, T), or (S, O) if the labels have no times
-        In the units of the outputs.
+        Outputs of the samples, in their units.
     inputs : array_like, shape (S, I)
-        The values of the random inputs, in their units.
+        Values of the random inputs, in their units.
     labels : Labels
-        Meaning of the axes, with O outputs, I inputs and T times.
+        Labels of the axes, with O outputs, I inputs and T times.
     status : array_like of int, shape (S,), optional
-        0 where the sample is fine, else a key of ``meanings``. Default: all 0.
+        Status of each sample: 0 for success, otherwise a key of ``meanings``. Default: all 0.
     messages : sequence of str, length S, optional
-        Why a sample failed, empty if it did not.
+        Reason of the failure of each sample; empty if it succeeded.
     meanings : mapping of int to str
         Meaning of each status, stored in the attributes ``flag_values`` and ``flag_meanings`` (CF conventions).
     copy : bool
-        False: a response that is an array of floats becomes that of the dataset, and failed samples are made NaN in it.
+        Whether to copy `response`. If False, an array of floats becomes part of the dataset, and its failed samples are
+        set to NaN.
     kind : {"draws", "nodes"}, optional
-        What the rows are. ``"draws"`` are drawn from the joint distribution of the inputs, also by a sampling design:
-        probabilities, quantiles and histograms count them. ``"nodes"`` are training points or quadrature nodes:
-        nothing is counted from them. Results of a propagator must state it: a run refuses a dataset that does not.
+        Kind of the rows. ``"draws"`` are drawn from the joint distribution of the inputs, also by a sampling design;
+        probabilities, quantiles and histograms count them. ``"nodes"`` are training points or quadrature nodes, which
+        are never counted. Results of a propagator must state the kind: a run rejects a dataset without it.
 
     Returns
     -------
     xarray.Dataset
         Variables ``response (sample, output, time)``, ``inputs (sample, input)``, ``status (sample)`` and
-        ``message (sample)``; of nodes, the first dimension is ``node``.
+        ``message (sample)``. For nodes, the first dimension is ``node``.
 
     Raises
     ------
@@ -189,10 +191,10 @@ def sample_dataset(
     check_shape("status", stated, (count,), ("sample",))
     reasons = [""] * count if messages is None else [str(m) for m in messages]
     if len(reasons) != count:
-        raise StudyError(f"'messages' must hold one text for each of the {count} samples; found {len(reasons)}.")
+        raise StudyError(f"'messages' has {len(reasons)} entries; expected one string for each of the {count} samples.")
     unknown = sorted(set(np.unique(stated).tolist()) - set(meanings))
     if unknown:
-        raise StudyError(f"Status {unknown[0]:g} has no meaning; known are {dict(meanings)}.")
+        raise StudyError(f"The status {unknown[0]:g} is unknown; expected one of {dict(meanings)}.")
     flags = stated.astype(np.int32)
 
     finite = np.isfinite(values.reshape(count, -1)).all(axis=1)
@@ -208,7 +210,7 @@ def sample_dataset(
         "flag_values": np.array(sorted(known), dtype=np.int32),
         "flag_meanings": " ".join(known[k].replace(" ", "_") for k in sorted(known)),
     }
-    # no reader of samples takes rows along another dimension for draws
+    # rows along another dimension cannot be mistaken for draws
     row = "node" if kind == "nodes" else "sample"
     return united(
         xr.Dataset(
@@ -229,7 +231,7 @@ def sample_dataset(
 
 
 def check_kind(data: xr.Dataset, child: str, whose: str) -> None:
-    """Raise a StudyError unless a dataset of realisations states the kind that its child of a node is for."""
+    """Raise StudyError unless a dataset of realisations states the kind of the child that contains it."""
     stated, wanted = data.attrs.get(KIND), CHILDREN[child]
     if stated == wanted:
         return
@@ -251,6 +253,7 @@ def statistics_dataset(
     kurtosis: ArrayLike | None = None,
     quantile: ArrayLike | None = None,
     quantile_error: ArrayLike | None = None,
+    quantile_interval: ArrayLike | None = None,
     probability: ArrayLike | None = None,
     variance: ArrayLike | None = None,
     std_error_mean: ArrayLike | None = None,
@@ -268,35 +271,39 @@ def statistics_dataset(
     Parameters
     ----------
     labels : Labels
-        Meaning of the axes, with O outputs, I inputs and T times.
+        Labels of the axes, with O outputs, I inputs and T times.
     mean, std : array_like, shape (O, T)
-        In the units of the outputs.
+        Mean and standard deviation, in the units of the outputs.
     skewness, kurtosis : array_like, shape (O, T), optional
         Standardised moments; the kurtosis is not the excess (3 for a normal distribution). Default: NaN, unknown.
     quantile : array_like, shape (P, O, T), optional
-        Default: NaN at the default probabilities.
+        Quantiles at `probability`. Default: NaN at the default probabilities.
     quantile_error : array_like, shape (P, O, T), optional
-        How far the quantiles of all samples may be from those that are given. Default: not at all.
+        Bound of the error of the quantiles, compared with the quantiles of all samples. Default: no error.
+    quantile_interval : array_like, shape (2, P, O, T), optional
+        Lower and upper ends of 95 % intervals of the quantiles; infinite if an end is unknown. Default: not stated.
     probability : array_like, shape (P,), optional
-        Of the quantiles, increasing, between 0 and 1.
+        Probabilities of the quantiles, increasing, between 0 and 1.
     variance : array_like, shape (O, T), optional
-        Default: ``std**2``.
+        Variance. Default: ``std**2``.
     std_error_mean, std_error_std : array_like, shape (O, T), optional
-        Standard errors of mean and standard deviation, where the method can tell.
+        Standard errors of mean and standard deviation, if the method estimates them.
     smallest, largest : array_like, shape (O, T), optional
-        Of the samples, where the method has some.
+        Smallest and largest sample, if the method has samples.
     sobol_first, sobol_total : array_like, shape (I, O, T), optional
         Sobol' indices of each input.
     circular_mean, circular_std : array_like, shape (O, T), optional
-        Of outputs that are angles, in their units; NaN for others. All else is of the unwrapped angle.
+        Circular statistics of angles, in the units of the outputs; NaN for outputs that are not angles. All other
+        statistics refer to the unwrapped angle.
     stated_error : StatedError, optional
-        Error of mean and standard deviation that is not the standard error of samples, absolute or relative. It becomes
-        the variables ``stated_error``, in the units of the outputs, and ``verification_error``, over the standard
-        deviation. Comparisons, warnings and reports read it like that of a surrogate.
+        Absolute or relative error of mean and standard deviation, if it is not the standard error of samples. The
+        variable ``stated_error`` contains it in the units of the outputs, and ``verification_error`` relative to the
+        standard deviation. Comparisons, warnings and reports use it like the error of a surrogate.
 
     Returns
     -------
     xarray.Dataset
+        Statistics.
 
     Raises
     ------
@@ -316,7 +323,7 @@ def statistics_dataset(
     silent = [name for name, value in optional.items() if value is None]
     levels = real_numbers("probability", DEFAULT_PROBABILITIES if probability is None else probability)
     if levels.ndim != 1 or not ((levels >= 0) & (levels <= 1)).all():
-        raise StudyError(f"'probability' is {probability!r:.80}; expected a row of numbers between 0 and 1.")
+        raise StudyError(f"'probability' is {probability!r:.80}; expected a sequence of numbers between 0 and 1.")
     plain: dict[str, ArrayLike | None] = {
         "mean": mean,
         "std": std,
@@ -337,6 +344,7 @@ def statistics_dataset(
         *given,
         ("quantile", quantiles, ("probability",), (len(levels),)),
         ("quantile_error", quantile_error, ("probability",), (len(levels),)),
+        ("quantile_interval", quantile_interval, ("bound", "probability"), (2, len(levels))),
         *((name, value, ("input",), (len(labels.inputs),)) for name, value in by_input.items()),
     ]
     variables: dict[str, Any] = {}
@@ -355,12 +363,14 @@ def statistics_dataset(
         **labels.output_coords(),
         "probability": ("probability", levels, {"units": "1", "long_name": "probability"}),
     }
+    if quantile_interval is not None:
+        coords |= {"bound": ("bound", fixed_width(("lower", "upper")))}
     if any(value is not None for value in by_input.values()):
         coords |= labels.input_coords()
     return united(xr.Dataset(variables, coords=coords))
 
 
 def check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:
-    """Raise a StudyError if the shape of an array differs from that of its dimensions."""
+    """Raise StudyError if the shape of an array differs from the expected shape."""
     if array.shape != expected:
-        raise StudyError(f"'{name}' must have the shape ({', '.join(dims)}) = {expected}; {array.shape} was given.")
+        raise StudyError(f"'{name}' has the shape {array.shape}; expected ({', '.join(dims)}) = {expected}.")

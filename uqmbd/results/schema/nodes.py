@@ -1,4 +1,4 @@
-"""The nodes of a result: one per propagator, with its provenance, and the tree that joins them."""
+"""Build the nodes of a result, one per propagator with its provenance, and join them to a tree."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from uqmbd.arguments import NotNegative, Seed, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import KIND, SCHEMA_VERSION, check_kind
-from uqmbd.results.schema.units import with_units
+from uqmbd.results.schema.units import as_text, united
 from uqmbd.results.schema.values import with_default_reasons
 from uqmbd.status import Status
 
 __all__ = ["comparable", "failed_methods", "join_nodes", "methods", "node_parts", "propagator_node", "propagator_nodes"]
 
 BESIDE = ("comparison", "convergence", "motion", "pose_surrogate")
-"""Children of a study's results that belong to no propagator."""
+"""Children of the results of a study that belong to no propagator."""
 
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "llvmlite", "scikit-sundae", "chaospy")
 
@@ -51,38 +51,39 @@ def propagator_node(
     Parameters
     ----------
     label : str
-        Name of the node; free of ``/`` and not a name that the schema uses itself.
+        Label of the node, without ``/``; names of the schema are not allowed.
     statistics : xarray.Dataset
-        From :func:`uqmbd.extend.statistics_dataset`.
+        Statistics from :func:`uqmbd.extend.statistics_dataset`.
     samples : xarray.Dataset, optional
-        From :func:`uqmbd.extend.sample_dataset`: draws from the joint distribution of the inputs.
+        Samples from :func:`uqmbd.extend.sample_dataset`: draws from the joint distribution of the inputs.
     nodes : xarray.Dataset, optional
-        From :func:`uqmbd.extend.sample_dataset` with ``kind="nodes"``: training points or quadrature nodes.
+        Training points or quadrature nodes, from :func:`uqmbd.extend.sample_dataset` with ``kind="nodes"``.
     propagator : str
-        Registered name of the method, as in ``monte-carlo``.
+        Registered name of the method, such as ``monte-carlo``.
     realisations : int
-        How many realisations were computed, failed ones included.
+        Number of computed realisations, including failed ones.
     wall_time : float
-        In seconds.
+        Wall-clock time, s.
     failures : int, optional
-        Default: counted in ``samples`` and ``nodes``, 0 without these.
+        Number of failed realisations. Default: counted in ``samples`` and ``nodes``; 0 without these.
     seed : int, optional
-        Of the random numbers; left out if the method draws none.
+        Seed of the random numbers. Default: no seed, for methods without random numbers.
     options, solver_counters : mapping, optional
-        Anything that JSON can hold; other values are stored as their text.
+        Options of the method and counters of the solver. Values that JSON cannot represent are stored as text.
     children : mapping of str to xarray.Dataset, optional
-        Further children, as ``chaos`` or ``scalars/statistics``.
+        Further children, such as ``chaos`` or ``scalars/statistics``.
     attrs : mapping, optional
-        Further attributes.
+        Further attributes of the node.
 
     Returns
     -------
     xarray.DataTree
+        Node of the propagator.
 
     Raises
     ------
     StudyError
-        If the label cannot be used, or a dataset states that its rows are of another kind.
+        If the label is invalid, or a dataset states that its rows are of another kind.
 
     Examples
     --------
@@ -125,9 +126,9 @@ def join_nodes(
 ) -> xr.DataTree:
     """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`.
 
-    `nodes`: propagator nodes, as of `propagator_node`; each has a name of its own; `study`, `mechanism`: their names;
-    `attrs`: further attributes of the root. Return a child for each, and the version of the schema. Raise StudyError
-    if two nodes have the same name.
+    `nodes`: propagator nodes from `propagator_node`, with unique names; `study`, `mechanism`: names of study and
+    mechanism; `attrs`: further attributes of the root. The result contains a child for each node, and the version of
+    the schema. Raise StudyError if two nodes have the same name.
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
@@ -156,10 +157,10 @@ def join_nodes(
         end = node.attrs.get("ends_at", np.inf)
         for path, data in node_parts(node).items():
             if path.split("/")[-1] in ("statistics", "requirements"):
-                # nodes of earlier versions, or that no run has made, may lack reasons
+                # nodes of earlier versions, or without a run, may lack reasons
                 data, _ = with_default_reasons(data, end=end)
-            datasets[f"{label}/{path}".rstrip("/")] = data
-    return with_units(xr.DataTree.from_dict(datasets))
+            datasets[f"{label}/{path}".rstrip("/")] = as_text(united(data)) if data.data_vars else data
+    return xr.DataTree.from_dict(datasets)
 
 
 @typechecked
@@ -167,16 +168,17 @@ def methods(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     """Return the nodes of the methods of a result by label.
 
     Other children, such as ``comparison``, ``convergence``, the drawing ``motion`` and ``pose_surrogate`` of a report,
-    are no methods. Sections of a report and other readers of results list the methods by this function.
+    are not methods. Sections of a report and other readers of results list the methods by this function.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study, or the node of one method, which is then the only entry.
+        Result of a study, or node of one method, which is then the only entry.
 
     Returns
     -------
     dict of str to xarray.DataTree
+        Nodes of the methods by label.
 
     Examples
     --------
@@ -191,15 +193,15 @@ def methods(tree: xr.DataTree) -> dict[str, xr.DataTree]:
 
 
 propagator_nodes = methods
-"""Earlier name of `methods`, which the core reads."""
+"""Earlier name of `methods`, which the core uses."""
 
 
 @typechecked
 def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the nodes whose inputs have the distributions of the study; if there are none, those of the first node.
+    """Return the nodes whose inputs have the distributions of the study, or of the first node if there are none.
 
-    If a method uses other distributions than the study, the attribute ``population`` of its node is a text: where the
-    distributions come from.
+    If a method uses other distributions than the study, the attribute ``population`` of its node states the origin of
+    the distributions.
 
     `nodes`: propagator nodes by label.
 
@@ -216,7 +218,7 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 @typechecked
 def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
-    """Return the datasets of a node by their path within it; its own is that of ``/``.
+    """Return the datasets of a node by their path in the node; the path of its own dataset is ``/``.
 
     `node`: a propagator's node.
 
@@ -238,12 +240,12 @@ def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
 
 @typechecked
 def failed_methods(tree: xr.DataTree) -> dict[str, str]:
-    """Return why methods of a study gave no results, by label, from the attribute ``failed``; empty where all did.
+    """Return the reasons of failed methods by label, from the attribute ``failed``; empty if all succeeded.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study.
+        Result of a study.
 
     Examples
     --------
@@ -271,7 +273,7 @@ def _plain(value: object) -> object:
 
 @cache
 def _version(package: str) -> str:
-    """Return the version of an installed package, cached: a small study would spend a quarter of its time on it."""
+    """Return the cached version of an installed package; without a cache it takes 1/4 of the time of a small study."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""The error that a method states of its mean and standard deviation, absolute or relative, with its name."""
+"""Define stated errors of mean and standard deviation, absolute or relative, with a name."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from uqmbd.typing import Array
 __all__ = ["SPREAD_FLOOR", "StatedError", "reference_spread", "stated_variables"]
 
 SPREAD_FLOOR = 0.01
-"""Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""
+"""Minimum reference of relative errors, as a fraction of the maximum standard deviation over time."""
 
 
 def reference_spread(std: Array) -> Array:
-    """Return the standard deviation (O, T) that errors are compared with: at least 1 % of its maximum over time."""
-    # at times where an output hardly varies (a common start, a nodal point) an error relative to the standard deviation
-    # there says nothing; where it is NaN, the result is NaN, at that time only
+    """Return the reference (O, T) of relative errors: the standard deviation, at least 1 % of its maximum over time."""
+    # an error relative to the local standard deviation is useless at times when an output hardly varies (a common
+    # start, a nodal point); a NaN makes the result NaN at that time only
     return np.asarray(np.maximum(std, SPREAD_FLOOR * np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)))
 
 
 @typechecked
 @dataclass(frozen=True, eq=False)
 class StatedError:
-    """Error of mean and standard deviation that a method states itself, for `uqmbd.extend.statistics_dataset`.
+    """Error of mean and standard deviation that a method states, for `uqmbd.extend.statistics_dataset`.
 
     Parameters
     ----------
     values : array_like, shape (O, T)
         Root mean square error of the response, or another bound of the errors of mean and standard deviation. At least
-        0; NaN where it is not known.
+        0; NaN if unknown.
     kind : {"absolute", "relative"}
-        ``"absolute"``: in the units of the outputs. ``"relative"``: divided by the standard deviation, or by 1 % of its
-        maximum over time where it is smaller.
+        ``"absolute"`` errors are in the units of the outputs. ``"relative"`` errors are divided by the standard
+        deviation, or by 1 % of its maximum over time if it is smaller.
     name : str
-        How it was found, as in ``"leave-one-out error"``. Reports and verdicts print it.
+        Name of the error estimate, such as ``"leave-one-out error"``. Reports and verdicts print it.
     remedy : str
-        What makes it smaller, as in ``"add training nodes"``. Warnings and verdicts print it. Default: nothing.
+        Advice for reducing the error, such as ``"add training nodes"``. Warnings and verdicts print it. Default: none.
 
     Raises
     ------
@@ -74,29 +74,33 @@ class StatedError:
         if bad := [x for x in values.ravel().tolist() if x < 0 or np.isinf(x)]:
             raise StudyError(f"StatedError: values contain {bad[0]:g}; expected finite numbers, 0 or more, or NaN.")
         if not self.name.strip():
-            raise StudyError("StatedError: name is empty; expected how the error was found, as 'leave-one-out error'.")
+            raise StudyError(
+                "StatedError: name is empty; expected the name of the error estimate, such as 'leave-one-out error'."
+            )
 
 
 def stated_variables(labels: Labels, stated: StatedError, std: Array) -> Mapping[str, Any]:
-    """Return a stated error as variables: absolute (O, T), in the units of the outputs, and over the spread."""
+    """Return variables of a stated error (O, T): absolute, in the units of the outputs, and relative to the spread."""
     values, spread = real_numbers("stated_error", stated.values), reference_spread(std)
     if values.shape != labels.shape:
         raise StudyError(
-            f"'stated_error' must have the shape ({', '.join(labels.dims)}) = {labels.shape}; {values.shape} was given."
+            f"'stated_error' has the shape {values.shape}; expected ({', '.join(labels.dims)}) = {labels.shape}."
         )
     none = spread <= 0
     if stated.kind == "relative":
         absolute, relative = values * spread, values
     else:
-        # of an output without spread, an error is all of what it may vary
+        # without spread, an error is the whole possible variation of an output
         absolute, relative = values, np.where(none, (values > 0) * 1.0, values / np.where(none, 1.0, spread))
     about = {"named": stated.name, "remedy": stated.remedy, "kind": stated.kind}
-    reason = {"unknown": '{"*": "the method does not know its error there"}'} if np.isnan(values).any() else {}
+    relative = np.where(np.isnan(values), np.nan, relative)
+    why = '{"*": "the method does not know its error there"}'
+    reasons = [{"unknown": why} if np.isnan(one).any() else {} for one in (absolute, relative)]
     return {
-        "stated_error": (labels.dims, absolute, {"long_name": f"stated error: {stated.name}"} | about | reason),
+        "stated_error": (labels.dims, absolute, {"long_name": f"stated error: {stated.name}"} | about | reasons[0]),
         "verification_error": (
             labels.dims,
-            np.where(np.isnan(values), np.nan, relative),
-            {"long_name": f"stated error over the standard deviation: {stated.name}"} | about | reason,
+            relative,
+            {"long_name": f"stated error over the standard deviation: {stated.name}"} | about | reasons[1],
         ),
     }

@@ -1,7 +1,7 @@
-"""Units of the variables of results: ``attrs["units"]``, as CF conventions, xarray and pint-xarray read it.
+"""Write the units of variables of results to ``attrs["units"]``, as read by CF tools, xarray and pint-xarray.
 
-A variable along ``output`` has the units of its outputs.  Where these differ no attribute can say them, and the
-coordinate ``output_units`` does; where they are the same, or one output is chosen, the attribute does.
+A variable along ``output`` has the units of its outputs. If these units differ, only the coordinate ``output_units``
+states them. If they are equal, or one output is selected, the attribute states them, too.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ CF = "CF-1.11"
 DIMENSIONLESS = "1"
 
 Role = Literal["output", "output ** 2", "output / s", "output / input", "scalar", "input", "s", "1"]
-"""Kind of the units of a variable: those of its outputs, of these squared, ..., or a unit."""
+"""Kind of the units of a variable: units of its outputs, their square, ..., or a fixed unit."""
 
 _ROLES: Mapping[Role, tuple[str, ...]] = {
     "output": (
         *("mean", "std", "quantile", "quantile_error", "std_error_mean", "std_error_std", "smallest", "largest"),
+        "quantile_interval",
         *(
             "circular_mean",
             "circular_std",
@@ -70,9 +71,9 @@ _PLAIN = re.compile(r"[^\s*/^().·]+")
 
 
 def product_of_units(over: str, under: str = DIMENSIONLESS, power: int = 1) -> str:
-    """Write the units of a quotient or a power as text that pint and UDUNITS read; unknown units give unknown ones.
+    """Return the units of a quotient or a power as text that pint and UDUNITS read; empty if a unit is unknown.
 
-    `over`, `under`: units; empty: not known; `power`: of the first.
+    `over`, `under`: units, empty if unknown; `power`: exponent of `over`.
 
     >>> product_of_units("m", "kg"), product_of_units("m/s", "N/m"), product_of_units("1", "kg")
     ('m/kg', '(m/s)/(N/m)', '1/kg')
@@ -96,24 +97,29 @@ def _enclosed(units: str) -> str:
 
 
 def units_of(variable: xr.DataArray) -> str | None:
-    """Return the one unit of a variable of results, by its name and the coordinates that it has.
+    """Return the unit of a variable of results from its name and coordinates.
 
-    `variable`: with the coordinates ``output_units`` and ``input_units`` of its outputs and inputs, where it has
-    some. Return none: the schema does not know the variable, and what it says itself holds.  Empty: there are
-    several, or the units are not known.
+    `variable`: array with the coordinates ``output_units`` and ``input_units``, if it has outputs and inputs. The
+    result is None for variables that are not in the schema, or without these coordinates; their attribute ``units`` is
+    then valid. The result is empty if there are several units, or if units are unknown.
 
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> both = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [1.0]])
     >>> units_of(both["std"]), units_of(both["variance"].sel(output="x")), units_of(both["kurtosis"])
     ('', 'm^2', '1')
     """
-    role = _ROLE.get(str(variable.name))
+    return _one_unit(str(variable.name), {str(name): one.variable for name, one in variable.coords.items()})
+
+
+def _one_unit(name: str, coordinates: Mapping[str, xr.Variable]) -> str | None:
+    """Return the one unit of a variable by its name and coordinates; see :func:`units_of`."""
+    role = _ROLE.get(name)
     if role is None:
         return None
     if role in ("1", "s"):
         return role
     kind, _, rest = role.partition(" ")
-    given = variable.coords.get(f"{kind}_units")
+    given = coordinates.get(f"{kind}_units")
     if given is None:
         return None
     first = _texts(given)
@@ -122,15 +128,15 @@ def units_of(variable: xr.DataArray) -> str | None:
     if rest == "/ s":
         return _one(product_of_units(units, "s") for units in first)
     if rest == "/ input":
-        others = _texts(variable.coords["input_units"]) if "input_units" in variable.coords else [""]
+        others = _texts(coordinates["input_units"]) if "input_units" in coordinates else [""]
         return _one(product_of_units(over, under) for over in first for under in others)
     return _one(first)
 
 
 def united(data: xr.Dataset) -> xr.Dataset:
-    """Write the unit of each variable of the schema that has a single one into ``attrs["units"]``.
+    """Write the unit of each variable of the schema with a single unit into ``attrs["units"]``.
 
-    A variable that the schema does not know keeps what it says.
+    Variables that are not in the schema keep their attribute.
 
     >>> import xarray
     >>> data = xarray.Dataset({"mean": ("output", [1.0, 2.0]), "mine": ("output", [1.0, 2.0], {"units": "K"})},
@@ -138,36 +144,45 @@ def united(data: xr.Dataset) -> xr.Dataset:
     >>> {str(name): variable.attrs for name, variable in united(data).data_vars.items()}
     {'mean': {'units': 'm'}, 'mine': {'units': 'K'}}
     """
-    found = data.copy()
-    for name in found.variables:
+    # variables, because data arrays would select their coordinates each time
+    units = {str(name): data.variables[name] for name in data.coords if str(name).endswith("_units")}
+    changed = {}
+    for name, variable in data.variables.items():
         if name not in _ROLE:
             continue
-        units = units_of(found[name])
-        if units is None:
-            continue
+        own = {key: one for key, one in units.items() if set(one.dims) <= set(variable.dims)}
+        unit = _one_unit(str(name), own)
+        if unit is not None and unit != variable.attrs.get("units", ""):
+            changed[name] = unit
+    if not changed:
+        return data
+    found = data.copy()
+    for name, unit in changed.items():
         attrs = {key: value for key, value in found.variables[name].attrs.items() if key != "units"}
-        found[name].attrs = {**attrs, **({"units": units} if units else {})}
+        found.variables[name].attrs = {**attrs, **({"units": unit} if unit else {})}
     return found
 
 
 def as_text(data: xr.Dataset) -> xr.Dataset:
-    """Convert text to the type `string`, because Zarr's format 3 does not define text of fixed width.
+    """Convert text to the type `string`, because Zarr format 3 does not define fixed-width text.
 
     >>> import xarray
     >>> as_text(xarray.Dataset(coords={"output": ["x"]}))["output"].encoding
     {'dtype': 'O'}
     """
+    texts = [name for name, one in data.variables.items() if one.dtype.kind == "U" and one.encoding != {"dtype": "O"}]
+    if not texts:
+        return data
     found = data.copy()
-    for variable in found.variables.values():
-        if variable.dtype.kind == "U":
-            variable.encoding = {"dtype": "O"}
+    for name in texts:
+        found.variables[name].encoding = {"dtype": "O"}
     return found
 
 
 def with_units(tree: xr.DataTree) -> xr.DataTree:
     """Write the units of the variables of all nodes of a result, as :func:`united` does, in place.
 
-    Text is stored as such, too, by :func:`as_text`.
+    The function also converts text by :func:`as_text`.
 
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> data = statistics_dataset(labels([("x", "m")], [], [0.0]), mean=[[0.0]], std=[[1.0]]).drop_attrs()
@@ -176,11 +191,13 @@ def with_units(tree: xr.DataTree) -> xr.DataTree:
     """
     for node in tree.subtree:
         if node.data_vars:
-            node.dataset = as_text(united(node.to_dataset(inherit=False)))
+            data = node.to_dataset(inherit=False)
+            if (found := as_text(united(data))) is not data:
+                node.dataset = found
     return tree
 
 
-def _texts(units: xr.DataArray) -> list[str]:
+def _texts(units: xr.Variable) -> list[str]:
     return [str(x) for x in np.atleast_1d(units.values)]
 
 

@@ -1,4 +1,4 @@
-"""Check of a result against the schema, with messages for the author of a propagator."""
+"""Check a result against the schema, with messages for the author of a propagator."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_
 _EXTREMES = ("smallest", "largest")
 _CIRCULAR = ("circular_mean", "circular_std")
 _BY_INPUT = ("sobol_first", "sobol_total")
-_INTERVALS = ("sobol_first_interval", "sobol_total_interval")
+_INTERVALS = {"sobol_first_interval": "input", "sobol_total_interval": "input", "quantile_interval": "probability"}
 _REASONS = 2
-"""The version of the schema since which each NaN has a reason."""
+"""First version of the schema in which each NaN has a reason."""
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
 _TIMELESS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "statistics": {name: ("output",) for name in (*_PLAIN, *INTEGRATION_ERRORS)}
@@ -50,26 +50,26 @@ _WITHOUT_TIME: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "harmonics": ("harmonic", "base"),
     },
 }
-"""Variables of surrogates whose coefficients do not belong to outputs at times."""
+"""Variables of surrogates with coefficients that do not belong to outputs at times."""
 _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
 _JSON_ATTRS = ("versions", "options", "solver_counters")
 
 
 @typechecked
 def validate(tree: xr.DataTree) -> None:
-    """Check that a result, or the node of one propagator, keeps to the schema.
+    """Check that a result, or the node of one propagator, follows the schema.
 
-    Children and variables that the schema does not know are allowed.
+    Children and variables outside the schema are allowed.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study, or the node of one propagator (recognised by its child ``statistics``).
+        Result of a study, or node of one propagator (recognised by its child ``statistics``).
 
     Raises
     ------
     StudyError
-        At the first breach: its path in the tree, what was found, and what was expected.
+        At the first violation. The message states its path in the tree, the value, and the expected value.
 
     Examples
     --------
@@ -120,7 +120,7 @@ def _is_object(text: object) -> bool:
 
 
 def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
-    """Check the node of a propagator; `before`: it was written when no NaN had a reason."""
+    """Check the node of a propagator; `before`: whether its schema version requires no reasons for NaN."""
     _text_attrs(node, _TEXT_ATTRS)
     _require(node.attrs["label"] == label, node.path, f"attribute 'label' = {node.attrs['label']!r}", f"{label!r}")
     for name in _JSON_ATTRS:
@@ -137,7 +137,7 @@ def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
     end = _end(node, statistics)
     _validate_statistics(statistics, end, before)
     held = [name for name in CHILDREN if name in node.children]
-    # methods store nodes of their own layout, too
+    # methods store nodes with other layouts, too
     held = [name for name in held if name == "samples" or KIND in node.children[name].attrs]
     for name in held:
         if KIND in node.children[name].attrs:
@@ -187,7 +187,7 @@ def _text_coord(node: xr.DataTree, name: str, dim: str) -> None:
 
 
 def _angles(node: xr.DataTree) -> None:
-    """Check the marks of angles; a result without angles need not have them."""
+    """Check the coordinate of angles; a result without angles may lack it."""
     if "output_angle" not in node.coords:
         return
     coord = node.coords["output_angle"]
@@ -244,13 +244,13 @@ def _validate_statistics(node: xr.DataTree, end: float, before: bool) -> None:
 
 
 def _validate_interval(node: xr.DataTree, name: str) -> None:
-    _dims(node, name, ("bound", "input", "output", "time"))
+    _dims(node, name, ("bound", _INTERVALS[name], "output", "time"))
     ends = node.coords["bound"].values.tolist() if "bound" in node.coords else []
     _require(ends == ["lower", "upper"], f"{node.path}/bound", f"{ends}", "['lower', 'upper']")
 
 
 def _failed(node: xr.DataTree) -> int:
-    """Return the number of failed realisations; one without an event has not failed."""
+    """Return the number of failed realisations; a realisation without an event has not failed."""
     return int((~node.to_dataset()["status"].isin([Status.OK, Status.CENSORED])).sum())
 
 
@@ -283,12 +283,12 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, row: str) -> N
 
 
 def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:
-    """Check the surrogates of the outputs of some names in a node, or in a part of a composed surrogate."""
+    """Check the surrogates of the outputs `names` in a node, or in a part of a composed surrogate."""
     times = statistics.coords["time"].values
     times = times[times <= end]
     if "chaos" in node.children:
         _validate_chaos(node.children["chaos"], names, times, end)
-    if "surrogate" in node.children:  # a model of a plugin, whose arrays are its own
+    if "surrogate" in node.children:  # a model of a plugin, which defines its own arrays
         _dims(node.children["surrogate"], "row_of_output", ("output",))
         _validate_axes(node.children["surrogate"], names, times, end)
     for kind in (name for name in _WITHOUT_TIME if name in node.children):
@@ -314,10 +314,10 @@ def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float,
 
 
 def _validate_composed(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:
-    """Check the parts of a composed surrogate: each output has one, at its place."""
+    """Check the parts of a composed surrogate: each output is in one part at each time."""
     seen: dict[int, Array | int] = dict.fromkeys(range(len(names)), 0)  # parts of each output, over time
     for part in node.children.values():
-        kinds = [name for name in ("chaos", *_WITHOUT_TIME) if name in part.children]
+        kinds = [name for name in ("chaos", "surrogate", *_WITHOUT_TIME) if name in part.children]
         _require(len(kinds) == 1, part.path, f"the surrogates {kinds}", "one")
         data = part.children[kinds[0]]
         _dims(data, "place", ("output",))
@@ -354,7 +354,7 @@ def _validate_degrees(node: xr.DataTree) -> None:
 
 
 def _validate_chaos(node: xr.DataTree, names: Array, times: Array, end: float) -> None:
-    # a chaos of elements has a dimension of these first
+    # the first dimension of a chaos of elements is that of elements
     elements = ("element",) if "coefficients" in node.data_vars and "element" in node["coefficients"].dims else ()
     _dims(node, "coefficients", (*elements, "term", "output", "time"))
     _validate_axes(node, names, times, end)
@@ -381,7 +381,7 @@ def _validate_timeless(node: xr.DataTree, before: bool) -> None:
     _require(_is_object(refused), node.path, f"attribute 'refused' = {refused!r}", "a JSON object")
     names = statistics["output"].values.tolist() if "output" in statistics.coords else []
     given = [name for name in names if name not in json.loads(refused)]
-    # a surrogate is of those that have statistics
+    # a surrogate contains the outputs with statistics
     for child, expected in {"samples": names, "chaos": given}.items():
         if names and child in node.children and "output" in (data := node.children[child].to_dataset()).coords:
             same = data["output"].values.tolist() == expected

@@ -1,14 +1,14 @@
-"""Values of statistics: real, finite, not negative where they cannot be, and NaN only with a reason.
+"""Checks of statistics: values must be real, finite and in their range, and each NaN needs a reason.
 
-The reason is the attribute ``unknown`` of a variable: a JSON object from names of outputs (``*``: every one) to a
-sentence.  None is needed after the time ``ends_at`` of a node, or for outputs that its attribute ``refused`` names.
-Results of schemas before version 2 state no reasons: there each NaN is valid.
+The reason is in the attribute ``unknown`` of a variable: a JSON object from names of outputs (``*``: all outputs) to
+sentences. A NaN needs no reason after the time ``ends_at`` of a node, or for outputs in its attribute ``refused``.
+Results of schemas before version 2 state no reasons, so each NaN in them is valid.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 EVERY = "*"
-"""Stands for every output in the attribute ``unknown``."""
+"""Key of all outputs in the attribute ``unknown``."""
 
 INTEGRATION_ERRORS = ("integration_error", "integration_error_rms", "integration_error_factor")
 """Stated errors of the time integration."""
@@ -44,29 +44,29 @@ _NOT_NEGATIVE = (
     "stated_error",
 )  # fmt: skip
 _SHARES = ("censored", "censored_bound")
-_INTERVALS = ("sobol_first_interval", "sobol_total_interval")
+_INTERVALS = ("sobol_first_interval", "sobol_total_interval", "quantile_interval")
 _KNOWN = (
     "mean", *_NOT_NEGATIVE, *_SHARES, "skewness", "kurtosis", "quantile", "smallest", "largest", "circular_mean",
     "sobol_first", "sobol_total", *_INTERVALS,
 )  # fmt: skip
 _NOT_STATED = "not stated"
 _MAY_LACK_REASONS = ("skewness", "kurtosis", "quantile", "std_error_mean", "std_error_std")
-"""A NaN of these without a reason gets the default reason in runs."""
+"""Statistics whose NaN without a reason gets the default reason in runs."""
 _FINITE_BEFORE = ("mean", "std", "variance", "std_error_mean", "std_error_std", "variance_reduction",
                   "variance_reduction_std")  # fmt: skip
 """Variables that had to be finite before schema version 2."""
 _MAY_BE_INFINITE = ("circular_std", "verification_factor")
-"""Infinite if directions cancel, or if the uncertainty of an error is unknown."""
+"""Statistics that are infinite if directions cancel, or if the uncertainty of an error is unknown."""
 
 
 REAL = "expected real numbers in an array or a sequence"
 
 
 def real_numbers(name: str, value: Any, *, copy: bool = True, expected: str = REAL) -> Array:
-    """Return real numbers as an array; without `copy` that which is given, if it is one of them.
+    """Return real numbers as an array; without `copy`, an array of real numbers is returned itself.
 
-    Raise StudyError if they are complex, no numbers, or masked: a mask would be lost, and what is below it taken for
-    a value.
+    Raise StudyError for complex numbers, for other objects, and for masked arrays: masks would be lost, and masked
+    entries would become values.
 
     >>> real_numbers("std", [1, 2]).tolist()
     [1.0, 2.0]
@@ -76,7 +76,7 @@ def real_numbers(name: str, value: Any, *, copy: bool = True, expected: str = RE
         at = tuple(int(k) for k in np.argwhere(mask)[0])
         raise StudyError(
             f"{name!r} is a masked array with {np.count_nonzero(mask)} masked values, the first at index {at}; "
-            "expected numbers, and for a statistic that is not known NaN with its reason."
+            "expected numbers, with NaN and a reason for unknown statistics."
         )
     number = fits(value, ArrayLike)  # NumPy reads numbers from texts, too
     if not number and isinstance(value, (np.ndarray, complex)) and np.iscomplexobj(value):
@@ -88,8 +88,8 @@ def real_numbers(name: str, value: Any, *, copy: bool = True, expected: str = RE
     return np.array(value, dtype=float, copy=copy or None)
 
 
-def reasons_of(data: xr.DataArray) -> dict[str, str]:
-    """Return why values of a statistic are not known, by output."""
+def reasons_of(data: xr.DataArray | xr.Variable) -> dict[str, str]:
+    """Return the reasons for unknown values of a statistic, by output."""
     try:
         found = json.loads(str(data.attrs.get("unknown", "{}")))
     except ValueError:
@@ -99,19 +99,19 @@ def reasons_of(data: xr.DataArray) -> dict[str, str]:
 
 @typechecked
 def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray:
-    """Return a statistic with reasons why its values are NaN, in addition to those that it has.
+    """Return a statistic with additional reasons for its NaN values.
 
     Parameters
     ----------
     data : xarray.DataArray
-        A statistic, or the standard error of a requirement.
+        Statistic, or standard error of a requirement.
     reasons : mapping of str to str
-        Sentences by the name of the output or requirement; ``*`` stands for every one.
+        Sentences by name of the output or requirement; ``*`` applies to all.
 
     Returns
     -------
     xarray.DataArray
-        With the attribute ``unknown``.
+        Copy with the attribute ``unknown``.
 
     Examples
     --------
@@ -126,13 +126,13 @@ def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray
 
 
 def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) -> xr.Dataset:
-    """Return statistics in which variables that are NaN at some places of an output have its reason."""
+    """Return statistics with the reason of an output in each variable that is partly NaN for this output."""
     found = {}
     for name, data in statistics.data_vars.items():
         if "output" not in data.dims or data.dtype.kind != "f" or not np.isnan(data.values).any():
             continue
         missing, others = data.isnull(), [dim for dim in data.dims if dim != "output"]
-        # what is NaN everywhere has another reason, as the circular mean of no angle
+        # variables that are NaN everywhere have another reason, such as a circular mean without an angle
         partly = (missing.any(others) & ~missing.all(others)).values
         own = [str(x) for x, which in zip(data["output"].values, partly, strict=True) if which]
         found[name] = with_reasons(data, {x: reasons[x] for x in own if x in reasons})
@@ -140,21 +140,24 @@ def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) ->
 
 
 def with_default_reasons(data: xr.Dataset, *, end: float = np.inf) -> tuple[xr.Dataset, dict[str, list[str]]]:
-    """Give the default reason to shape statistics and standard errors that are NaN without a reason.
+    """Add the default reason to shape statistics and standard errors that are NaN without a reason.
 
     `data`: statistics of outputs, or probabilities of requirements; `end`: time, s, after which there are no results.
-    Return the same one where all reasons are stated. Return outputs or requirements without a reason, by the name of
-    the variable.
+    The results are the dataset, unchanged if it states all reasons, and outputs or requirements without a reason, by
+    the name of the variable.
     """
     found: dict[str, list[str]] = {}
     for name, dim in (*((name, "output") for name in _MAY_LACK_REASONS), ("std_error", "requirement")):
-        if name not in data or dim not in data[name].dims or data[name].dtype.kind != "f":
+        if name not in data.variables or dim not in data.variables[name].dims:
             continue
-        missing = data[name].copy(data=np.isnan(data[name].values))
+        if data.variables[name].dtype.kind != "f":
+            continue
+        variable = data.variables[name]
+        missing = np.isnan(variable.values)
         if not missing.any():
             continue
         missing &= ~_explained(data, name, end, (), dim)
-        which = missing.any([d for d in missing.dims if d != dim]).values
+        which = missing.any(axis=tuple(k for k, d in enumerate(variable.dims) if d != dim))
         if which.any():
             found[name] = [x for x, one in zip(_names(data, dim, len(which)), which, strict=True) if one]
     stated = {name: with_reasons(data[name], dict.fromkeys(own, _NOT_STATED)) for name, own in found.items()}
@@ -164,163 +167,189 @@ def with_default_reasons(data: xr.Dataset, *, end: float = np.inf) -> tuple[xr.D
 def check_values(
     statistics: xr.Dataset, path: str, *, end: float = np.inf, refused: Collection[str] = (), before: bool = False
 ) -> None:
-    """Refuse values that no statistic has.
+    """Check values of statistics.
 
-    `statistics`: of outputs over time, or of outputs without one; `path`: where it is, for messages; `end`: time, s,
-    after which there are no results; `refused`: outputs without statistics; `before`: whether they are of a schema
-    before version 2, in which no NaN had a reason. Raise StudyError at the first value: its variable, output and
-    place, and what is expected.
+    `statistics`: dataset of outputs over time or of scalar outputs; `path`: its path, for messages; `end`: time, s,
+    after which there are no results; `refused`: outputs without statistics; `before`: whether the schema is before
+    version 2, in which NaN has no reason. Raise StudyError for the first invalid value; the message states the
+    variable, output, place and expected value.
     """
-    held = [name for name in _KNOWN if name in statistics.data_vars and "output" in statistics[name].dims]
+    # variables without coordinates: operations on data arrays would copy and align the coordinates each time
+    variables = statistics.variables
+    held = [name for name in _KNOWN if name in statistics.data_vars and "output" in variables[name].dims]
     for name in held:
-        _check_real(statistics[name], f"{path}/{name}")
+        _check_real(variables[name], f"{path}/{name}", statistics)
     explained = {name: _explained(statistics, name, end, refused) | before for name in held}
-    # of what has no mean the error is not known either
+    # without a mean, its error is unknown, too
     for name in INTEGRATION_ERRORS if "mean" in explained else ():
         if name in explained:
-            explained[name] |= explained["mean"] & np.isnan(statistics["mean"].values)
+            explained[name] |= explained["mean"] & np.isnan(variables["mean"].values)
     for name in held:
-        data, where = statistics[name], f"{path}/{name}"
+        data, where, values = variables[name], f"{path}/{name}", variables[name].values
         if name in _INTERVALS:
-            _check_order(data, where, data.copy(data=explained[name]))
-        values = data.values
+            _check_order(data, where, data.copy(data=explained[name]), statistics)
         missing, infinite = np.isnan(values), np.isinf(values)
         if name in _MAY_BE_INFINITE:
             infinite = infinite & (values < 0)
+        if name == "quantile_interval":
+            infinite = np.zeros_like(infinite)
         if before and name not in _FINITE_BEFORE:
             infinite = np.zeros_like(infinite)
-        bad = data.copy(data=infinite | (missing & ~explained[name]))
+
+        def refuse(bad: Mask, found: str | Array, expected: str, where: str = where, data: xr.Variable = data) -> None:
+            _refuse(where, bad, data.dims, statistics, found, expected)
+
+        bad = infinite | (missing & ~explained[name])
         if name == "quantile_error":
-            _refuse(where, bad, data, "a finite bound, 0 or more")
+            refuse(bad, values, "a finite bound, 0 or more")
         reason = "a number, or the reason of a NaN in the attribute 'unknown' of the variable: {output: reason}"
-        _refuse(where, bad, "a value that is not finite", f"{reason}; failures must not enter")
+        refuse(bad, "a value that is not finite", f"{reason}; failures must not enter")
         if name in _NOT_NEGATIVE or name in _SHARES:
             expected = "a share from 0 to 1" if name in _SHARES else "a number that is 0 or more"
-            _refuse(where, data < 0, "a negative value", expected)
+            refuse(values < 0, "a negative value", expected)
         if name in _SHARES:
-            _refuse(where, data > 1, data, "a share from 0 to 1")
+            refuse(values > 1, values, "a share from 0 to 1")
         if name == "kurtosis":
             expected = "the fourth standardised moment (3 for a normal), not the excess"
-            _refuse(where, data < 1 - 1e-9, "a value below 1", expected)
+            refuse(values < 1 - 1e-9, "a value below 1", expected)
     if {"variance", "std"} <= set(held):
-        variance, std = statistics["variance"], statistics["std"]
+        variance, std = variables["variance"], variables["std"]
         off = abs(variance - std**2) > 1e-6 * variance + np.finfo(float).tiny
-        off |= np.isnan(variance) != np.isnan(std)
-        _refuse(f"{path}/variance", off, "a value that differs from std**2", "the square of 'std'")
+        off |= variance.isnull() != std.isnull()
+        where, found = f"{path}/variance", "a value that differs from std**2"
+        _refuse(where, off.values, off.dims, statistics, found, "the square of 'std'")
     if "quantile" in held:
         _check_quantiles(statistics, path)
 
 
 def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) -> None:
-    """Refuse values that probabilities of violation, their standard errors and intervals do not have.
+    """Check probabilities of violation, their standard errors and intervals.
 
-    `data`: as of `uqmbd.extend.requirements_dataset`; `path`: where it is, for messages; `before`: whether they are
-    of a schema before version 2, in which no NaN had a reason. Raise StudyError at the first value: its variable,
-    requirement and place, and what is expected.
+    `data`: dataset from `uqmbd.extend.requirements_dataset`; `path`: its path, for messages; `before`: whether the
+    schema is before version 2, in which NaN has no reason. Raise StudyError for the first invalid value; the message
+    states the variable, requirement, place and expected value.
     """
-    for name in (n for n in ("violation_probability", "std_error", "interval", "violated_by") if n in data):
-        _check_real(data[name], f"{path}/{name}")
-    ends, probability, error = data["interval"], data["violation_probability"], data["std_error"]
+    variables = data.variables
+
+    def refuse(name: str, bad: xr.Variable, found: str | Array, expected: str) -> None:
+        _refuse(f"{path}/{name}", bad.values, bad.dims, data, found, expected)
+
+    for name in (n for n in ("violation_probability", "std_error", "interval", "violated_by") if n in variables):
+        _check_real(variables[name], f"{path}/{name}", data)
+    ends, probability, error = (variables[n] for n in ("interval", "violation_probability", "std_error"))
     lower, upper = _ends(ends, f"{path}/interval")
-    _refuse(f"{path}/interval", ~((ends >= 0) & (ends <= 1)), ends, "a probability from 0 to 1")
-    _check_order(ends, f"{path}/interval", ends.isnull())
-    where = f"{path}/violation_probability"
-    known = (lower > 0) | (upper < 1)
+    refuse("interval", ~((ends >= 0) & (ends <= 1)), ends.values, "a probability from 0 to 1")
+    _check_order(ends, f"{path}/interval", ends.isnull(), data)
+    name, known = "violation_probability", (lower > 0) | (upper < 1)
     if not before:
-        _refuse(where, probability.isnull() & known, probability, "a probability, or the interval from 0 to 1")
+        refuse(name, probability.isnull() & known, probability.values, "a probability, or the interval from 0 to 1")
     off = (probability < lower - 1e-9) | (probability > upper + 1e-9)
-    _refuse(where, off, "a value outside of its interval", "a probability within it")
+    refuse(name, off, "a value outside of its interval", "a probability within it")
     unknown = np.isnan(error.values) & (_explained(data, "std_error", np.inf, (), "requirement") | before)
     bad = error.copy(data=~(np.isfinite(error.values) & (error.values >= 0)) & ~unknown)
     expected = "a standard error that is finite and 0 or more, or the reason of a NaN in the attribute 'unknown'"
-    _refuse(f"{path}/std_error", bad, error, expected)
-    if "violated_by" in data:
-        by = data["violated_by"]
+    refuse("std_error", bad, error.values, expected)
+    if "violated_by" in variables:
+        by = variables["violated_by"]
         bad = ~((by >= 0) & (by <= 1)) & ~(by.isnull() & (probability.isnull() | before))
-        _refuse(f"{path}/violated_by", bad.transpose(*by.dims), by, "a probability from 0 to 1")
+        refuse("violated_by", bad.transpose(*by.dims), by.values, "a probability from 0 to 1")
 
 
-def _ends(data: xr.DataArray, where: str) -> tuple[xr.DataArray, xr.DataArray]:
+def _ends(data: xr.Variable, where: str) -> tuple[xr.Variable, xr.Variable]:
     """Return the lower and the upper ends of intervals."""
     if data.sizes.get("bound") != 2:
         given = ", ".join(f"{dim}: {size}" for dim, size in data.sizes.items())
         raise StudyError(f"{where}: found the dimensions ({given}); expected one that is called 'bound', of size 2.")
-    return data.isel(bound=0, drop=True), data.isel(bound=1, drop=True)
+    return data.isel(bound=0), data.isel(bound=1)
 
 
-def _check_order(data: xr.DataArray, where: str, explained: xr.DataArray) -> None:
-    """Refuse intervals whose ends are not in order; both may be NaN with a reason."""
+def _check_order(data: xr.Variable, where: str, explained: xr.Variable, statistics: xr.Dataset) -> None:
+    """Raise StudyError if ends of intervals are not in order; both may be NaN with a reason."""
     lower, upper = _ends(data, where)
-    bad = ~(lower <= upper) & ~(explained.isel(bound=0, drop=True) & lower.isnull() & upper.isnull())
-    if bool(bad.any()):
+    bad = ~(lower <= upper) & ~(explained.isel(bound=0) & lower.isnull() & upper.isnull())
+    if bad.values.any():
         at = tuple(np.argwhere(bad.values)[0])
         expected = f"numbers in order; the ends are {lower.values[at]:.6g} and {upper.values[at]:.6g}"
-        _refuse(where, bad, "a lower end that is not below the upper one", expected)
+        _refuse(where, bad.values, bad.dims, statistics, "a lower end that is not below the upper one", expected)
 
 
-def _check_real(data: xr.DataArray, where: str) -> None:
-    """Refuse a variable that contains other values than real numbers; `where`: its place, for the message."""
+def _check_real(data: xr.Variable, where: str, statistics: xr.Dataset) -> None:
+    """Raise StudyError if a variable contains other values than real numbers; `where`: its path, for the message."""
     if data.dtype.kind == "c":
-        bad = data.copy(data=np.imag(data.values) != 0)
-        place = f" at {place_of(bad)}" if bool(bad.any()) else ""
+        bad = np.imag(data.values) != 0
+        place = f" at {_place(bad, data.dims, statistics)}" if bad.any() else ""
         raise StudyError(f"{where}: found complex numbers{place}; expected real ones.")
     if data.dtype.kind not in "fiu":
         raise StudyError(f"{where}: found the type {data.dtype}; expected real numbers.")
 
 
 def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
-    quantile = statistics["quantile"]
+    variables, where = statistics.variables, f"{path}/quantile"
+    quantile = variables["quantile"]
     if "probability" in quantile.dims:
-        falls = quantile.diff("probability") < -1e-9 * abs(quantile).max("probability")
-        _refuse(f"{path}/quantile", falls, "a quantile that falls with the probability", "rising ones")
+        falls = np.zeros(quantile.shape, dtype=bool)
+        axis = quantile.dims.index("probability")
+        largest = np.nan_to_num(np.abs(quantile.values)).max(axis=axis, keepdims=True, initial=0.0)
+        later = tuple(slice(1, None) if k == axis else slice(None) for k in range(quantile.ndim))
+        falls[later] = np.diff(quantile.values, axis=axis) < -1e-9 * largest
+        found = "a quantile that falls with the probability"
+        _refuse(where, falls, quantile.dims, statistics, found, "rising ones")
     if {"smallest", "largest"} <= set(statistics.data_vars):
-        off = ~((statistics["smallest"] <= quantile) & (quantile <= statistics["largest"]))
-        known = quantile.notnull() & statistics["smallest"].notnull() & statistics["largest"].notnull()
-        _refuse(f"{path}/quantile", off & known, "a quantile that is beyond the samples", "one between them")
+        smallest, largest = variables["smallest"], variables["largest"]
+        off = ~((smallest <= quantile) & (quantile <= largest))
+        off &= quantile.notnull() & smallest.notnull() & largest.notnull()
+        _refuse(where, off.values, off.dims, statistics, "a quantile that is beyond the samples", "one between them")
 
 
 def _names(data: xr.Dataset, dim: str, count: int) -> list[str]:
-    """Return the names of outputs or requirements; their numbers where they have none."""
+    """Return the names of outputs or requirements, or their numbers without names."""
     return [str(x) for x in data[dim].values] if dim in data.coords else [str(k) for k in range(count)]
 
 
 def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str], dim: str = "output") -> Mask:
-    """Return where a NaN has a reason, in the shape of the variable."""
-    data = statistics[name]
+    """Return a mask of valid NaN values, with a reason, in the shape of the variable."""
+    data = statistics.variables[name]
     reasons = reasons_of(data)
     outputs = _names(statistics, dim, data.sizes[dim])
     told = np.array([x in refused or x in reasons or EVERY in reasons for x in outputs], dtype=bool)
-    if data.attrs.get("reason") and not data.notnull().any():
+    if data.attrs.get("reason") and np.isnan(data.values).all():
         told[:] = True
     if name in ("circular_mean", "circular_std") and "output_angle" in statistics.coords:
-        told |= statistics["output_angle"].values == 0
+        told |= statistics.variables["output_angle"].values == 0
     found: Mask = _along(told, dim, data)
     if "time" in data.dims and "time" in statistics.coords:
-        found = found | _along(statistics["time"].values > end, "time", data)
+        found = found | _along(statistics.variables["time"].values > end, "time", data)
     if name == "circular_mean" and "circular_std" in statistics:
         # directions cancel
-        found = found | np.isposinf(statistics["circular_std"].values)
+        found = found | np.isposinf(statistics.variables["circular_std"].values)
     return np.array(np.broadcast_to(found, data.shape))
 
 
-def _along(values: Mask, dim: str, data: xr.DataArray) -> Mask:
-    """Return values of a dimension so that they broadcast against those of a variable."""
+def _along(values: Mask, dim: str, data: xr.Variable) -> Mask:
+    """Reshape values along a dimension so that they broadcast against a variable."""
     return values.reshape([-1 if d == dim else 1 for d in data.dims])
 
 
 def place_of(bad: xr.DataArray) -> str:
-    """Return the place of the first value that is bad, by the coordinates of its dimensions."""
-    index = np.argwhere(bad.values)[0]
+    """Return the place of the first bad value, by the coordinates of its dimensions."""
+    return _place(bad.values, bad.dims, bad)
+
+
+def _place(bad: Mask, dims: Sequence[Hashable], data: xr.DataArray | xr.Dataset) -> str:
+    """Return the place of the first bad value of an array with these dimensions, by the coordinates of the data."""
+    index = np.argwhere(bad)[0]
     parts = []
-    for dim, k in zip(bad.dims, index, strict=True):
-        value = bad.coords[dim].values[k] if dim in bad.coords else k
+    for dim, k in zip(dims, index, strict=True):
+        value = data.coords[dim].values[k] if dim in data.coords else k
         parts.append(f"{dim} {value!s}")
     return ", ".join(parts)
 
 
-def _refuse(where: str, bad: xr.DataArray, found: str | xr.DataArray, expected: str) -> None:
-    """Raise at the first bad value; `found` describes it, or contains the values, with the dimensions of `bad`."""
-    if bool(bad.any()):
-        if isinstance(found, xr.DataArray):
-            found = f"{found.values[tuple(np.argwhere(bad.values)[0])]:.6g}"
-        raise StudyError(f"{where}: found {found} at {place_of(bad)}; expected {expected}.")
+def _refuse(
+    where: str, bad: Mask, dims: Sequence[Hashable], data: xr.Dataset, found: str | Array, expected: str
+) -> None:
+    """Raise StudyError at the first bad value; `found` describes it, or contains the values (dimensions of `bad`)."""
+    if bad.any():
+        if not isinstance(found, str):
+            found = f"{found[tuple(np.argwhere(bad)[0])]:.6g}"
+        raise StudyError(f"{where}: found {found} at {_place(bad, dims, data)}; expected {expected}.")

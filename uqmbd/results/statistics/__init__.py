@@ -1,4 +1,4 @@
-"""Statistics of samples: moments, angles, rotations, replicates, and variation."""
+"""Compute statistics of samples: moments, quantiles, angles, rotations, and errors from replicates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,19 @@ from uqmbd.results.statistics.circular import (
 from uqmbd.results.statistics.circular_moments import CircularMoments
 from uqmbd.results.statistics.counted_quantiles import CountedQuantiles
 from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
-from uqmbd.results.statistics.moments import Moments, independent_errors, usual_errors
+from uqmbd.results.statistics.moments import (
+    Moments,
+    divisor,
+    independent_errors,
+    integration_error,
+    over_time,
+    relative,
+    rtol_of,
+    settled,
+    usual_errors,
+    varies,
+    varying,
+)
 from uqmbd.results.statistics.quantiles import ConsecutiveSamples, quantiles_of_chunks
 from uqmbd.results.statistics.replicates import replicate_errors, studentised
 from uqmbd.results.statistics.samples import (
@@ -20,16 +32,6 @@ from uqmbd.results.statistics.samples import (
     running_statistics,
     sample_statistics,
     statistics_of_samples,
-)
-from uqmbd.results.statistics.spread import (
-    divisor,
-    integration_error,
-    over_time,
-    relative,
-    rtol_of,
-    settled,
-    varies,
-    varying,
 )
 
 __all__ = [

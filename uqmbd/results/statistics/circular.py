@@ -1,7 +1,7 @@
-"""Statistics of angles, which must not be averaged like plain numbers.
+"""Compute statistics of angles, for which plain averages are wrong.
 
-:func:`scipy.stats.circmean` and ``circstd`` take no weights (those of a quadrature), return a direction where there is
-none, and lose the digits of small deviations: the deviation of 1e-9 and -1e-9 is 0 to them.
+:func:`scipy.stats.circmean` and ``circstd`` accept no weights, such as weights of a quadrature. They return a direction
+even if directions cancel, and lose the digits of small deviations: for 1e-9 and -1e-9 they return the deviation 0.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ __all__ = [
 
 
 ROUNDING = 32.0 * np.finfo(float).eps
-"""Below this length, relative to single directions, a mean direction is rounding."""
+"""Length of a mean direction, relative to single directions, below which it counts as rounding."""
 
 BLOCK_NUMBERS = 1_000_000
-"""Angles (8 bytes each) that are averaged at once."""
+"""Number of angles (8 bytes each) that are averaged at once."""
 
 
 @typechecked
@@ -42,21 +42,21 @@ def circular_mean(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None =
     Parameters
     ----------
     angles : array_like
-        In radians.
+        Angles, rad.
     axis : int
-        Along which to average.
+        Axis along which to average.
     weights : array_like, shape (S,), optional
-        Of the S angles along `axis`; default all alike. They need not sum to 1.
+        Weights of the S angles along `axis`, of any sum. Default: equal weights.
 
     Returns
     -------
     array
-        Without `axis`, in radians, in (-pi, pi]; NaN where the directions cancel, so that no mean exists.
+        Mean direction without `axis`, rad, in (-pi, pi]; NaN if the directions cancel.
 
     Raises
     ------
     StudyError
-        If there are no angles, or the weights have another number or no positive sum.
+        If there are no angles, or the number of weights is wrong or their sum is not positive.
 
     References
     ----------
@@ -77,21 +77,21 @@ def circular_mean(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None =
 def circular_std(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
     r"""Return the circular standard deviation :math:`\sqrt{-2 \ln R}`, with the mean resultant length R.
 
-    Of a normal angle wrapped around the circle it is the standard deviation of the normal, however wide that is.
+    For a normal angle wrapped around the circle, the result is the standard deviation of the normal, of any size.
 
     Parameters
     ----------
     angles : array_like
-        In radians.
+        Angles, rad.
     axis : int
-        Along which to average.
+        Axis along which to average.
     weights : array_like, shape (S,), optional
-        As for :func:`circular_mean`.
+        Weights of the angles, as for :func:`circular_mean`.
 
     Returns
     -------
     array
-        Without `axis`, in radians; infinite where the directions cancel.
+        Standard deviation without `axis`, rad; infinite if the directions cancel.
 
     References
     ----------
@@ -115,11 +115,11 @@ def circular_std(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = 
 def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tuple[Array, Array]:
     """Return circular mean and standard deviation from the means of cosine and sine.
 
-    Made for a chaos whose outputs are the cosine and the sine of an angle: the statistics of the angle come straight
-    from the two means, exact where those are.
+    The function is for a chaos whose outputs are the cosine and the sine of an angle. If both means are exact, the
+    statistics of the angle are exact, too.
 
-    `mean_cosine`, `mean_sine` (...): expectations of the cosine and of the sine, as two rows of
-    `PolynomialChaos.mean`. Return (...): in radians; as of :func:`circular_mean` and :func:`circular_std`.
+    `mean_cosine`, `mean_sine` (...): expectations of cosine and sine, such as two rows of `PolynomialChaos.mean`.
+    Return (...) in radians, as :func:`circular_mean` and :func:`circular_std` do.
 
     >>> mean, std = circular_of_components(0.0, 1.0)
     >>> float(mean.round(6)), float(std)
@@ -130,7 +130,7 @@ def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tupl
     cancels = length <= ROUNDING
     mean = np.where(cancels, np.nan, np.arctan2(s, c))
     safe = np.where(cancels, 1.0, length)
-    # rounding may carry a length past 1 by some last bits (and -0.0 is no deviation)
+    # rounding may raise a length above 1; the maximum also avoids -0.0
     std = np.where(cancels, np.inf, np.sqrt(np.maximum(-2.0 * np.log(safe), 0.0)))
     return np.where(mean == -np.pi, np.pi, mean), std
 
@@ -139,26 +139,26 @@ def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tupl
 def unwrap_samples(angles: ArrayLike, axis: Axis = -1) -> Array:
     """Make the angles of samples continuous in time, and bring the samples near one another at the first time.
 
-    Each sample loses its jumps of a full turn along `axis`; then whole turns are added to it, so that its first angle
-    lies within half a turn of the circular mean of all first angles. Then plain means and deviations make sense as
-    long as the samples stay together within some turns; and a chaos of the angle is smooth.
+    The function removes jumps of a full turn along `axis` from each sample. It then adds whole turns to each sample:
+    its first angle is then within half a turn of the circular mean of all first angles. Plain means and deviations are
+    then meaningful as long as the samples stay within some turns of one another. A chaos of the angle is smooth.
 
     Parameters
     ----------
     angles : array_like, shape (S, ...) with the times along `axis`
-        In radians, samples along the first axis. Failed samples (NaN) stay NaN.
+        Angles of the samples, rad, with the samples along the first axis. Failed samples (NaN) stay NaN.
     axis : int
-        Of the times; not the first. Times must be so dense that no true step passes half a turn.
+        Axis of the times; not the first. Angles must change by less than half a turn between two times.
 
     Returns
     -------
     array, shape (S, ...)
-        In radians.
+        Unwrapped angles, rad.
 
     Raises
     ------
     StudyError
-        If there is no axis of times besides that of the samples.
+        If there is no axis of times in addition to the axis of the samples.
 
     Examples
     --------
@@ -170,8 +170,8 @@ def unwrap_samples(angles: ArrayLike, axis: Axis = -1) -> Array:
     given = np.asarray(angles, dtype=float)
     if given.ndim < 2 or axis in (0, -given.ndim) or not given.shape[axis]:
         raise StudyError(
-            f"Samples must lie along the first axis and times along another; shape {given.shape} with the times along "
-            f"axis {axis} was given."
+            f"The samples have the shape {given.shape}, with the times along axis {axis}; expected samples along the "
+            "first axis, and times along another axis."
         )
     moved = np.moveaxis(np.unwrap(given, axis=axis), axis, -1)
     first = moved[..., 0]
@@ -180,18 +180,19 @@ def unwrap_samples(angles: ArrayLike, axis: Axis = -1) -> Array:
     cosine = np.where(known, np.cos(np.where(known, first, 0.0)), 0.0).sum(axis=0) / count
     sine = np.where(known, np.sin(np.where(known, first, 0.0)), 0.0).sum(axis=0) / count
     centre = circular_of_components(cosine, sine)[0]
-    # directions that cancel have no centre: angles stay within half a turn of zero
+    # directions that cancel have no centre; angles are then within half a turn of zero
     centre = np.where(np.isnan(centre), 0.0, centre)
     turns = np.round((first - centre) / (2.0 * np.pi))
     return np.moveaxis(moved - 2.0 * np.pi * turns[..., None], -1, axis)
 
 
 def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
-    """Average the directions of samples.
+    """Compute circular mean and standard deviation of samples.
 
-    `response` (S, O, T): finite, in the units of the outputs; `turns` (O,): length of a turn in these units; 0: the
-    output is no angle. Return ``circular_mean`` and ``circular_std``, shape (O, T) or (O,), in the units of the
-    outputs, NaN for those that are no angles; empty where none is. Made for ``statistics_dataset(labels, **it)``.
+    `response` (S, O, T): finite samples, in the units of the outputs; `turns` (O,): length of a full turn in these
+    units, 0 if the output is no angle. Return ``circular_mean`` and ``circular_std``, shape (O, T) or (O,), in the
+    units of the outputs, NaN for other outputs. The result is empty if no output is an angle. Pass the result to
+    ``statistics_dataset(labels, **it)``.
 
     >>> import numpy as np
     >>> found = circular_of_samples(np.array([[179.0, 1.0], [183.0, 2.0]]), np.array([360.0, 0.0]))
@@ -207,7 +208,7 @@ def circular_of_blocks(
 ) -> dict[str, Array]:
     """Compute `circular_of_samples` from samples (S, t) that a function returns for an output and a slice of times.
 
-    The shape of the outputs is (O, T) or (O,), `count` is S.
+    `shape`: shape of the outputs, (O, T) or (O,); `count`: S.
     """
     if not np.any(turns):
         return {}
@@ -230,7 +231,7 @@ def weighted_mean(values: Array, axis: int, weights: ArrayLike | None) -> Array:
     w = np.ones(count) if weights is None else np.asarray(weights, dtype=float)
     if not count or w.shape != (count,) or not w.sum() > 0:
         raise StudyError(
-            f"A mean needs at least one value, and weights of positive sum, one for each; {count} values and weights "
-            f"of the shape {w.shape} were given."
+            f"{count} values and weights of the shape {w.shape} are given; expected at least one value, and one "
+            "weight for each with a positive sum."
         )
     return np.asarray(np.tensordot(w / w.sum(), values, axes=(0, axis)), dtype=float)

@@ -1,4 +1,4 @@
-"""Quantiles and extremes of samples that come once: counted between edges, with bounds that hold."""
+"""Compute quantiles, with error bounds, and extremes of samples in a single pass, by counts between edges."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.brackets import Counts, block_rows, row_blocks
+from uqmbd.results.statistics.quantile_intervals import interval_ranks, with_open_ends, within_samples
 from uqmbd.results.statistics.quantiles import (
     bin_of,
     check_counts,
@@ -28,16 +29,19 @@ __all__ = ["CountedQuantiles"]
 
 @typechecked
 class CountedQuantiles:
-    """Quantiles of samples that come once, with bounds that hold.
+    """Quantiles of samples in a single pass, with certain error bounds.
 
-    Numbers of samples are counted between edges that come from the first 20,000 samples (or fewer, of many outputs):
-    fine ones near each quantile.  A quantile is interpolated between the two edges about it, and cannot lie beyond
-    them.  The bits do not depend on how the samples are cut into chunks, nor on the order of those after the first.
+    The class counts samples between edges, which are chosen from the first 20,000 samples (fewer for many outputs) and
+    are dense near each quantile. A quantile is interpolated between the two enclosing edges, and cannot be outside
+    them. The bits of the result are independent of the division into chunks, and of the order of samples after the
+    first ones.
 
     Parameters
     ----------
     probabilities : sequence of float
-        Increasing, between 0 and 1; P of them.
+        Probabilities of the P quantiles, increasing, between 0 and 1.
+    independent : bool
+        Whether the samples are independent; otherwise they are the points of a design.
 
     Examples
     --------
@@ -50,15 +54,16 @@ class CountedQuantiles:
     (True, True)
     """
 
-    def __init__(self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES) -> None:
+    def __init__(self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, independent: bool = True) -> None:
         self._levels = levels_of(probabilities)
+        self._independent = independent
         self._shape: tuple[int, ...] = ()
         self._counts: Counts | None = None
         self._waiting: list[Array] = []
         self._rows = 0
 
     def add(self, samples: Array) -> None:
-        """Count samples that succeeded, shape (K, ...)."""
+        """Count successful samples, shape (K, ...)."""
         if not len(samples):
             return
         self._shape = samples.shape[1:]
@@ -69,7 +74,7 @@ class CountedQuantiles:
             self._flush()
 
     def _flush(self) -> Counts:
-        """Count the samples that wait, at first those from which the edges come, then so many that it is quick."""
+        """Count the collected samples; the first samples also determine the edges."""
         if self._counts is None:
             rows = np.concatenate(self._waiting)
             self._waiting = [rows]
@@ -81,18 +86,20 @@ class CountedQuantiles:
         return self._counts
 
     def statistics(self) -> dict[str, Array]:
-        """Return the quantiles, how far they may be off, and the extremes.
+        """Return the quantiles, their error bounds, and the extremes.
 
         Returns
         -------
         dict of str to numpy.ndarray
-            ``quantile`` and ``quantile_error``, shape (P, ...): the quantile of all samples, as `sample_statistics`
-            has it, lies within the error; ``smallest`` and ``largest``, shape (...), exact.
+            ``quantile`` and ``quantile_error``, shape (P, ...): the quantile from `sample_statistics` of all samples is
+            within this error of the returned one. ``smallest`` and ``largest``, shape (...), are exact. Of independent
+            samples also ``quantile_interval``, shape (2, P, ...): edges that enclose the interval from
+            `sample_statistics`.
 
         Raises
         ------
         StudyError
-            With fewer than two samples, or samples that are not finite.
+            If there are fewer than two samples, or samples that are not finite.
         """
         if self._counts is None and not self._rows:
             raise StudyError(too_few(0))
@@ -101,20 +108,26 @@ class CountedQuantiles:
         below, part = ranks_of(self._levels, counts.count)
         ends = [_about(counts, self._levels, below), _about(counts, self._levels, below + 1)]
         value, low, high = (interpolated(a, b, part) for a, b in zip(*ends, strict=True))
-        value = np.maximum.accumulate(value)  # brackets may overlap where the first samples are few
-        # rounding of the interpolation is no error of the counts, but must not lead out of the bound
+        value = np.maximum.accumulate(value)  # brackets may overlap if there are few first samples
+        # the bound also covers rounding of the interpolation
         rounding = np.where(low < high, 4 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high)), 0.0)
         error = np.maximum(np.maximum(value - low, high - value), 0.0) + rounding
-        return {
+        found = {
             "quantile": value.reshape(-1, *self._shape),
             "quantile_error": error.reshape(-1, *self._shape),
             "smallest": counts.smallest.reshape(self._shape),
             "largest": counts.largest.reshape(self._shape),
         }
+        if self._independent:
+            ranks = interval_ranks(counts.count, self._levels)
+            first, last = within_samples(ranks, counts.count)
+            edges = np.stack([_about(counts, self._levels, first)[1], _about(counts, self._levels, last)[2]])
+            found["quantile_interval"] = with_open_ends(edges, ranks, counts.count).reshape(2, -1, *self._shape)
+        return found
 
 
 def _about(counts: Counts, levels: Array, ranks: Index) -> tuple[Array, Array, Array]:
-    """Estimate order statistics (P, C), with their bounds."""
+    """Estimate order statistics (P, C), with lower and upper bounds."""
     brackets = counts.brackets
     shape = (len(levels), len(counts.smallest))
     smallest, largest = (np.tile(x, len(levels)) for x in (counts.smallest, counts.largest))

@@ -1,7 +1,8 @@
-"""Mean and deviation of directions and of rotations.
+"""Compute mean and standard deviation of directions and of rotations.
 
-:func:`scipy.stats.directional_stats` takes no weights (those of a quadrature), and returns a direction where there is
-none; so does :meth:`scipy.spatial.transform.Rotation.mean`, which takes stacks of rotations only from SciPy 1.17 on.
+:func:`scipy.stats.directional_stats` accepts no weights, such as weights of a quadrature, and returns a direction even
+if directions cancel. :meth:`scipy.spatial.transform.Rotation.mean` also returns a rotation if rotations cancel, and
+accepts stacks of rotations only from SciPy 1.17 on.
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ def mean_direction(vectors: ArrayLike, axis: Axis = 0, weights: ArrayLike | None
     Parameters
     ----------
     vectors : array_like, shape (S, ..., N)
-        Their lengths do not count; components along the last axis.
+        Vectors, with components along the last axis; their lengths have no effect.
     axis : int
-        Along which to average; not the last.
+        Axis along which to average; not the last.
     weights : array_like, shape (S,), optional
-        Default all alike.
+        Weights of the vectors. Default: equal weights.
 
     Returns
     -------
     direction : array, shape (..., N)
-        Of unit length; NaN where the directions cancel.
+        Unit vector; NaN if the directions cancel.
     length : array, shape (...)
-        From 0 (the directions cancel) to 1 (they agree).
+        Mean resultant length, from 0 (the directions cancel) to 1 (they agree).
 
     Raises
     ------
     StudyError
-        If a vector has no length, there are none, or the weights do not fit.
+        If there are no vectors, one has zero length, or the weights do not fit.
 
     Examples
     --------
@@ -50,7 +51,9 @@ def mean_direction(vectors: ArrayLike, axis: Axis = 0, weights: ArrayLike | None
     """
     given = np.asarray(vectors, dtype=float)
     if given.ndim < 2 or axis in (-1, given.ndim - 1):
-        raise StudyError(f"Vectors need their components along the last axis, (S, ..., N); found {given.shape}.")
+        raise StudyError(
+            f"The vectors have the shape {given.shape}; expected (S, ..., N), with the components along the last axis."
+        )
     mean = weighted_mean(_unit_vectors(given, "vector"), axis, weights)
     length = np.linalg.norm(mean, axis=-1)
     cancels = length <= ROUNDING
@@ -60,29 +63,29 @@ def mean_direction(vectors: ArrayLike, axis: Axis = 0, weights: ArrayLike | None
 
 @typechecked
 def mean_rotation(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
-    """Return the mean of rotations: the quaternion with the least mean square (chordal) distance from all of them.
+    """Return the mean of rotations: the quaternion with the least mean square (chordal) distance from all rotations.
 
-    It is the eigenvector of the largest eigenvalue of the mean of ``q q^T`` [1]_. Opposite quaternions q and -q are the
-    same rotation, and have the same such matrix.
+    The mean is the eigenvector of the largest eigenvalue of the mean of ``q q^T`` [1]_. Opposite quaternions q and -q
+    describe the same rotation, and have the same matrix ``q q^T``.
 
     Parameters
     ----------
     quaternions : array_like, shape (S, ..., 4)
-        Their lengths and signs do not count; either order of the components will do.
+        Quaternions with the components in any fixed order; their lengths and signs have no effect.
     axis : int
-        Along which to average; not the last.
+        Axis along which to average; not the last.
     weights : array_like, shape (S,), optional
-        Default all alike.
+        Weights of the quaternions. Default: equal weights.
 
     Returns
     -------
     array, shape (..., 4)
-        Of unit length, its largest component positive; NaN where no single rotation is nearest.
+        Unit quaternion whose largest component is positive; NaN if no single rotation is nearest.
 
     Raises
     ------
     StudyError
-        If a quaternion has no length, there are none, or the weights do not fit.
+        If there are no quaternions, one has zero length, or the weights do not fit.
 
     References
     ----------
@@ -96,7 +99,10 @@ def mean_rotation(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | N
     """
     given = np.asarray(quaternions, dtype=float)
     if given.ndim < 2 or given.shape[-1] != 4 or axis in (-1, given.ndim - 1):
-        raise StudyError(f"Quaternions need four components along the last axis, (S, ..., 4); found {given.shape}.")
+        raise StudyError(
+            f"The quaternions have the shape {given.shape}; expected (S, ..., 4), with four components "
+            "along the last axis."
+        )
     unit = np.moveaxis(_unit_vectors(given, "quaternion"), axis, 0)
     moment = weighted_mean(unit[..., :, None] * unit[..., None, :], 0, weights)
     values, vectors = np.linalg.eigh(moment)
@@ -113,12 +119,12 @@ def rotation_std(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | No
     Parameters
     ----------
     quaternions, axis, weights
-        As for :func:`mean_rotation`.
+        Quaternions, axis and weights, as for :func:`mean_rotation`.
 
     Returns
     -------
     array, shape (...)
-        In radians, from 0 to pi; NaN where there is no mean.
+        Root mean square angle, rad, from 0 to pi; NaN if there is no mean.
 
     Examples
     --------
@@ -131,7 +137,7 @@ def rotation_std(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | No
     mean = np.expand_dims(mean_rotation(quaternions, axis, weights), axis)
     unit = _unit_vectors(np.asarray(quaternions, dtype=float), "quaternion")
     cosine = np.abs(np.sum(unit * mean, axis=-1, keepdims=True))
-    # by the sine too: an arc cosine loses half the digits of small angles
+    # use the sine, too, because an arc cosine loses half the digits of small angles
     sine = np.linalg.norm(unit - np.sum(unit * mean, axis=-1, keepdims=True) * mean, axis=-1, keepdims=True)
     square = (2.0 * np.arctan2(sine, cosine)) ** 2
     result: Array = np.sqrt(weighted_mean(square, axis, weights)[..., 0])
@@ -142,5 +148,8 @@ def _unit_vectors(vectors: Array, name: str) -> Array:
     """Scale vectors (..., N) to length 1."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if np.any(length == 0):
-        raise StudyError(f"A {name} of length zero has no direction: number {int(np.argmin(length))} in order.")
+        raise StudyError(
+            f"The {name} with the index {int(np.argmin(length))} has length zero, so it has no direction; expected "
+            "non-zero values."
+        )
     return np.asarray(vectors / length)

@@ -1,38 +1,55 @@
-"""Moments that are gathered chunk by chunk, in memory that does not grow with the number of samples."""
+"""Accumulate moments of samples chunk by chunk, and determine scales of outputs and whether outputs vary.
+
+An output varies if its variation exceeds the integration error, or rounding if this error is unknown.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import Size, shown, typechecked
+from uqmbd.arguments import Bounds, Size, shown, typechecked
 from uqmbd.errors import StudyError
+from uqmbd.names import did_you_mean
 from uqmbd.typing import Array
 
-__all__ = ["NORMAL", "Moments", "independent_errors", "usual_errors"]
-
+__all__ = [
+    "Moments",
+    "NORMAL",
+    "divisor",
+    "independent_errors",
+    "integration_error",
+    "over_time",
+    "relative",
+    "rtol_of",
+    "settled",
+    "usual_errors",
+    "varies",
+    "varying",
+]
 
 NORMAL = 1.959963984540054
-"""Standard errors from the middle of a 95 % interval to its ends, of a normal distribution."""
+"""Half-width of a 95 % interval of a normal distribution, in standard errors."""
 
 RAISED = 3.0
-"""Relative standard errors of the variance by which its own variance may be too small."""
+"""Multiple of the relative standard error of the variance by which the kurtosis is increased."""
 
 
 @typechecked
 @dataclass(frozen=True)
 class Moments:
-    """Number, mean and central sums of samples; two of them merge into that of all samples.
+    """Number, mean and central sums of samples, which can be merged with the moments of other samples.
 
     Attributes
     ----------
     count : int
         Number of samples.
     mean : array, shape (...)
-        Their mean.
+        Mean of the samples.
     second, third, fourth : array, shape (...)
         Sums of powers of the differences from the mean.
 
@@ -57,12 +74,12 @@ class Moments:
 
     @classmethod
     def of(cls, samples: ArrayLike) -> Moments:
-        """Gather samples, shape (S, ...); S may be zero.
+        """Compute the moments of samples, shape (S, ...); S may be zero.
 
         Raises
         ------
         uqmbd.StudyError
-            If the samples are one number.
+            If the samples are a single number without an axis.
         """
         x = np.asarray(samples, dtype=float)
         if not x.ndim:
@@ -70,14 +87,14 @@ class Moments:
         if not len(x):
             zero = np.zeros(x.shape[1:])
             return cls(0, zero, zero, zero, zero)
-        # shifted by the first sample: no cancellation for a small spread about a large mean
+        # shift by the first sample, to avoid cancellation for a small spread about a large mean
         mean = x[0] + (x - x[0]).mean(axis=0)
         d = x - mean
         square = d * d
         return cls(len(x), mean, square.sum(axis=0), (square * d).sum(axis=0), (square * square).sum(axis=0))
 
     def merge(self, other: Moments) -> Moments:
-        """Gather the samples of both."""
+        """Return the moments of the samples of both objects."""
         if not self.count or not other.count:
             return other if not self.count else self
         a, b = self.count, other.count
@@ -102,7 +119,7 @@ class Moments:
         Parameters
         ----------
         independent : bool
-            As of `uqmbd.results.sample_statistics`.
+            Whether the samples are independent, as for `uqmbd.results.sample_statistics`.
 
         Returns
         -------
@@ -112,11 +129,11 @@ class Moments:
         Raises
         ------
         uqmbd.StudyError
-            With fewer than two samples.
+            If there are fewer than two samples.
         """
         n = self.count
         if n < 2:
-            raise StudyError(f"Statistics need at least two successful samples; there are {n}.")
+            raise StudyError(f"Statistics need at least two successful samples; the number is {n}.")
         variance = self.second / (n - 1 if independent else n)
         m2, m3, m4 = self.second / n, self.third / n, self.fourth / n
         constant = m2 <= (32 * np.finfo(float).eps * np.abs(self.mean)) ** 2
@@ -137,22 +154,22 @@ class Moments:
 
 
 def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]:
-    """Return standard errors of mean and standard deviation of independent samples, so that 1.96 of each hold 95 %.
+    """Return standard errors of mean and standard deviation of independent samples; 1.96 of them give 95 % intervals.
 
     `std`: from the unbiased variance, in any units; `skewness`, `kurtosis`: of the samples (divisor `count`; 3 for a
-    normal distribution); `count`: number n of samples, two at least. Return in the units of `std`; 0 where nothing
-    varies.
+    normal distribution); `count`: number n of samples, two at least. The results are in the units of `std`; they are 0
+    without variation.
 
-    The mean has the interval of Student's t with Johnson's term for a skewness g, for the worse of its ends [1]_:
+    The mean has the interval of Student's t with Johnson's term for a skewness g [1]_. The error is its longer side:
     ``s / sqrt(n) (t + g (1 + 2 t^2) / (6 sqrt(n)))``.
 
-    The variance is taken as a multiple of chi-square with ``2 / v`` degrees of freedom [2]_. Here v is its relative
-    variance, from the kurtosis [3]_; with a kurtosis of 3 and without the raise below, it is the exact interval of
-    normal samples. The error is how far above s its upper end is, since the true deviation is above s more often than
-    below. Few samples of a long tail have too small a kurtosis, and mostly where s is too small as well. The kurtosis
-    less one is therefore raised by three times the relative standard error of the variance. In this error the square of
-    the skewness counts once more. The factor of three was chosen by experiment: with two, intervals of ``z^2`` and
-    ``exp(z / 2)`` of 30 normal samples z hold in less than 93 %.
+    The variance is approximated by a multiple of chi-square with ``2 / v`` degrees of freedom [2]_. Here v is the
+    relative variance of this estimate, from the kurtosis [3]_. With a kurtosis of 3 and without the increase below, the
+    interval is exact for normal samples. The error is the distance of the upper end from s, because the true deviation
+    is above s more often than below. Few samples of a long tail have too small a kurtosis, mostly if s is also too
+    small. Kurtosis minus one is therefore increased in proportion to three times the relative standard error of the
+    variance. This standard error also includes the square of the skewness. The factor of three comes from experiments:
+    with two, intervals of ``z^2`` and ``exp(z / 2)`` of 30 normal samples z contain the true value in less than 93 %.
 
     .. [1] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
     .. [2] G. E. P. Box, Biometrika 40 (1953) 318-335.
@@ -164,10 +181,10 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
     t = stdtrit(n - 1.0, 0.975)
     of_mean = std / np.sqrt(n) * (t + np.abs(skewness) * (1.0 + 2.0 * t**2) / (6.0 * np.sqrt(n)))
     raised = 1.0 + RAISED * np.sqrt((kurtosis - 1.0 + skewness**2) / n)
-    # by the same divisor as the variance: else the two nearly cancel where the kurtosis is near 1, as of two values
+    # use the divisor of the variance, to avoid cancellation for a kurtosis near 1, as for two values
     excess = np.maximum(kurtosis * (n / (n - 1.0)) ** 2 - 1.0, 0.0)
     relative = (excess * raised + 2.0 / (n - 1.0)) / n
-    # less than one squared deviation is no sample
+    # a sample has at least one squared deviation
     freedom = np.maximum(2.0 / relative, 1.0)
     of_std = std * (np.sqrt(freedom / chdtri(freedom, 0.975)) - 1.0)
     return np.asarray(of_mean / NORMAL), np.asarray(of_std / NORMAL)
@@ -176,10 +193,186 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
 def usual_errors(std: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]:
     """Return the usual standard errors of mean and standard deviation of independent samples, which are not widened.
 
-    Of mean and variance they are exact for any distribution; 1.96 of them hold 95 % of many samples with short tails.
-
-    `std`, `kurtosis`, `count`: as of `independent_errors`.
+    The errors of mean and variance are exact for any distribution. For many samples with short tails, 1.96 of them give
+    95 % intervals. `std`, `kurtosis`, `count`: as for `independent_errors`.
     """
     n = np.asarray(count, dtype=float)
     excess = np.maximum(kurtosis * (n / (n - 1.0)) ** 2 - 1.0, 0.0)
     return np.asarray(std / np.sqrt(n)), np.asarray(std * np.sqrt((excess + 2.0 / (n - 1.0)) / n) / 2.0)
+
+
+FACTOR = 3.0
+"""Standard deviation, in integration errors, up to which an output is constant; few realisations give the error."""
+
+LONG = 0.1
+"""Fraction of times with variation above which an output varies, for any error at the other times."""
+
+ROUNDING, ALIKE, ANY = 1e-12, 1e-13, 1e-15
+"""Rounding relative to the largest mean of the output, of outputs in the same units, and of all outputs (for zeros)."""
+
+OF_TOLERANCE = 0.1
+"""Assumed integration error, relative to its tolerance and the largest mean, if it was not measured."""
+
+SETTLED = {"skewness": 0.0, "kurtosis": 3.0, "verification_error": 0.0, "verification_factor": 1.0}
+"""Statistics of an output without variation, except Sobol' indices, which are 0."""
+
+
+def divisor(scale: Array) -> Array:
+    """Return a divisor: the scale if it is positive, else 1; NaN remains NaN.
+
+    >>> divisor(np.array([2.0, 0.0, np.nan])).tolist()
+    [2.0, 1.0, nan]
+    """
+    return np.where(scale <= 0, 1.0, scale)
+
+
+def over_time(values: Any) -> Array:
+    """Return values (O, T) of a statistic (output, time), or (O, 1) of a statistic without time."""
+    array = np.asarray(values, dtype=float)
+    return array if array.ndim == 2 else array.reshape(len(array), 1)
+
+
+def relative(values: Array, scale: Array, unknown: float) -> Array:
+    """Return values over a scale: NaN for an unknown scale, `unknown` for a zero scale, and 0 for zero values."""
+    return np.where(~(scale <= 0), values / divisor(scale), np.where(values > 0, unknown, values))
+
+
+@typechecked
+def varying(statistics: xr.Dataset, rtol: Annotated[float, Bounds(0)] = 0.0) -> NDArray[np.bool_]:
+    """Return a mask of varying outputs.
+
+    An output varies if its standard deviation exceeds three times the integration error. This condition must be met by
+    the root mean squares over time, or at more than a tenth of the times. The error is ``integration_error_rms``, the
+    root mean square over realisations, or ``integration_error`` in results without it. If both are unknown, a tenth of
+    the tolerance, relative to the largest mean, is used.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Statistics of a method: ``mean``, ``std`` and, if known, ``integration_error``, with or without times.
+    rtol : float
+        Relative tolerance of the integration; 0 if unknown.
+
+    Returns
+    -------
+    array of bool, shape (O,)
+        Whether each output varies.
+
+    Examples
+    --------
+    >>> from uqmbd.extend import labels, statistics_dataset
+    >>> axes = labels(["driven", "free"], [], [0.0, 1.0])
+    >>> varying(statistics_dataset(axes, mean=np.ones((2, 2)), std=[[1e-14, 3e-14], [0.0, 0.1]])).tolist()
+    [False, True]
+    """
+    mean, std = (over_time(statistics[name].values) for name in ("mean", "std"))
+    if not std.size:
+        return np.zeros(len(std), dtype=bool)
+    known = np.isfinite(mean) & np.isfinite(std)
+    error, rounding = _errors(statistics, rtol)
+    limit = np.maximum(FACTOR * error, rounding)
+    std, limit = np.where(known, std, 0.0), np.where(known, limit, 0.0)
+    count = np.maximum(known.sum(axis=1), 1)
+    scale = np.maximum(np.maximum(std, limit).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    whole = ((std / scale) ** 2).sum(axis=1) > ((limit / scale) ** 2).sum(axis=1)
+    often = ((std > limit) & known).sum(axis=1) > LONG * count
+    return np.asarray(whole | often)
+
+
+@typechecked
+def varies(node: xr.DataTree, output: str) -> bool:
+    """Return whether an output of a method varies; see :func:`varying`.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        Node of a propagator.
+    output : str
+        Name of the output.
+
+    Raises
+    ------
+    StudyError
+        If there is no such output.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import propagator_node, varies
+    >>> from uqmbd.extend import labels, statistics_dataset
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> varies(node(["height"], [0.0, 1.0], [[0.0, 3.0]]), "height")  # its standard deviation is zero
+    False
+    """
+    statistics = node.children["statistics"].to_dataset()
+    names = [str(n) for n in statistics["output"].values]
+    if output not in names:
+        near = did_you_mean(output, names) or "."
+        raise StudyError(f"varies: the dataset has no output {output!r}{near} Its outputs are: {', '.join(names)}.")
+    return bool(varying(statistics, rtol_of(node))[names.index(output)])
+
+
+def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = None) -> xr.Dataset:
+    """Return statistics with neutral Sobol' indices, shape and stated error of outputs without variation.
+
+    For these outputs, Sobol' indices, the stated error of a surrogate and the skewness are 0. The kurtosis is 3, and
+    the uncertainty factor of the stated error is 1. Mean and standard deviation are unchanged.
+
+    `statistics`: statistics of a method; `rtol`: tolerance of the integration, 0 if unknown; `verified` (O, T):
+    standard deviation of the verification realisations of a surrogate. An output that varies in these realisations
+    counts as varying for any statistics of the surrogate.
+    """
+    moves = varying(statistics, rtol)
+    if verified is not None:
+        moves = moves | varying(statistics.assign(std=statistics["std"].copy(data=verified)), rtol)
+    if moves.all():
+        return statistics
+    found = statistics.copy()
+    for name, variable in found.variables.items():
+        settles = str(name).startswith("sobol_") or name in SETTLED
+        if settles and "output" in variable.dims:
+            mask = moves.reshape([-1 if dim == "output" else 1 for dim in variable.dims])
+            still = SETTLED.get(str(name), 0.0)
+            variable.data = np.where(mask | np.isnan(variable.values), variable.values, still)
+    return found
+
+
+def rtol_of(node: xr.DataTree) -> float:
+    """Return the tolerance of the integration from the study of a node; 0 if unknown."""
+    return float(node.attrs.get("rtol", node.root.attrs.get("rtol", 0.0)))
+
+
+def integration_error(statistics: xr.Dataset, rtol: float = 0.0) -> Array:
+    """Return the integration error (O, T), stated or estimated from the tolerance, or rounding if this is larger.
+
+    `statistics`: statistics of a method; `rtol`: tolerance of the integration, 0 if unknown.
+    """
+    return np.maximum(*_errors(statistics, rtol))
+
+
+def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
+    """Return the errors (O, T) of the integration and of rounding."""
+    mean = over_time(statistics["mean"].values)
+    if not mean.size:
+        return np.zeros(mean.shape), np.zeros(mean.shape)
+    size = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1)
+    units = statistics["output_units"].values if "output_units" in statistics.coords else np.full(len(size), "")
+    kinds, kind = np.unique(units.astype(str), return_inverse=True)
+    of_kind = np.zeros(len(kinds))
+    np.maximum.at(of_kind, kind, size)
+    alike = of_kind[kind]
+    largest = size.max()
+    rounding = np.maximum(ROUNDING * size, ALIKE * alike)
+    stated = np.full(mean.shape, np.nan)
+    # prefer the root mean square, because limits of the largest errors exceed it
+    named = next((name for name in ("integration_error_rms", "integration_error") if name in statistics), "")
+    if named:
+        stated = over_time(statistics[named].values)
+    # use outputs in other units if the error is unknown
+    unknown = ~np.isfinite(stated).any(axis=1) & (size <= ANY * largest)
+    rounding = np.where(unknown, np.maximum(rounding, ANY * largest), rounding)
+    error = np.where(np.isfinite(stated), stated, (OF_TOLERANCE * rtol * size)[:, None])
+    return error, np.broadcast_to(rounding[:, None], mean.shape)

@@ -1,4 +1,4 @@
-"""Quantiles and extremes of more samples than are held at once, exactly, by passes over them."""
+"""Compute exact quantiles and extremes by several passes over samples that do not fit into memory."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.brackets import Brackets, Counts, row_blocks
+from uqmbd.results.statistics.quantile_intervals import interval_ranks, with_open_ends, within_samples
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = [
@@ -30,7 +31,7 @@ __all__ = [
 
 
 class ConsecutiveSamples(Protocol):
-    """Consecutive samples, as `uqmbd.extend.Realisations` and the chunks of a `uqmbd.results.SampleStore` are."""
+    """Consecutive samples, such as `uqmbd.extend.Realisations` and the chunks of a `uqmbd.results.SampleStore`."""
 
     @property
     def response(self) -> Array:
@@ -42,59 +43,65 @@ class ConsecutiveSamples(Protocol):
 
 
 FIRST_SAMPLES = 20_000
-"""Samples from which the first brackets come."""
+"""Number of samples from which the first brackets are computed."""
 
 FIRST_NUMBERS = 8_000_000
-"""Numbers (8 bytes each) of these at most."""
+"""Maximum number of values (8 bytes each) of these samples."""
 
 DEVIATIONS = 6.0
-"""Half the width of a first bracket, in standard deviations of the rank: one in 5e8 misses its quantile."""
+"""Half-width of a first bracket, in standard deviations of the rank; one bracket in 5e8 misses its quantile."""
 
 BEYOND = 0.5
-"""Share of the range of the first samples by which a bracket at their end is extended."""
+"""Extension of a bracket at the end of the first samples, as a fraction of their range."""
 
 COUNTERS, MOST_BINS, LEAST_BINS = 4_000_000, 1024, 8
-"""Counters (8 bytes each) of all brackets, and bins of each."""
+"""Number of counters (8 bytes each) of all brackets, and limits of the number of bins of a bracket."""
 
 GATHERED = 2_000_000
-"""Most values that are gathered at once, with 8 bytes for each and as many for their brackets."""
+"""Maximum number of values that are collected at once, with 8 bytes each and 8 bytes for their brackets."""
 
-NOT_FINITE = "A sample that counts as successful holds a NaN or an infinity; give it a status other than 0."
+NOT_FINITE = "A sample with status 0 contains NaN or infinity; set a status other than 0."
 
-CHANGED = "Samples are others than on the pass before: something has written into them."
+CHANGED = "The samples changed between two passes. Do not modify them during the computation."
 
 POOR = 4
-"""If bins reduce the number of candidates by a smaller factor, the next ones are bins of floating-point numbers."""
+"""Factor of the reduction of candidates by bins; below this factor, the next bins count floating-point numbers."""
 
 
 @typechecked
 def quantiles_of_chunks(
-    chunks: Iterable[ConsecutiveSamples], probabilities: Sequence[float] = DEFAULT_PROBABILITIES
+    chunks: Iterable[ConsecutiveSamples],
+    probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
+    *,
+    independent: bool = True,
 ) -> dict[str, Array]:
     """Compute the quantiles and extremes of samples that can be iterated repeatedly, exactly, in bounded memory.
 
-    The first samples bracket each quantile.  A pass over all counts how many lie below the brackets and in their parts;
-    the next one gathers those in the parts that hold a quantile, or counts again where these are too many.
+    The first samples bracket each quantile. A pass over all samples counts the samples below the brackets and in their
+    bins. The next pass collects the samples in the bins that contain a quantile, or counts again if they are too many.
 
     Parameters
     ----------
     chunks : iterable
-        Which can be gone through again, as `uqmbd.results.SampleStore.chunks`: each has a `response` (K, ...) and
-        `good` (K,).  The same samples in each pass; their order does not matter, but a pass more may be needed where
-        the first ones are not like the others.
+        Chunks that can be iterated repeatedly, such as `uqmbd.results.SampleStore.chunks`. Each has a `response` (K,
+        ...) and `good` (K,). Every pass must give the same samples. Their order has no effect on the result, but a
+        further pass may be necessary if the first samples differ from the others.
     probabilities : sequence of float
-        Increasing, between 0 and 1; P of them.
+        Probabilities of the P quantiles, increasing, between 0 and 1.
+    independent : bool
+        Whether the samples are independent; otherwise they are the points of a design.
 
     Returns
     -------
     dict of str to numpy.ndarray
-        ``quantile``, shape (P, ...), ``smallest`` and ``largest``, shape (...): the bits of `sample_statistics` of all
-        samples that succeeded; and ``probability``.
+        ``quantile``, shape (P, ...), ``smallest`` and ``largest``, shape (...): bitwise equal to `sample_statistics` of
+        all successful samples; and ``probability``. Of independent samples also ``quantile_interval``, shape (2, P,
+        ...).
 
     Raises
     ------
     StudyError
-        If fewer than two samples succeeded, one that did is not finite, or the samples change between the passes.
+        If fewer than two samples succeeded, or a successful sample is not finite. If the samples change between passes.
 
     Examples
     --------
@@ -117,9 +124,11 @@ def quantiles_of_chunks(
     counts = _counted(chunks, brackets, columns)
     check_counts(counts)
     below, part = ranks_of(levels, counts.count)
-    # the pairs of order statistics between which quantiles are interpolated, and the brackets that they are in
-    rank = np.repeat(np.concatenate([below, below + 1]), columns)
-    where = np.tile(np.arange(len(levels) * columns), 2)
+    ends = interval_ranks(counts.count, levels) if independent else np.empty((0, len(levels)), dtype=np.int64)
+    wanted = np.stack([below, below + 1, *within_samples(ends, counts.count)])
+    # order statistics for the interpolation of quantiles and the ends of their intervals, and their brackets
+    rank = np.repeat(wanted.ravel(), columns)
+    where = np.tile(np.arange(len(levels) * columns), len(wanted))
     value, open_ = np.empty(len(rank)), np.arange(len(rank))
     while True:
         narrowed, inverse = _narrowed(counts, rank[open_], where[open_])
@@ -134,13 +143,16 @@ def quantiles_of_chunks(
             break
         where[open_] = inverse
         counts = _counted(chunks, narrowed.brackets, columns)
-    low, high = value.reshape(2, len(levels), columns)
-    return {
+    low, high, *others = value.reshape(len(wanted), len(levels), columns)
+    found = {
         "quantile": interpolated(low, high, part).reshape(-1, *shape),
         "smallest": counts.smallest.reshape(shape),
         "largest": counts.largest.reshape(shape),
         "probability": levels,
     }
+    if independent:
+        found["quantile_interval"] = with_open_ends(np.stack(others), ends, counts.count).reshape(2, -1, *shape)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,27 +160,27 @@ class _Narrowed:
     """Brackets about a bin of other brackets, or about all values below or above them."""
 
     brackets: Brackets
-    # parent, bin: (M,), of which bracket, and which of its bins: -1 for what is below, the number of bins for what is
-    # above
+    # parent, bin: (M,), index of the other bracket, and index of its bin; the bin is -1 for values below the bracket,
+    # and the number of bins for values above
     parent: Index
     bin: Index
-    # before, number: (M,), samples that are smaller, and samples that are in it
+    # before, number: (M,), number of smaller samples, and number of samples in the bracket
     before: Index
     number: Index
 
     @property
     def starts(self) -> Index:
-        """First value of each bracket among all gathered ones."""
+        """Index of the first value of each bracket among all gathered values."""
         return np.concatenate([[0], self.number.cumsum()[:-1]]) if len(self.number) else self.number
 
     def chosen(self, which: Index) -> _Narrowed:
-        """Return some of them, in the same order."""
+        """Return selected brackets, in the same order."""
         rest = (x[which] for x in (self.parent, self.bin, self.before, self.number))
         return _Narrowed(self.brackets.chosen(which), *rest)
 
 
 def _narrowed(counts: Counts, rank: Index, where: Index) -> tuple[_Narrowed, Index]:
-    """Return brackets about the bins that hold order statistics of brackets `where`, and the one of each statistic."""
+    """Return brackets of the bins with order statistics of brackets `where`, and the bracket of each statistic."""
     brackets, bins = counts.brackets, counts.brackets.bins
     cumulated = counts.inside.cumsum(axis=1)
     wanted = rank - counts.below[where]
@@ -195,7 +207,7 @@ def _narrowed(counts: Counts, rank: Index, where: Index) -> tuple[_Narrowed, Ind
 
 
 def _grouped(column: Index) -> tuple[Index, Index]:
-    """Return an order of brackets, group after group with no column twice in a group, and the groups."""
+    """Sort brackets into groups without repeated columns; return the order and the groups."""
     by_column = np.argsort(column, kind="stable")
     ascending = column[by_column]
     group = np.arange(len(column)) - np.searchsorted(ascending, ascending)
@@ -214,13 +226,13 @@ def _gathered(chunks: Iterable[ConsecutiveSamples], parents: Brackets, narrowed:
     """Return all values in brackets, sorted in each, bracket after bracket."""
     if not len(narrowed.number):
         return np.empty(0)
-    # in their places at once: many small arrays between large ones would keep memory from being used again
+    # fill the final arrays: many small arrays between large ones would prevent the reuse of memory
     total = int(narrowed.number.sum())
     owner, values, count = np.empty(total, dtype=np.int64), np.empty(total), 0
     inner = (narrowed.bin >= 0) & (narrowed.bin < parents.bins)
     for block in row_blocks(_good_rows(chunks)):
         for which, x in narrowed.brackets.within(block):
-            # brackets of bins are wider by some last bits
+            # brackets of bins are wider by a few last bits
             keep = ~inner[which]
             keep[~keep] = parents.index(narrowed.parent[which[~keep]], x[~keep]) == narrowed.bin[which[~keep]]
             which, x = which[keep], x[keep]
@@ -234,7 +246,7 @@ def _gathered(chunks: Iterable[ConsecutiveSamples], parents: Brackets, narrowed:
 
 
 def _first_samples(chunks: Iterable[ConsecutiveSamples]) -> tuple[Array, tuple[int, ...]]:
-    """Return the first samples that succeeded, at least one row, and the shape of a sample."""
+    """Return the first successful samples, at least one row, and the shape of a sample."""
     found, shape, count = list[Array](), None, 0
     for chunk in chunks:
         if not hasattr(chunk, "response") or not hasattr(chunk, "good"):
@@ -259,20 +271,20 @@ def _good_rows(chunks: Iterable[ConsecutiveSamples]) -> Iterator[Array]:
 
 
 def first_rows(columns: int) -> int:
-    """Return how many samples the first brackets come from."""
+    """Return the number of samples for the first brackets."""
     return max(1, min(FIRST_SAMPLES, FIRST_NUMBERS // max(1, columns)))
 
 
 def too_few(count: int) -> str:
-    """Return a message that there are too few samples."""
-    return f"Statistics need at least two successful samples; there are {count}."
+    """Return the message for too few samples."""
+    return f"Statistics need at least two successful samples; the number is {count}."
 
 
 def check_counts(counts: Counts) -> None:
-    """Raise if there are too few samples, or values that are not finite."""
+    """Raise StudyError if there are too few samples, or values that are not finite."""
     if counts.count < 2:
         raise StudyError(too_few(counts.count))
-    # minima and maxima pass on what is not a number
+    # minima and maxima propagate NaN
     if not (np.isfinite(counts.smallest).all() and np.isfinite(counts.largest).all()):
         raise StudyError(NOT_FINITE)
 
@@ -283,7 +295,7 @@ def first_brackets(first: Array, levels: Array) -> Brackets:
     reach = DEVIATIONS * np.sqrt(count * levels * (1 - levels)) + 1
     ranks = np.array([np.floor(levels * (count - 1) - reach), np.ceil(levels * (count - 1) + reach)])
     places = np.clip(ranks, 0, count - 1).astype(np.int64)
-    # how far beyond the first samples others are looked for, where these are too few to tell
+    # search range beyond the first samples, if these are too few
     beyond = np.array([ranks[0] < 0, ranks[1] > count - 1]) * np.array([[-BEYOND], [BEYOND]])
     ends = np.empty((2, len(levels), columns))
     most = np.finfo(float).max
@@ -298,14 +310,14 @@ def first_brackets(first: Array, levels: Array) -> Brackets:
 
 
 def bins_of(brackets: int) -> int:
-    """Return how many bins brackets have."""
+    """Return the number of bins of a bracket."""
     return int(np.clip(COUNTERS // max(brackets, 1), LEAST_BINS, MOST_BINS))
 
 
 def bin_of(cumulated: Index, wanted: Index, where: Index) -> Index:
-    """Return the bins that hold order statistics `wanted` of brackets `where`: the number of bins if none does."""
+    """Return the bins with order statistics `wanted` of brackets `where`; the number of bins if no bin contains one."""
     bins = cumulated.shape[1]
-    # the rows, one above the other, ascend
+    # the concatenated rows ascend
     height = int(cumulated[:, -1].max(initial=0)) + 1
     rows = (cumulated + height * np.arange(len(cumulated))[:, None]).ravel()
     target = np.clip(wanted, 0, height - 1) + height * where
@@ -314,22 +326,22 @@ def bin_of(cumulated: Index, wanted: Index, where: Index) -> Index:
 
 
 def levels_of(probabilities: Sequence[float]) -> Array:
-    """Return probabilities, or raise a StudyError where they cannot be used."""
+    """Return probabilities as an array, or raise a StudyError if they are invalid."""
     levels = np.array(probabilities, dtype=float)
     if levels.ndim != 1 or np.any(levels < 0) or np.any(levels > 1) or np.any(np.diff(levels) <= 0) or not levels.size:
-        raise StudyError(f"Probabilities must increase between 0 and 1; {list(probabilities)} was given.")
+        raise StudyError(f"The probabilities are {list(probabilities)}; expected increasing numbers between 0 and 1.")
     return levels
 
 
 def ranks_of(levels: Array, count: int) -> tuple[Index, Array]:
-    """Return the lower ranks of the pairs between which quantiles lie, and the part of the way to the next."""
+    """Return the lower rank of the pair that encloses each quantile, and the interpolation fraction to the next."""
     position = levels * (count - 1)
     below = np.minimum(position.astype(np.int64), count - 2)
     return below, position - below
 
 
 def interpolated(low: Array, high: Array, part: Array) -> Array:
-    """Return values between two, shape (P, ...), from the nearer end, so that the ends are met exactly."""
+    """Interpolate between two values, shape (P, ...), from the nearer end, so that both ends are exact."""
     part = part.reshape(-1, *[1] * (low.ndim - 1))
     step = high - low
     return np.where(part < 0.5, low + part * step, high - (1 - part) * step)

@@ -1,4 +1,4 @@
-"""Standard errors from independent replicates of a design."""
+"""Estimate standard errors from independent replicates of a design."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.results.statistics.moments import NORMAL, Moments
-from uqmbd.results.statistics.spread import divisor
+from uqmbd.results.statistics.moments import NORMAL, Moments, divisor
 from uqmbd.typing import Array
 
 __all__ = ["replicate_errors", "studentised"]
@@ -20,8 +19,8 @@ __all__ = ["replicate_errors", "studentised"]
 def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     """Estimate standard errors of mean and standard deviation by leaving out one replicate at a time.
 
-    Points of one Latin hypercube or Sobol' set are not independent, so the usual formulas do not hold; whole replicates
-    are independent of one another.
+    Points of one Latin hypercube or Sobol' set are not independent, so the usual formulas are not valid. Whole
+    replicates are independent of one another.
 
     Parameters
     ----------
@@ -31,26 +30,27 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     Returns
     -------
     std_error_mean, std_error_std : array, shape (...)
-        So that 1.96 of them hold 95 % as they would with many replicates; NaN with fewer than two replicates, that of
-        the standard deviation also where one of them has all samples but one.
+        Standard errors, widened so that 1.96 of them give a 95 % interval as for many replicates. NaN with fewer than
+        two replicates. ``std_error_std`` is also NaN if one replicate has all samples but one.
 
     Raises
     ------
     uqmbd.StudyError
-        If there are none.
+        If there are no replicates.
 
     Notes
     -----
-    The jackknife [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened three times.  Student's t of
-    R - 1 degrees of freedom makes up for so few replicates. If they scatter to one side, as the few points of a long
-    tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``. A skewness g moves an end of the interval by at most this
-    [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance, and that of the samples.
-    Few replicates rarely include an outlier, and the sampling error of a design in a long tail comes from its outermost
-    points: means of replicates are about as skewed as the samples. For a standard deviation, the skewness of squared
-    samples is taken as ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the
-    samples, and k - 3 is not below 0; this is measured, as are its effects (`docs/explanation/stated_errors.md`). The
-    error of a standard deviation s is in proportion to the true one, which is above s more often than below: a
-    half-width x, over s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to the second order.
+    The jackknife error [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened in three steps. First,
+    Student's t of R - 1 degrees of freedom accounts for the small number of replicates. Second, if replicates are
+    skewed, as for few points of a long tail, t is increased by ``g (1 + 2 t^2) / (6 sqrt(R))``. A skewness g moves an
+    end of the interval by at most this amount [2]_. Here g is the sum of two skewnesses: of the replicates minus the
+    random skewness ``sqrt(6 / R)`` of normal replicates, and of the samples. Few replicates rarely include an outlier,
+    and the sampling error of a design in a long tail comes from its outermost points: means of replicates are about as
+    skewed as the samples. For a standard deviation, the skewness of squared samples is taken as
+    ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the samples, and k - 3 is at
+    least 0; `docs/explanation/stated_errors.md` contains measurements of the formula. Third, the error of a standard
+    deviation s is proportional to the true value, which is above s more often than below. A half-width x, over s,
+    becomes ``exp(x + x^2) - 1``, the upper end of such an interval to second order.
 
     References
     ----------
@@ -66,7 +66,7 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     True
     """
     if not len(replicates):
-        raise StudyError("replicate_errors: there are no replicates; expected at least one.")
+        raise StudyError("replicate_errors: no replicates are given; expected at least one.")
     used = [r for r in replicates if r.count]
     if len(used) < 2:
         unknown = np.full(replicates[0].mean.shape, np.nan)
@@ -77,7 +77,7 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     second = np.array([r.second + r.count * (r.mean - center) ** 2 for r in used])
     n = counts.sum() - counts
     means = (first.sum(axis=0) - first) / n
-    # one sample that is left has no spread
+    # a single remaining sample has no standard deviation
     variances = np.where(n > 1, np.maximum((second.sum(axis=0) - second) / n - means**2, 0.0), np.nan)
     total = counts.sum()
     whole = np.maximum(second.sum(axis=0) / total - (first.sum(axis=0) / total) ** 2, 0.0)
@@ -90,9 +90,9 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
 
 
 def _half_width(estimates: Array, of_samples: Array) -> Array:
-    """Return half the width of the 95 % interval from estimates (R, ...) without one replicate each.
+    """Return the half-width (...) of the 95 % interval from estimates (R, ...) without one replicate each.
 
-    Also of the skewness (...) of what single samples add to the estimate.
+    `of_samples` (...): skewness of the contributions of single samples to the estimate.
     """
     count = len(estimates)
     off = estimates - estimates.mean(axis=0)
@@ -101,20 +101,20 @@ def _half_width(estimates: Array, of_samples: Array) -> Array:
     square = (off**2).mean(axis=0)
     skewness = np.abs((off**3).mean(axis=0)) / divisor(square**1.5)
     reach = NORMAL * studentised(count)
-    # so much is chance: the deviation of the skewness of normal replicates
+    # subtract the standard deviation of the skewness of normal replicates
     skewness = np.maximum(skewness - np.sqrt(6.0 / count), 0.0) + of_samples
     reach = reach + skewness * (1.0 + 2.0 * reach**2) / (6.0 * np.sqrt(count))
     return np.asarray(unit * reach * np.sqrt((count - 1) * square))
 
 
 def _of_proportion(half_width: Array, std: Array) -> Array:
-    """Return how far above a standard deviation the true one may be, from half a width to either side (...)."""
+    """Return the upper distance (...) of the true standard deviation, from a symmetric half-width (...)."""
     share = np.minimum(half_width / divisor(std), 1.0)
     return np.asarray(np.maximum(half_width, std * np.expm1(share + share**2)))
 
 
 def studentised(replicates: int) -> float:
-    """Return by how much a standard error of so many replicates is widened, so that 1.96 of them hold 95 %.
+    """Return the factor for a standard error from `replicates`, so that 1.96 errors give a 95 % interval.
 
     >>> round(studentised(4), 3), round(studentised(10_000), 3)
     (1.624, 1.0)

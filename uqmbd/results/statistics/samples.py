@@ -1,4 +1,4 @@
-"""Statistics of samples, with standard errors, computed without loss of digits and without passing over failures."""
+"""Compute statistics of samples, with standard errors, without loss of digits and with a check for failures."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, InputInfo, Labels, output_infos, statistics_dataset
 from uqmbd.results.statistics.circular import circular_of_samples
-from uqmbd.results.statistics.moments import Moments, independent_errors
+from uqmbd.results.statistics.moments import Moments, divisor, independent_errors
+from uqmbd.results.statistics.quantile_intervals import interval_of_ranks, interval_of_replicates
 from uqmbd.results.statistics.quantiles import NOT_FINITE, interpolated, levels_of, ranks_of
 from uqmbd.results.statistics.replicates import replicate_errors
-from uqmbd.results.statistics.spread import divisor
 from uqmbd.status import Status
 
 __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]
 
-# Below this spread, relative to the size of the values, differences are rounding and their shape means nothing.
+# Spread, relative to the size of the values, below which differences are rounding errors without a meaningful shape.
 _ROUNDING = 32.0 * np.finfo(float).eps
 
 BLOCK_NUMBERS = 200_000
-"""Samples (8 bytes each) of a block of columns, with two such arrays in addition; 4 MB took half as long again."""
+"""Number of samples (8 bytes each) of a block of columns, with two more such arrays; 4 MB took 50 % longer."""
 
 LEAST_COLUMNS = 8
-"""Columns of a block at least: those that share a line of the cache are read together."""
+"""Minimum number of columns of a block; columns in the same cache line are read together."""
 
 
 @typechecked
@@ -40,58 +40,67 @@ def sample_statistics(
     *,
     status: ArrayLike | None = None,
     independent: bool = True,
+    replicates: Sequence[int] | None = None,
     each: Callable[..., Iterable[Any]] = map,
 ) -> dict[str, NDArray[np.float64]]:
     r"""Compute the statistics of samples.
 
     For :math:`n` independent samples, 1.96 standard errors to either side of an estimate contain the true value in 95 %
-    of runs. Estimates are the mean and the standard deviation. This includes few samples of a skewed output. Of many
-    samples with short tails they are the usual ones: :math:`s / \sqrt{n}` and :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1}
-    s^4\right) / n} \, / \, (2 s)`. Here :math:`s^2` is the unbiased variance and :math:`m_4` the fourth central moment
-    (divisor
-    :math:`(n-1)^2 / n`). The second follows from the exact variance of :math:`s^2` for any distribution ([1]_, section
-    2.3). Of fewer samples they are larger: that of the mean by Student's t and a term for the skewness [2]_; for
-    :math:`s`, let :math:`u` be the upper end of the interval of chi-square; the error is :math:`(u - s) / 1.96`. The
-    degrees of freedom follow from the kurtosis [3]_, which is raised, as few samples of a long tail have too small a
-    one.
+    of runs. The estimates are the mean and the standard deviation. This includes few samples of a skewed output. For
+    many samples with short tails, the errors are the usual ones: :math:`s / \sqrt{n}` and
+    :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)`. Here :math:`s^2` is the unbiased variance
+    and :math:`m_4` the fourth central moment (divisor :math:`(n-1)^2 / n`). The second error follows from the exact
+    variance of :math:`s^2` for any distribution ([1]_, section 2.3). For fewer samples, the errors are larger. The
+    error of the mean includes Student's t and a term for the skewness [2]_. The error of :math:`s` is
+    :math:`(u - s) / 1.96` with the upper end :math:`u` of the interval of chi-square. Its degrees of freedom follow
+    from the kurtosis [3]_. The kurtosis is increased first, because few samples of a long tail have too small a
+    kurtosis.
 
-    The divisor :math:`n - 1` of :math:`s^2` makes up for the variance :math:`\sigma^2 / n` of the mean of independent
-    samples.  The points of a design (Latin hypercube, Sobol', Halton) know the mean much better: their divisor is
-    :math:`n`, and their standard errors come from replicates (`replicate_errors`).
+    The divisor :math:`n - 1` of :math:`s^2` compensates for the variance :math:`\sigma^2 / n` of the mean of
+    independent samples. The mean over points of a design (Latin hypercube, Sobol', Halton) is much more accurate: their
+    divisor is :math:`n`, and their standard errors come from replicates (`replicate_errors`).
 
     Parameters
     ----------
     response : array_like, shape (S, ...)
         Samples along the first axis; commonly (S, O, T).
     probabilities : sequence of float
-        Increasing, between 0 and 1; P of them.
+        Probabilities of the P quantiles, increasing, between 0 and 1.
     status : array_like of int, shape (S,), optional
-        Samples whose status is not 0 are left out. Default: all count.
+        Status of each sample. Samples whose status is not 0 are excluded. Default: all samples are used.
     independent : bool
-        Whether the samples are independent; else they are the points of a design.
+        Whether the samples are independent; otherwise they are the points of a design.
+    replicates : sequence of int, optional
+        Numbers of samples of the independent replicates of a design, which follow each other; their sum is S.
     each : callable, optional
-        A function like ``map``, the default, that applies a function to blocks of columns.  The ``map`` of an executor
-        of threads, and ``problem.runner.each``, process several blocks at once, with the same results.
+        Function like ``map``, the default, that applies a function to blocks of columns. The ``map`` of an executor of
+        threads, and ``problem.runner.each``, process several blocks at once, with the same results.
 
     Returns
     -------
     dict of str to numpy.ndarray
-        ``mean``, ``std``, ``variance``, ``skewness`` and ``kurtosis`` (of the sample; not the excess: 3 for
-        a normal distribution), ``std_error_mean``, ``std_error_std``, ``smallest`` and ``largest``, each of shape
-        (...), ``quantile`` of shape (P, ...) by linear interpolation, and ``probability`` (P,). Made for
-        ``statistics_dataset(labels, **it)``. The standard errors of a design are NaN: one set of points has no spread.
-        Where all samples agree (to rounding) the skewness is 0 and the kurtosis 3.
+        ``mean``, ``std``, ``variance``, ``skewness``, ``kurtosis`` (3 for a normal distribution), ``std_error_mean``,
+        ``std_error_std``, ``smallest`` and ``largest``, each of shape (...). ``quantile`` of shape (P, ...), by linear
+        interpolation, and ``probability`` (P,). Pass them as ``statistics_dataset(labels, **it)``. The standard errors
+        of a design are NaN, because one set of points has no spread. If all samples agree to rounding, the skewness is
+        0 and the kurtosis 3.
+
+        Of independent samples also ``quantile_interval``, shape (2, P, ...): samples whose ranks enclose each quantile
+        in at least 95 % of runs [4]_. An end is infinite if there are too few samples for it. With `replicates`, the
+        interval has the values whose probability, by Student's t of the shares over the replicates, agrees with that
+        of the quantile.
 
     Raises
     ------
     StudyError
-        If fewer than two samples are left, one of these is not finite, or the probabilities are not usable.
+        If fewer than two samples remain, one of these is not finite, or the probabilities are invalid.
 
     References
     ----------
     .. [1] E. L. Lehmann and G. Casella, Theory of Point Estimation, 2nd edition, Springer, 1998.
     .. [2] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
     .. [3] G. E. P. Box, Biometrika 40 (1953) 318-335.
+    .. [4] H. A. David and H. N. Nagaraja, Order Statistics, 3rd edition, Wiley, 2003, section 7.1.
 
     Examples
     --------
@@ -101,28 +110,40 @@ def sample_statistics(
     """
     samples = np.asarray(response, dtype=float)
     if samples.ndim == 0:
-        raise StudyError("Statistics need samples along the first axis; a single number was given.")
+        raise StudyError("The samples are a single number; expected samples along the first axis.")
     if status is not None:
         ok = np.asarray(status) == Status.OK
         if ok.shape != samples.shape[:1]:
-            raise StudyError(f"'status' must hold one number for each of the {len(samples)} samples; found {ok.shape}.")
-        # Copies only if something failed: a large response is held once.
+            raise StudyError(
+                f"'status' has the shape {ok.shape}; expected one number for each of the {len(samples)} samples."
+            )
+        # copy only if samples failed, so that memory contains a large response once
         samples = samples if ok.all() else samples[ok]
     levels = levels_of(probabilities)
     n = len(samples)
     if n < 2:
         raise StudyError(
-            f"Statistics need at least two samples that succeeded; {n} of {len(np.asarray(response))} did. "
-            "Look at the messages of the failed samples, or draw more."
+            f"Statistics need at least two successful samples; only {n} of {len(np.asarray(response))} succeeded. "
+            "Check the messages of the failed samples, or use more samples."
         )
     shape = samples.shape[1:]
     if not samples.size:
         raise StudyError(f"Statistics need at least one output; the response has the shape {samples.shape}.")
-    # Columns go in blocks: a large response needs little further memory.
+    # process columns in blocks, so that a large response needs little additional memory
     columns = samples.reshape(n, -1)
     width = max(LEAST_COLUMNS, BLOCK_NUMBERS // n)
     blocks = [columns[:, k : k + width] for k in range(0, columns.shape[1], width)]
-    parts = list(each(partial(_block_statistics, levels=levels, independent=independent), blocks))
+    if replicates is not None:
+        ends = np.cumsum(replicates, dtype=np.int64)
+        if independent or not len(ends) or ends[-1] != len(np.asarray(response)) or min(replicates) < 0:
+            raise StudyError(
+                f"'replicates' is {list(replicates)}; expected the numbers of samples of the replicates of a design "
+                f"(independent=False), with the sum {len(np.asarray(response))}."
+            )
+        fine = np.ones(ends[-1], dtype=bool) if status is None else np.asarray(status) == Status.OK
+        replicates = [int(np.count_nonzero(part)) for part in np.split(fine, ends[:-1])]
+    about: dict[str, Any] = {"levels": levels, "independent": independent, "replicates": replicates}
+    parts = list(each(partial(_block_statistics, **about), blocks))
     found = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
     found = {name: x.reshape((*x.shape[:-1], *shape)) for name, x in found.items()}
     found["probability"] = levels
@@ -130,9 +151,9 @@ def sample_statistics(
 
 
 def _block_statistics(
-    block: NDArray[np.float64], levels: NDArray[np.float64], independent: bool
+    block: NDArray[np.float64], levels: NDArray[np.float64], independent: bool, replicates: Sequence[int] | None
 ) -> dict[str, NDArray[np.float64]]:
-    """Statistics of samples (S, C) for each of the C columns."""
+    """Compute statistics of samples (S, C) for each of the C columns."""
     n = len(block)
     # One row per column: contiguous sorting gives quantiles, extremes and the median (an exact shift) at once.
     x = np.sort(np.ascontiguousarray(block.T), axis=1)
@@ -140,6 +161,12 @@ def _block_statistics(
         raise StudyError(NOT_FINITE)
     below, part = ranks_of(levels, n)
     quantile = interpolated(x[:, below].T, x[:, below + 1].T, part)
+    interval = {}
+    if independent:
+        interval = {"quantile_interval": interval_of_ranks(x, levels)}
+    elif replicates is not None:
+        rows = np.ascontiguousarray(block.T)
+        interval = {"quantile_interval": interval_of_replicates(rows, replicates, levels)}
     smallest, largest = x[:, 0].copy(), x[:, -1].copy()
 
     reach = np.maximum(np.abs(x[:, 0]), np.abs(x[:, -1]))
@@ -174,15 +201,16 @@ def _block_statistics(
         "quantile": quantile,
         "smallest": smallest,
         "largest": largest,
+        **interval,
     }
 
 
 def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArray[np.float64]]:
-    """Compute mean and standard deviation, with their standard errors, of the first samples, for several numbers.
+    """Compute mean and standard deviation, with standard errors, of the first n samples for several numbers n.
 
     `values` (S,): independent samples, in the order in which they were drawn; `counts` (N,): numbers of samples, each
-    from 2 to S. Return ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (N,), as
-    :func:`sample_statistics` gives them for ``values[:n]``. Raise StudyError if a number is below 2 or above S.
+    from 2 to S. Return ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (N,), as from
+    :func:`sample_statistics` of ``values[:n]``. Raise StudyError if a number is below 2 or above S.
 
     >>> found = running_statistics([1.0, 2.0, 3.0, 4.0], [2, 4])
     >>> found["mean"].tolist(), found["std"].round(6).tolist()
@@ -191,7 +219,9 @@ def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArra
     x = np.asarray(values, dtype=float)
     n = np.asarray(counts, dtype=int)
     if x.ndim != 1 or np.any(n < 2) or np.any(n > len(x)):
-        raise StudyError(f"Running statistics need numbers from 2 to the {x.size} samples; {n.tolist()} was given.")
+        raise StudyError(
+            f"The sample numbers of running statistics are {n.tolist()}; expected numbers from 2 to {x.size}."
+        )
     # Shifted by the median and scaled by the spread, as in `sample_statistics`.
     centre, spread = float(np.median(x)), float(np.ptp(x))
     scaled = (x - centre) / (spread or 1.0)
@@ -211,10 +241,10 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     The points of a Latin hypercube or of a Sobol' set depend on one another, so the variance has the divisor n.
     Standard errors come from leaving out one of the R replicates at a time (`replicate_errors`).
 
-    `parts` (S_r,): the samples of each replicate; empty ones are passed over. Return ``mean``, ``std``,
-    ``std_error_mean`` and ``std_error_std``, each of shape (R,): of the first 1, 2, ... R replicates. The errors of
-    one replicate alone are NaN: unknown. Raise StudyError if the first replicate that is not empty holds fewer than
-    two samples.
+    `parts` (S_r,): samples of each replicate; empty replicates are ignored. Return ``mean``, ``std``,
+    ``std_error_mean`` and ``std_error_std``, each of shape (R,), for the first 1, 2, ... R replicates. The errors of a
+    single replicate are unknown, NaN. Raise StudyError if the first replicate that is not empty has fewer than two
+    samples.
 
     >>> found = replicate_statistics([[0.0, 1.0], [2.0, 3.0]])
     >>> found["mean"].tolist(), found["std_error_mean"].round(3).tolist()
@@ -222,7 +252,7 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     """
     given = [Moments.of(np.ravel(part)) for part in parts if np.size(part)]
     if not given or given[0].count < 2:
-        raise StudyError("Statistics of replicates need at least two samples in the first of them.")
+        raise StudyError("Statistics of replicates need at least two samples in the first replicate.")
     so_far = list(accumulate(given, Moments.merge))
     errors = [replicate_errors(given[: last + 1]) for last in range(len(given))]
     return {
@@ -239,26 +269,29 @@ def statistics_of_samples(
     probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
     *,
     independent: bool = True,
+    replicates: Sequence[int] | None = None,
     each: Callable[..., Iterable[Any]] = map,
 ) -> xr.Dataset:
-    """Build the dataset ``statistics`` from a dataset ``samples``, leaving failed samples out.
+    """Build the dataset ``statistics`` from a dataset ``samples`` without its failed samples.
 
     Parameters
     ----------
     samples : xarray.Dataset
-        From :func:`uqmbd.extend.sample_dataset`.
+        Samples from :func:`uqmbd.extend.sample_dataset`.
     probabilities : sequence of float
-        Of the quantiles.
+        Probabilities of the quantiles.
     independent : bool
-        As for :func:`sample_statistics`.
+        Whether the samples are independent, as for :func:`sample_statistics`.
+    replicates : sequence of int, optional
+        Numbers of samples of the replicates of a design, as for :func:`sample_statistics`.
     each : callable, optional
-        As for :func:`sample_statistics`.
+        Function like ``map``, as for :func:`sample_statistics`.
 
     Returns
     -------
     xarray.Dataset
-        Like that of :func:`uqmbd.extend.statistics_dataset`; with ``circular_mean`` and ``circular_std`` where an
-        output is an angle.
+        Statistics as from :func:`uqmbd.extend.statistics_dataset`, with ``circular_mean`` and ``circular_std`` for
+        angles.
 
     Raises
     ------
@@ -279,9 +312,8 @@ def statistics_of_samples(
         times=samples["time"].values if "time" in samples.dims else None,
     )
     response, status = samples["response"].values, samples["status"].values
-    found: dict[str, Any] = dict(
-        sample_statistics(response, probabilities, status=status, independent=independent, each=each)
-    )
+    about: dict[str, Any] = {"status": status, "independent": independent, "replicates": replicates, "each": each}
+    found: dict[str, Any] = dict(sample_statistics(response, probabilities, **about))
     if np.any(axes.turns):
         fine = status == Status.OK
         found |= circular_of_samples(response if fine.all() else response[fine], axes.turns)

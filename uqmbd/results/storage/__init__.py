@@ -1,4 +1,4 @@
-"""Results in files: netCDF, and Zarr for many samples, written whole or not at all."""
+"""Store results in netCDF files, and many samples in Zarr folders; every write is atomic."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from uqmbd.results.storage.manifest import (
     start_manifest,
     stores_of,
 )
+from uqmbd.results.storage.models import absent_model, made_model, model_class, source_of_model
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
 from uqmbd.results.storage.storage import errors_of_files, load, not_verified, read_root, save
 from uqmbd.results.storage.unfinished import (
@@ -43,6 +44,7 @@ __all__ = [
     "SampleStoreChunks",
     "ResponseFile",
     "UnfinishedStore",
+    "absent_model",
     "begin",
     "check_names",
     "check_unfinished",
@@ -55,7 +57,9 @@ __all__ = [
     "is_ours",
     "is_recognised",
     "load",
+    "made_model",
     "make",
+    "model_class",
     "move_unlisted",
     "move_aside",
     "not_verified",
@@ -63,6 +67,7 @@ __all__ = [
     "read_root",
     "record",
     "save",
+    "source_of_model",
     "start_manifest",
     "stores_of",
 ]

@@ -1,8 +1,8 @@
-"""Files of chunks of Zarr arrays, whose first four bytes are the checksum of the others.
+"""Read and write chunk files of Zarr arrays, whose first four bytes are the checksum of the other bytes.
 
-A chunk is encoded by codecs of Zarr's format 2: Blosc as its filter, CRC32 as its compressor, so that the checksum is
-that of what is in the file.  Every reader of Zarr that knows both compares it.  The files are read and written here:
-through Zarr's event loop and threads a chunk of 0.8 MB takes three times as long.
+A chunk is encoded by codecs of Zarr format 2, with Blosc as its filter and CRC32 as its compressor. The checksum
+therefore covers the bytes in the file, and every Zarr reader with both codecs compares it. The module does not call
+Zarr: through the event loop and threads of Zarr, a chunk of 0.8 MB takes three times as long.
 """
 
 from __future__ import annotations
@@ -25,41 +25,41 @@ from uqmbd.typing import Array
 __all__ = ["check_file", "checksum_of", "codecs", "decoded", "encoded", "read_checked", "same_codecs", "write_file"]
 
 LARGEST = 1 << 30
-"""Most bytes of a compressed chunk: Blosc accepts at most twice that."""
+"""Maximum number of bytes of a chunk that is compressed; the limit of Blosc is twice this number."""
 
 _SUM = 4
 """Bytes of a checksum."""
 
 
 def codecs(kind: str, chunk: tuple[int, ...]) -> dict[str, Any]:
-    """Return the codecs of an array, as Zarr and xarray take them."""
+    """Return the codecs of an array as options of Zarr and xarray."""
     return {"filters": [_blosc()] if _small(kind, chunk) else [], "compressors": _numcodecs().CRC32()}
 
 
 def same_codecs(about: Mapping[str, Any], kind: str, chunk: tuple[int, ...]) -> bool:
-    """Return whether an array has these codecs, by its metadata."""
+    """Return whether the metadata `about` of an array name the codecs that `codecs` returns."""
     filters = [one["id"] for one in about["filters"] or []]
     return (about["compressor"] or {}).get("id") == "crc32" and filters == (["blosc"] if _small(kind, chunk) else [])
 
 
 def encoded(values: NDArray[Any], kind: str, chunk: tuple[int, ...]) -> bytes:
-    """Return the bytes of the file of a chunk, of which some last samples may be missing."""
+    """Return the bytes of a chunk file; missing last samples are filled with zeros."""
     full = np.ascontiguousarray(values, dtype=kind)
     if len(full) < chunk[0]:
         full = np.concatenate([full, np.zeros((chunk[0] - len(full), *full.shape[1:]), dtype=kind)])
-    if kind[1] == "U":  # a codec knows numbers
+    if kind[1] == "U":  # the codec encodes numbers only
         full = full.view("<u4")
     content: bytes = _blosc().encode(full) if full.nbytes <= LARGEST else full.tobytes()
     return b"".join([zlib.crc32(content).to_bytes(_SUM, "little"), content])
 
 
 def checksum_of(content: bytes) -> int:
-    """Return the checksum that a file states."""
+    """Return the checksum that is stored in the content of a chunk file."""
     return int.from_bytes(content[:_SUM], "little")
 
 
 def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) -> Array | None:
-    """Return the first responses of a chunk whose file has a checksum; None if the checksum differs."""
+    """Return the first `count` responses of a chunk file; None if its checksum differs or it cannot be read."""
     try:
         content = path.read_bytes()
         return _decode(path, content, "<f8", chunk)[:count] if checksum_of(content) == checksum else None
@@ -68,7 +68,7 @@ def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) 
 
 
 def decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    """Return the values of a chunk; empty chunks, except of numbers, have no file.
+    """Return the values of a chunk; empty chunks have no file, except for floating-point variables.
 
     Raise StudyError if the file is missing or damaged.
     """
@@ -84,22 +84,22 @@ def decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
 def check_file(path: Path) -> None:
     """Compare the checksum of a file with its content.
 
-    Raise StudyError if it is another one.
+    Raise StudyError if the checksum differs.
     """
     _body(path, path.read_bytes())
 
 
 _ADVICE = (
-    "Put a sound copy of the file there, or run the study again in a folder of its own; a run that is unfinished "
-    "computes the chunk again with --resume."
+    "Restore an undamaged copy of the file, or run the study again in a separate folder. With --resume, an "
+    "unfinished run recomputes the chunk."
 )
 
 
 def _body(path: Path, content: bytes) -> memoryview:
-    """Return the content of a file after its checksum."""
+    """Return the content of a file without its checksum, which is compared."""
     body = memoryview(content)[_SUM:]
     if len(content) < _SUM or zlib.crc32(body) != checksum_of(content):
-        raise StudyError(f"{path} is damaged: its content does not have the checksum that it states. {_ADVICE}")
+        raise StudyError(f"{path} is damaged: its content does not match its checksum. {_ADVICE}")
     return body
 
 
@@ -109,9 +109,9 @@ def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> ND
     try:
         if not _small(kind, chunk):
             return np.frombuffer(body, dtype=kind).reshape(chunk)
-        # what a file says of its length is looked at before that much memory is taken
+        # check the stated length before that much memory is allocated
         if len(body) < 16 or int.from_bytes(body[4:8], "little") != size:
-            raise ValueError("its length is another one")
+            raise ValueError("its length is wrong")
         return np.frombuffer(blosc.decompress(body), dtype=kind).reshape(chunk)
     except (ValueError, RuntimeError) as error:
         raise StudyError(f"{path} is damaged: {error}. {_ADVICE}") from error
@@ -132,9 +132,9 @@ def _small(kind: str, chunk: tuple[int, ...]) -> bool:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all; others may be writing the same."""
-    # not by uqmbd.files.replacing, which makes a folder: 1.1 ms against 0.4 ms for 0.8 MB; and not by tempfile, whose
-    # files their owner alone can read
+    """Write a file atomically; several processes may write the same file."""
+    # uqmbd.files.replacing makes a folder, which is slower (1.1 ms instead of 0.4 ms for 0.8 MB), and only the owner
+    # could read files of tempfile
     part = path.with_name(f".{secrets.token_hex(8)}.part")
     try:
         with part.open("xb") as file:

@@ -1,10 +1,10 @@
-"""The digest at the end of a netCDF file: a changed byte is noticed before HDF5 reads the file.
+"""Write and check the digest at the end of a netCDF file, which reveals a changed byte before HDF5 reads the file.
 
-HDF5's own checksums cover neither attributes nor texts of variable length.  HDF5 ignores what follows the end of its
-data, hence other readers are not affected; a program that changes the file cuts the digest off.
+The checksums of HDF5 cover neither attributes nor texts of variable length. HDF5 ignores bytes after the end of its
+data, so the digest does not affect other readers. A program that changes the file cuts the digest off.
 
-The large variables are compressed.  Their chunks, each of which ends with HDF5's checksum, have digests of their own:
-`uqmbd.results.open` compares the digest of the rest, with the checksums in it, and does not read the chunks.
+Large variables are compressed. Each of their chunks ends with a checksum of HDF5 and has a separate digest.
+`uqmbd.results.open` compares only the digest of the other bytes, which include the checksums, and reads no chunk.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from uqmbd.files import no_link
 __all__ = ["CHECKSUM", "MARK", "Span", "add_digest", "check_digest"]
 
 Span = tuple[int, int]
-"""Begin and length of some bytes of a file."""
+"""Offset and length of a range of bytes in a file."""
 
 CHECKSUM = 4
-"""Bytes of HDF5's checksum, with which a chunk ends."""
+"""Bytes of the HDF5 checksum at the end of a chunk."""
 
 MARK = "uqmbd_digest_follows"
-"""Attribute of the root of a file with a digest, which remains recognisable if the digest is lost."""
+"""Root attribute of a file with a digest; it shows that a digest was lost."""
 
 _FORM = "uqmbd digest 1"
 _END = b"\x89uqmbd digest\r\n\x1a\n"
 _SHA = hashlib.sha256().digest_size
 _FOOT = 8 + _SHA + len(_END)
-"""The length of the statement, its own digest, and the mark of the end."""
+"""Bytes of the footer: length of the statement, digest of the statement, and end mark."""
 _LARGEST = 1 << 26
 _AT_ONCE = 1 << 20
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def add_digest(path: Path, spans: Sequence[Span]) -> None:
-    """Append the digest to a file that is complete.
+    """Append the digest to a complete file.
 
-    `path`: an HDF5 file, without a digest; `spans`: bytes that are not read where a file is opened only, none within
-    another. Raise OSError if the file cannot be written.
+    `path`: HDF5 file without a digest; `spans`: disjoint ranges of bytes that are not read when a file is only opened.
+    Raise OSError if the file cannot be written.
     """
     with open(path, "r+b", opener=no_link) as file:
         size = file.seek(0, os.SEEK_END)
@@ -64,16 +64,16 @@ def add_digest(path: Path, spans: Sequence[Span]) -> None:
 def check_digest(file: BinaryIO, *, whole: bool) -> bool:
     """Compare the digest of a file with its content.
 
-    `file`: open to read; `whole`: whether large chunks are read, too. Return whether there is a digest, which is that
-    of the content; False: the file is another program's. Raise StudyError if the content is another one, or something
-    else is where the digest of uqmbd should be.  Other programs may write what they like after the end of the data.
+    `file`: file open for reading; `whole`: whether large chunks are compared, too. Return True if the file has a digest
+    that matches its content, and False if another program wrote the file. Raise StudyError if the content differs, or
+    if a file with uqmbd's mark has other bytes in place of the digest. Other files may have any bytes after their data.
     """
     end = file.seek(0, os.SEEK_END)
     file.seek(max(end - _FOOT, 0))
     foot = file.read(_FOOT)
     if len(foot) < _FOOT or not foot.endswith(_END):
         if (data := _end_of_data(file)) is not None and end > data and _has_mark(file):
-            raise _damaged(file, f"{end - data} bytes after the end of its data are no digest")
+            raise _damaged(file, f"{end - data} bytes after the end of its data are not a digest")
         return False
     length, digest = int.from_bytes(foot[:8], "little"), foot[8 : 8 + _SHA]
     size = end - _FOOT - length
@@ -85,16 +85,18 @@ def check_digest(file: BinaryIO, *, whole: bool) -> bool:
         raise _damaged(file, "its digest is damaged")
     about = json.loads(statement)
     if about["form"] != _FORM:
-        raise StudyError(f"{str(file.name)!r} has a digest of a later version of uqmbd; read it with that version.")
+        raise StudyError(
+            f"A later version of uqmbd wrote the digest of {str(file.name)!r}; read the file with that version."
+        )
     spans = [(int(begin), int(count)) for begin, count, _ in about["spans"]]
     rest, digests = _digests(file, size, spans, whole=whole)
     if size != about["size"] or rest != about["rest"] or (whole and digests != [one[2] for one in about["spans"]]):
-        raise _damaged(file, "its content does not have the digest that it states")
+        raise _damaged(file, "its content does not match its digest")
     return True
 
 
 def _digests(file: BinaryIO, size: int, spans: Sequence[Span], *, whole: bool) -> tuple[str, list[str]]:
-    """Return the digest of all bytes outside of the spans, which are in order, and those of each span."""
+    """Return the digest of all bytes outside the ordered spans and, if `whole`, the digest of each span."""
     rest, found, place = hashlib.sha256(), [], 0
     for begin, count in spans:
         _update(rest, file, place, begin)
@@ -120,7 +122,7 @@ def _parts(file: BinaryIO, count: int) -> Iterator[bytes]:
 
 
 def _has_mark(file: BinaryIO) -> bool:
-    """Return whether a file, or its remainder, was written with a digest."""
+    """Return whether a file, which may be truncated, was written with a digest."""
     marks = (MARK.encode(), _FORM.encode())
     file.seek(0)
     last = b""
@@ -132,7 +134,7 @@ def _has_mark(file: BinaryIO) -> bool:
 
 
 def _end_of_data(file: BinaryIO) -> int | None:
-    """Return where the data of an HDF5 file end, by its superblock; None: it is another file, or an unusual one."""
+    """Return the end of the data of an HDF5 file (bytes) from its superblock; None for other or unusual files."""
     file.seek(0)
     head = file.read(64)
     if not head.startswith(_HDF5) or len(head) < 64:
@@ -143,4 +145,4 @@ def _end_of_data(file: BinaryIO) -> int | None:
 
 
 def _damaged(file: BinaryIO, found: str) -> StudyError:
-    return StudyError(f"{str(file.name)!r} is damaged: {found}. Take another copy of the file, or run the study again.")
+    return StudyError(f"{str(file.name)!r} is damaged: {found}. Use another copy of the file, or run the study again.")

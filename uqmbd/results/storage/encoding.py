@@ -1,4 +1,4 @@
-"""Trees as files hold them: text of fixed width, attributes that netCDF does not know as JSON, the schema's version."""
+"""Convert trees to and from their stored form: fixed-width text, other attributes as JSON, and the schema version."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _INT64 = np.iinfo(np.int64)
 
 
 def encode_tree(tree: xr.DataTree) -> xr.DataTree:
-    """Return a tree in its stored form, with the version of its schema and the mark that a digest follows."""
+    """Return a tree in its stored form, with the schema version and the mark of a digest."""
     datasets = {}
     for node in tree.subtree:
         dataset = _encode(node.to_dataset(inherit=False))
-        # Zarr lists its groups by the alphabet; methods are shown in the order of the study.
+        # Zarr lists groups alphabetically; reports show methods in the order of the study
         order = {_CHILDREN: json.dumps(list(node.children))} if len(node.children) > 1 else {}
         datasets[node.relative_to(tree)] = dataset.assign_attrs(order)
     root = datasets["."]
@@ -40,7 +40,7 @@ def encode_tree(tree: xr.DataTree) -> xr.DataTree:
 
 
 def decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTree:
-    """Return the original tree; if groups are unordered (`ordered`), groups without a stored order by name."""
+    """Return the original tree; unless `ordered`, groups without a stored order are sorted by name."""
     dataset = tree.to_dataset(inherit=False)
     order = json.loads(dataset.attrs.pop(_CHILDREN, "[]"))
     names = tree.children if ordered else sorted(tree.children)
@@ -52,22 +52,22 @@ def decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTre
 def drop_own(attrs: dict[Any, Any]) -> None:
     """Remove the attributes of the root that `save` added."""
     if attrs.pop(_VERSION_ADDED, None) and attrs.get(_VERSION) == SCHEMA_VERSION:
-        # of an earlier version it stays, and says what the result need not have
+        # results of an earlier version keep it, because they may lack variables
         del attrs[_VERSION]
     attrs.pop(MARK, None)
 
 
 def _encode(dataset: xr.Dataset) -> xr.Dataset:
-    """Turn text to fixed width, and attributes that netCDF does not know to JSON."""
+    """Convert text to fixed width, and attributes of types that netCDF does not support to JSON."""
     variables = {}
     for name, variable in dataset.variables.items():
         data = variable
         if variable.dtype.kind in "mM":
-            raise StudyError(f"Variable {name!r} holds dates or durations; only numbers and text can be stored.")
+            raise StudyError(f"Variable {name!r} contains dates or durations; only numbers and text can be stored.")
         if variable.dtype.kind in "OT":
             values = variable.values
             if not all(isinstance(v, str) for v in values.ravel()):
-                raise StudyError(f"Variable {name!r} holds Python objects; only numbers and text can be stored.")
+                raise StudyError(f"Variable {name!r} contains Python objects; only numbers and text can be stored.")
             data = variable.copy(data=_text(values))
         variables[name] = xr.Variable(data.dims, data.data, _encode_attributes(variable.attrs, str(name)))
     coords = {name: variables.pop(name) for name in dataset.coords}
@@ -86,7 +86,9 @@ def _encode_attributes(attrs: Mapping[Any, Any], owner: str) -> dict[str, Any]:
             encoded[str(name)] = json.dumps(plain.tolist() if isinstance(plain, np.ndarray) else plain)
         except TypeError as error:
             kind = type(value).__name__
-            raise StudyError(f"Attribute {name!r} of {owner} is a {kind}; only numbers, text and JSON fit.") from error
+            raise StudyError(
+                f"Attribute {name!r} of {owner} is a {kind}; only numbers, text and JSON can be stored."
+            ) from error
         packed.append(str(name))
     if packed:
         encoded[_JSON_ATTRIBUTES] = json.dumps(packed)
@@ -99,16 +101,16 @@ def _is_native(value: object) -> bool:
     if isinstance(value, int):
         return bool(_INT64.min <= value <= _INT64.max)
     if isinstance(value, np.ndarray):
-        # Zarr writes arrays as lists, and a list of one comes back from netCDF as a number: JSON keeps both.
+        # Zarr writes arrays as lists, and netCDF reads a list of one number as a number; JSON preserves both
         return value.ndim == 1 and value.size > 1 and value.dtype.kind in "if"
     return isinstance(value, (str, float))
 
 
 def decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
-    """Return the original dataset of the content of a file."""
+    """Convert the content of a file to the original dataset."""
     variables = {}
     for name, variable in dataset.variables.items():
-        # An empty or optimised text type of the reader becomes the fixed width that was written.
+        # the reader may return empty or variable-length text; restore the written fixed width
         values = _fixed(variable.values, str(name), source) if variable.dtype.kind in "OTU" else variable.data
         variables[name] = xr.Variable(variable.dims, values, _decode_attributes(variable.attrs))
     coords = {name: variables.pop(name) for name in dataset.coords}
@@ -116,12 +118,12 @@ def decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
 
 
 def _fixed(values: NDArray[Any], name: str, source: Path) -> NDArray[np.str_]:
-    """Return text that was read as text of fixed width, of which each letter takes four bytes."""
+    """Convert text from a file to fixed width, with four bytes a character, after a check of its size."""
     if values.dtype.kind == "U":
         return values
     texts = values.ravel().tolist()
     if not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"variable {name!r} holds objects; expected numbers or text")
+        raise ValueError(f"variable {name!r} contains objects; expected numbers or text")
     check_text(len(texts) * max(map(len, texts), default=0), source)
     return _text(values)
 
@@ -142,7 +144,7 @@ def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _array(values: list[Any]) -> Any:
-    """Return the array that Zarr wrote as a list of numbers; other lists were given to xarray as such."""
+    """Convert a list of numbers, as which Zarr wrote an array, to an array; return other lists unchanged."""
     try:
         found = np.array(values)
     except ValueError:  # ragged
@@ -151,5 +153,5 @@ def _array(values: list[Any]) -> Any:
 
 
 def _text(values: NDArray[Any]) -> NDArray[np.str_]:
-    """Return text as text of fixed width; NumPy turns its own text of any width to it by way of objects only."""
+    """Convert text to fixed width; NumPy converts its variable-width text only by way of objects."""
     return values.astype(object).astype(np.str_)

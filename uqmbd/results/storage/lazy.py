@@ -1,4 +1,4 @@
-"""Results that are read when they are computed with, as arrays of Dask: samples beyond `keep` in their own store."""
+"""Open results as Dask arrays, which are read on use, with samples beyond `keep` from a separate store."""
 
 from __future__ import annotations
 
@@ -23,39 +23,40 @@ from uqmbd.results.storage.storage import load_with
 __all__ = ["open"]
 
 AT_ONCE = 1 << 25
-"""Bytes of a variable that Dask reads at once, about."""
+"""Approximate number of bytes of a variable that Dask reads at once."""
 
 COMPARED = 64
-"""Samples that are compared with the stored ones."""
+"""Number of samples of the store that are compared with the samples in the result."""
 
 
 @typechecked
 def open(path: str | os.PathLike[str]) -> xr.DataTree:
-    """Open a result without reading its arrays: they are of Dask, and are read where they are computed with.
+    """Open a result without reading its arrays; Dask arrays read the data on use.
 
-    Where a method has more samples than `keep`, its node ``samples`` has all of them, from the store beside the result.
-    Nothing that is read is executed, as by :func:`uqmbd.results.load`.
+    If a method has more samples than `keep`, its node ``samples`` has all of them, from the store next to the result.
+    Like :func:`uqmbd.results.load`, the function executes no content of the file.
 
     Parameters
     ----------
     path : path-like
-        A netCDF file (``.nc``) or a Zarr folder (``.zarr``), as :func:`uqmbd.results.load` reads them.
+        Path of a netCDF file (``.nc``) or a Zarr folder (``.zarr``), as for :func:`uqmbd.results.load`.
 
     Returns
     -------
     xarray.DataTree
-        The file is open until `close` of the tree, or its end.
+        Result; its file stays open until `close` of the tree is called or the tree is deleted.
 
     Raises
     ------
     StudyError
-        As :func:`uqmbd.results.load`; if the samples are damaged or have codecs of their own, or Dask is missing.
+        In the cases of :func:`uqmbd.results.load`. If the samples are damaged or have other codecs, or if Dask is not
+        installed.
 
     Warns
     -----
     uqmbd.StudyWarning
-        If the store of a method's samples is not beside the result, or is that of another run: its node has those that
-        were kept.
+        If the store of samples of a method is not next to the result, or belongs to another run. The node then has the
+        samples that are in the result.
 
     Examples
     --------
@@ -79,16 +80,16 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
 
 
 def _unread(tree: xr.DataTree, source: Path) -> xr.DataTree:
-    """Return a tree whose numbers are read on use; coordinates are read."""
+    """Return a tree of Dask arrays, which are read on use; coordinates are read at once."""
     sets = {node.path: _as_dask(node.to_dataset(inherit=False), source, node.path) for node in tree.subtree}
-    # a tree of its own: that which is opened forgets how it is closed, where a dataset in it is replaced
+    # make a new tree: an opened tree loses its `close` if a dataset in it is replaced
     made = xr.DataTree.from_dict(sets)
     made.set_close(tree.close)
     return made
 
 
 def _as_dask(data: xr.Dataset, source: Path, path: str) -> xr.Dataset:
-    """Return numbers that were not read as arrays of Dask; coordinates are read."""
+    """Return a dataset with Dask arrays for its numbers; coordinates are read at once."""
     import dask.array as da
     from dask.base import tokenize
 
@@ -111,7 +112,7 @@ def _as_dask(data: xr.Dataset, source: Path, path: str) -> xr.Dataset:
 
 
 class _Unread:
-    """A variable of which parts are read; where that fails, the error names it."""
+    """Variable of a file that is read in parts; errors name the file and the variable."""
 
     def __init__(self, variable: xr.Variable, where: str) -> None:
         self.variable, self.where = variable, where
@@ -126,14 +127,14 @@ class _Unread:
 
 
 def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | None:
-    """Open all samples of a method, whose node contains the stored ones."""
+    """Open all samples of a method from its store; None if the store is missing or belongs to another run."""
     place = folder / name
     if Path(name).name != name or name in ("", ".", ".."):
         raise StudyError(f"{node.path}: all_samples is {name!r}; expected the name of a store next to the result.")
     if not place.exists():
         warnings.warn(
-            f"{node.path}: all its samples are in {name}, which is not next to the result; the stored ones are "
-            "shown. Put it there, or take uqmbd.results.load.",
+            f"{node.path}: the sample store {name} is not in the folder of the result, so only the samples in the "
+            "result are used. Move the store to this folder, or use uqmbd.results.load.",
             StudyWarning,
             stacklevel=3,
         )
@@ -156,11 +157,12 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         same = node.attrs.get("all_samples_count", data.sizes["sample"]) == data.sizes["sample"]
         same = same and _begins_with(data, kept)
     except (OSError, ValueError, RuntimeError) as error:
-        raise StudyError(f"{str(place)!r} cannot be read as samples; it is damaged: {error}") from error
+        raise StudyError(f"The sample store {str(place)!r} is damaged: {error}") from error
     if not same:
         warnings.warn(
-            f"{node.path}: {name} next to the result has samples of another run; the stored part is shown. Put "
-            "the store of this run there: each run needs a separate folder.",
+            f"{node.path}: the sample store {name} in the folder of the result belongs to another run, "
+            "so only the samples in the result are used. Move the store of this run to this folder; "
+            "each run needs a separate folder.",
             StudyWarning,
             stacklevel=3,
         )
@@ -171,9 +173,9 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
 
 
 def _stored(store: SampleStore) -> xr.Dataset:
-    """Return a store as arrays of Dask.
+    """Return a store as a dataset of Dask arrays.
 
-    Zarr's own reading of a chunk that is damaged names no file, and takes one that is missing for NaN.
+    `SampleStore` reads the chunks: Zarr does not name the file of a damaged chunk, and reads a missing chunk as NaN.
     """
     import dask.array as da
     from dask.base import tokenize
@@ -181,7 +183,7 @@ def _stored(store: SampleStore) -> xr.Dataset:
     with xr.open_zarr(store.folder, chunks=None, consolidated=True) as found:
         data: xr.Dataset = found.coords.to_dataset().load()
     row = max(np.dtype(kind).itemsize * int(np.prod(store.shapes(name)[0][1:])) for name, kind in KINDS.items())
-    # whole chunks of all variables; of long responses those of the responses alone, for the others are small
+    # read whole chunks of all variables; for long responses, whole chunks of the responses only
     rows = AT_ONCE // row
     whole = store.block if rows >= store.block else store.size
     rows = max(1, rows // whole) * whole
@@ -201,14 +203,14 @@ def _stored(store: SampleStore) -> xr.Dataset:
 
 
 def _rows(store: SampleStore, name: str, block_info: Any = None) -> NDArray[Any]:
-    """Read a variable of the samples of a block."""
+    """Read the values of a variable in a Dask block."""
     (first, last), *_ = block_info[None]["array-location"]
     _, (size, *_) = store.shapes(name)
     return np.concatenate([store.read(name, k, min(k + size - k % size, last)) for k in _starts(first, last, size)])
 
 
 def _starts(first: int, last: int, size: int) -> list[int]:
-    """Return where the parts of some samples begin, each of one chunk.
+    """Split samples `first` to `last` (excluded) at chunks of `size` samples; return the index where each part begins.
 
     >>> _starts(6, 13, 4)
     [6, 8, 12]
@@ -217,7 +219,7 @@ def _starts(first: int, last: int, size: int) -> list[int]:
 
 
 def _begins_with(data: xr.Dataset, kept: xr.Dataset) -> bool:
-    """Tell whether the first samples are those that were kept, to the bit: a store has the name of its method only."""
+    """Return whether the first samples of a store equal those in the result bit by bit, so that both have one run."""
     count = min(kept.sizes.get("sample", 0), COMPARED)
     for name in ("inputs", "response"):
         if name in kept:

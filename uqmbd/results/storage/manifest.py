@@ -1,8 +1,8 @@
-"""The manifest of a run folder: files that uqmbd wrote there, by name and digest.
+"""Read and write the manifest of a run folder, which lists files of uqmbd by name and digest.
 
-What is not in it, or has another digest, belongs to the user: it is not removed, moved or overwritten. A result, report
-or store of samples without an entry may be uqmbd's own: an earlier version wrote no manifest. It is moved to a new
-folder ``previous-N``, which no run replaces.
+Files without an entry, or with another digest, belong to the user: uqmbd does not remove, move or overwrite them. An
+earlier version of uqmbd wrote no manifest, so a result, report or store of samples without an entry may be its output.
+uqmbd moves such files to a new folder ``previous-N``, which no run replaces.
 """
 
 from __future__ import annotations
@@ -37,41 +37,41 @@ __all__ = [
 
 MANIFEST = ".uqmbd-manifest.json"
 PREVIOUS = "previous"
-"""Folder of the results that were there before, within that of a run."""
+"""Folder, in the folder of a run, to which earlier results are moved."""
 FIGURES = "figures"
-"""Folder of the report's figures as files, next to the report."""
+"""Folder of the figure files of the report, next to the report."""
 
 _FORM = "uqmbd manifest 1"
 _LARGEST = 1 << 24
-"""Bytes of a manifest at most."""
+"""Maximum size of a manifest, bytes."""
 _RESULT = re.compile(r"(results|motion|pose_surrogate|comparison)\.nc")
 _NAME = re.compile(rf"{_RESULT.pattern}|report\.html|[^/\\]+-samples\.zarr|{FIGURES}/[^/\\]+")
 _STATED = re.compile(rf"{_NAME.pattern}|[^/\\.][^/\\]*\.nc")
-"""Names with those of further results, which commands of plugins state before they write."""
+"""Names as in `_NAME`, and names of other netCDF files, which commands of plugins declare before they write."""
 _TITLE = b" uqmbd report</title>"
 _IN_STORE = re.compile(r"\.z[a-z]+|\d+(\.\d+)*|\.[0-9a-f]{16}\.part")
-"""Files of a store of samples."""
+"""Names of files in a store of samples."""
 _AT_ONCE = 1 << 20
 
 
 def in_manifest(folder: Path) -> dict[str, str]:
-    """Return the names that the manifest of a folder has, with their digests.
+    """Return the names in the manifest of a folder, with their digests.
 
-    Names that uqmbd does not write are left out, as are those that lead out of the folder, whoever noted them there.
+    The function ignores names that uqmbd does not write and names that lead out of the folder.
     """
     found = _read(folder / MANIFEST)
     return {} if found is None else found
 
 
 def has_manifest(folder: Path) -> bool:
-    """Return whether a folder has a manifest, as that of a run has."""
+    """Return whether a folder has a manifest, as the folder of a run does."""
     return _read(folder / MANIFEST) is not None
 
 
 def start_manifest(folder: Path) -> None:
-    """Make an empty manifest if there is none.
+    """Create an empty manifest if the folder has none.
 
-    Raise StudyError if something else has its name.
+    Raise StudyError if another file has the name of the manifest.
     """
     place = folder / MANIFEST
     if not os.path.lexists(place):
@@ -81,11 +81,11 @@ def start_manifest(folder: Path) -> None:
 
 
 def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *, stated: bool = False) -> None:
-    """Note files or folders as written by uqmbd.
+    """Record files or folders in the manifest as written by uqmbd.
 
-    `folder`: that of a run; `names`: others than those of a run are left out, unless they are noted already;
-    `places`: where they still are, before they take their names; `stated`: whether a command stated the names
-    beforehand, so that nothing else had them: any netCDF file is noted then.
+    `folder`: folder of the run; `names`: names to record; names that runs do not use are ignored unless they are in the
+    manifest; `places`: temporary paths of files that are not yet renamed to `names`; `stated`: whether a command
+    declared and checked the names beforehand, so that any netCDF file is recorded.
     """
     start_manifest(folder)
     found = in_manifest(folder)
@@ -98,7 +98,7 @@ def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *,
 
 
 def is_ours(folder: Path, name: str) -> bool:
-    """Return whether the file or folder of a name is unchanged since uqmbd wrote it."""
+    """Return whether the file or folder `name` is in the manifest and unchanged since uqmbd wrote it."""
     noted = in_manifest(folder).get(name)
     if noted is None or ("/" in name and not _is_folder(folder / FIGURES)):
         return False
@@ -106,7 +106,7 @@ def is_ours(folder: Path, name: str) -> bool:
 
 
 def is_recognised(place: Path) -> bool:
-    """Return whether a file or folder is a result, a report or a store of samples of uqmbd, by its content."""
+    """Return whether the content of a file or folder is a result, a report or a store of samples of uqmbd."""
     try:
         if place.name.endswith(".zarr"):
             return _is_folder(place) and _is_store(place) and not foreign_in_store(place)
@@ -137,9 +137,9 @@ def foreign_in_store(place: Path) -> list[Path]:
 
 
 def check_names(folder: Path, names: Iterable[str]) -> list[str]:
-    """Return which of the needed names belong to unlisted files that uqmbd may have written.
+    """Return the names among `names` that belong to unlisted files which uqmbd may have written.
 
-    Raise StudyError if one is taken by something else: which, and the way out.
+    Raise StudyError, with the name and a remedy, if another file has one of the names.
     """
     manifest = folder / MANIFEST
     if os.path.lexists(manifest) and _read(manifest) is None:
@@ -161,19 +161,19 @@ def check_names(folder: Path, names: Iterable[str]) -> list[str]:
 
 
 def move_unlisted(folder: Path, names: Collection[str]) -> Path | None:
-    """Move unlisted files that uqmbd may have written away from needed names; return their new folder.
+    """Move unlisted files that uqmbd may have written to a new folder, and return the folder; None if there are none.
 
-    Raise StudyError if a name is taken by something else; then nothing is moved.
+    Raise StudyError if another file has one of the names; then nothing is moved.
     """
     recognised = check_names(folder, names)
     return move_aside(folder, recognised) if recognised else None
 
 
 def move_aside(folder: Path, names: Collection[str]) -> Path:
-    """Move results to a new folder, the first last, and return it.
+    """Move results to a new folder, in reverse order of `names`, and return the folder.
 
-    It is ``previous`` if the manifest notes all of them, and an existing ``previous`` contains only what uqmbd wrote
-    and noted: that is removed. Else it is the next ``previous-N``, and what is not noted stays there for good.
+    The folder is ``previous`` if the manifest lists all results and an existing ``previous`` contains only listed,
+    unchanged files; that is removed. Else it is the next ``previous-N``; no run replaces unlisted files in it.
     """
     noted, owned = in_manifest(folder), [name for name in names if is_ours(folder, name)]
     target = _new_folder(folder)
@@ -183,7 +183,7 @@ def move_aside(folder: Path, names: Collection[str]) -> Path:
         (target / name).parent.mkdir(exist_ok=True)
         os.rename(folder / name, target / name)
     if any(name.startswith(f"{FIGURES}/") for name in names):
-        with contextlib.suppress(OSError):  # where the user's own are in it
+        with contextlib.suppress(OSError):  # the folder still contains files of the user
             (folder / FIGURES).rmdir()
     if noted:
         _write(folder, {name: digest for name, digest in noted.items() if name not in names})
@@ -191,7 +191,7 @@ def move_aside(folder: Path, names: Collection[str]) -> Path:
 
 
 def _renamed(folder: Path, target: Path) -> Path:
-    """Rename a new folder to the first unused name, or to that of a folder that uqmbd wrote entirely and removes."""
+    """Rename a new folder to the first name that is unused or belongs to a whole folder, which is removed."""
     number = 0
     while (place := _numbered(folder, number)) != target:
         if os.path.lexists(place) and _is_whole(place):
@@ -204,7 +204,7 @@ def _renamed(folder: Path, target: Path) -> Path:
 
 
 def _is_whole(place: Path) -> bool:
-    """Return whether everything in a folder is noted in its manifest, and unchanged."""
+    """Return whether all contents of a folder are in its manifest and unchanged."""
     if not _is_folder(place) or _read(place / MANIFEST) is None:
         return False
     names = [name for name in os.listdir(place) if name != MANIFEST]
@@ -217,7 +217,7 @@ def _is_whole(place: Path) -> bool:
 
 
 def _remove(place: Path) -> None:
-    """Remove a folder that is whole, name by name."""
+    """Remove the unchanged files in the manifest of a folder, and the folder if it is then empty."""
     import shutil
 
     for name in in_manifest(place):
@@ -249,14 +249,14 @@ def _numbered(folder: Path, number: int) -> Path:
 
 def _is_obstacle(place: Path) -> StudyError:
     return StudyError(
-        f"{place} is in the way: uqmbd needs this name, but did not write what is there, or it was changed since. It "
-        "is left as it is, and nothing was computed. Move or rename it, or give another folder (--out DIR; in Python: "
-        "folder=)."
+        f"{place} is in the way: uqmbd needs this name, but did not write this file, or another "
+        "program changed it. Nothing was changed or computed. Move or rename the file, or use another "
+        "folder (--out DIR; in Python: folder=)."
     )
 
 
 def _read(place: Path) -> dict[str, str] | None:
-    """Return the entries of a manifest that can be ones; None: it is none."""
+    """Return the valid entries of a manifest, or None if the file is no manifest."""
     try:
         with open(place, "rb", opener=no_link) as file:
             about = os.fstat(file.fileno())
@@ -280,7 +280,7 @@ def _write(folder: Path, written: dict[str, str]) -> None:
 
 
 def _digest(place: Path) -> str | None:
-    """Return the digest of a file; of a store of samples that of names, sizes and the checksums in its files."""
+    """Return the digest of a file, or of the names, sizes and checksums of the files in a store of samples."""
     digest = hashlib.sha256()
     try:
         if _is_folder(place):
@@ -289,7 +289,7 @@ def _digest(place: Path) -> str | None:
             for file in sorted(one for one in place.rglob("*") if _is_file(one)):
                 with open(file, "rb", opener=no_link) as content:
                     about = (file.relative_to(place).as_posix(), os.fstat(content.fileno()).st_size)
-                    # a chunk begins with its checksum; metadata is short
+                    # read the checksum at the start of a chunk, and metadata files as a whole
                     digest.update(repr((about, content.read(4 if file.name[0] != "." else _AT_ONCE))).encode())
             return digest.hexdigest()
         if not _is_file(place):
@@ -303,7 +303,7 @@ def _digest(place: Path) -> str | None:
 
 
 def _attributes(result: Path) -> list[str] | None:
-    """Return the stores that a result names; None: it is no result of uqmbd."""
+    """Return the names of sample stores in a result, or None if the file is no result of uqmbd."""
     import h5py
 
     try:

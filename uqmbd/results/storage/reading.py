@@ -1,6 +1,6 @@
-"""Reading of netCDF files of any origin: their contents are checked before anything is read.
+"""Open netCDF files of any origin, and check their objects before any number is read.
 
-Anything that HDF5, h5netcdf or xarray raise is the error of the caller's context; h5netcdf prints none of it.
+The caller converts exceptions of HDF5, h5netcdf and xarray to its own error; h5netcdf prints no traceback.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ PLAIN: Mapping[str, Any] = {"decode_times": False, "decode_timedelta": False}
 """Options of xarray for opening: times remain numbers for any units."""
 
 _AT_LEAST = 1 << 28
-"""Bytes that any file may declare."""
+"""Bytes that a file of any size may declare."""
 
 _RATIO = 1100
-"""Largest compression ratio of a file; deflate reaches 1032."""
+"""Largest accepted compression ratio of a file; deflate reaches 1032."""
 
 NUMBERS = "biufc"
-"""Kinds of numbers."""
+"""Codes of NumPy (`dtype.kind`) for numbers."""
 
 _TEXTS = "SU"
 _PLACEHOLDER = b"This is a netCDF dimension but not a netCDF variable"
 
 
 def largest(size: int) -> int:
-    """Return how many bytes a file of a size may hold, uncompressed: more are not in it, but made up."""
+    """Return the largest possible uncompressed size (bytes) of a file of `size` bytes."""
     return max(_AT_LEAST, _RATIO * size)
 
 
 def check_declared(declared: int, size: int, path: Path) -> None:
-    """Refuse a file or a folder that declares more bytes than its size can contain."""
+    """Refuse a file or a folder of `size` bytes that declares more bytes than it can contain."""
     if declared > largest(size):
         raise StudyError(
-            f"{str(path)!r} is not read: its variables declare {declared / 1e9:.3g} GB or more, which {size} bytes "
-            "cannot hold; it is damaged, or made to fill the memory."
+            f"{str(path)!r} is rejected: its variables declare {declared / 1e9:.3g} GB or more, which {size} bytes "
+            "cannot contain. The file is damaged or malicious."
         )
 
 
@@ -55,28 +55,28 @@ def check_memory(declared: int, path: Path) -> None:
     """Refuse data that exceed the memory of this computer."""
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # a system that does not tell
+    except (AttributeError, OSError, ValueError):  # the system does not report its memory
         return
     if declared > memory > 0:
         raise StudyError(
-            f"{str(path)!r} holds {declared / 1e9:.3g} GB; this computer has {memory / 1e9:.3g} GB of memory. "
-            "uqmbd.results.open reads only the required part."
+            f"{str(path)!r} contains {declared / 1e9:.3g} GB, but this computer has {memory / 1e9:.3g} GB of memory. "
+            "Use uqmbd.results.open, which reads only the required part."
         )
 
 
 def check_text(letters: int, path: Path) -> None:
-    """Refuse texts that would take more memory, at four bytes a letter, than a file can ask for."""
+    """Refuse texts that need more memory, at four bytes a character, than a file can contain or the computer has."""
     size = path.stat().st_size if path.is_file() else sum(one.stat().st_size for one in path.rglob("*"))
     check_declared(4 * letters, size, path)
     check_memory(4 * letters, path)
 
 
 def opened_netcdf(path: Path, *, below: bool = True) -> xr.DataTree:
-    """Open a netCDF file, of which nothing but attributes is read; it is open until `close` of the tree.
+    """Open a netCDF file and read only its attributes; the file stays open until `close` of the tree.
 
-    Without groups below the root, these are not looked at.
+    If `below` is False, groups below the root are ignored.
 
-    Raise StudyError if it declares more than it can hold, has objects that are no variables, or leads to other files.
+    Raise StudyError if the file declares more bytes than it can contain, has unsupported objects, or links to files.
     """
     with regular(path) as file:
         classic = file.read(3) == b"CDF"
@@ -91,7 +91,7 @@ def opened_netcdf(path: Path, *, below: bool = True) -> xr.DataTree:
             data.close()
             raise
         return found
-    # it opens the file again in another process
+    # the manager can reopen the file in another process
     manager = CachingFileManager(_opened, str(path.resolve()), mode="r", kwargs={"below": below})
     try:
         sets = {
@@ -107,7 +107,7 @@ def opened_netcdf(path: Path, *, below: bool = True) -> xr.DataTree:
 
 
 def _opened(path: str, mode: str, *, below: bool) -> Any:
-    """Open a netCDF file of HDF5, by h5netcdf; closing it closes HDF5's file."""
+    """Open a netCDF-4 file by h5netcdf; closing the returned object closes the HDF5 file."""
     import h5netcdf
 
     class Reader(h5netcdf.File):  # type: ignore[misc]  # h5netcdf has no types
@@ -118,7 +118,7 @@ def _opened(path: str, mode: str, *, below: bool) -> Any:
     inner = remembering()(path, mode)
     try:
         _check(inner, Path(path), below=below)
-        # what h5netcdf reads first: where that fails, it leaves an object that prints a traceback at its end
+        # h5netcdf reads the attributes first; on failure its half-made object prints a traceback when it is deleted
         dict(inner.attrs)
         return Reader(inner, mode, decode_vlen_strings=True, phony_dims="access")
     except BaseException:
@@ -133,7 +133,7 @@ def _groups(group: Any, name: str) -> Iterator[str]:
 
 
 def _check(file: Any, path: Path, *, below: bool) -> None:
-    """Refuse objects that are no variables, and variables that a file cannot contain."""
+    """Refuse links, cyclic groups, and variables that declare more bytes than the file can contain."""
     import h5py
 
     size, declared, seen = path.stat().st_size, 0, set()
@@ -143,12 +143,12 @@ def _check(file: Any, path: Path, *, below: bool) -> None:
         for name in group:
             link = group.get(name, getlink=True)
             if not isinstance(link, h5py.HardLink):
-                raise _refused(path, f"{name!r} in {group.name!r} is a link to another place")
+                raise _refused(path, f"{name!r} in {group.name!r} is a link to another object or file")
             one = file[f"{group.name.rstrip('/')}/{name}"]
             address = h5py.h5o.get_info(one.id).addr
             if isinstance(one, h5py.Group):
                 if address in seen:
-                    raise _refused(path, f"the group {one.name!r} holds itself")
+                    raise _refused(path, f"the group {one.name!r} contains itself")
                 seen.add(address)
                 if below:
                     look(one)
@@ -161,32 +161,32 @@ def _check(file: Any, path: Path, *, below: bool) -> None:
 
 
 def _bytes_of(variable: Any, path: Path, size: int) -> int:
-    """Return the bytes of a variable in memory; of a placeholder of a dimension none are read."""
+    """Return the bytes of a variable in memory; 0 for the placeholder of a dimension, which is not read."""
     import h5py
 
     layout = variable.id.get_create_plist()
     here = layout.get_layout() in (h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED)
     if not here or layout.get_external_count():
-        raise _refused(path, f"{variable.name!r} has its numbers in another file")
+        raise _refused(path, f"{variable.name!r} stores its numbers in another file")
     kind, text = variable.dtype, h5py.check_string_dtype(variable.dtype)
     if kind.kind not in NUMBERS + _TEXTS and text is None:
         raise _refused(path, f"{variable.name!r} has the type {kind}; expected numbers or text")
-    # a part of a chunk is read with all of it
+    # HDF5 reads whole chunks
     count = max(0 if shape is None else math.prod(shape) for shape in (variable.shape, variable.chunks))
     if kind.kind == "f" and bytes(np.bytes_(variable.attrs.get("NAME", b""))).startswith(_PLACEHOLDER):
         return 0
     if text is not None and text.length is None:
         check_declared(count * kind.itemsize, size, path)
-        # each may be the longest that fits into the file, which may be there once: some are read at once
+        # each text may refer to the same longest text of the file, so read few texts at a time
         at_once = max(largest(size) // (4 * size), 1)
         if count > at_once:
             _check_texts(variable, path, size, at_once)
-    letter = 4 if kind.kind == "S" else 1  # bytes, in memory
+    letter = 4 if kind.kind == "S" else 1  # bytes of a character in memory
     return int(count * kind.itemsize * letter)
 
 
 def _check_texts(texts: Any, path: Path, size: int, at_once: int) -> None:
-    """Refuse texts that would take too much memory: each is as wide as the longest, at four bytes a letter."""
+    """Refuse texts that need too much memory: each takes four bytes a character of the longest text."""
     longest = 0
     *outer, last = texts.shape
     for index in np.ndindex(*outer):
@@ -196,4 +196,4 @@ def _check_texts(texts: Any, path: Path, size: int, at_once: int) -> None:
 
 
 def _refused(path: Path, found: str) -> StudyError:
-    return StudyError(f"{str(path)!r} is not read: {found}, which uqmbd does not read.")
+    return StudyError(f"{str(path)!r} is rejected: {found}, which uqmbd does not support.")

@@ -1,9 +1,9 @@
-"""Samples in a separate Zarr folder, which is read and written chunk by chunk.
+"""Store samples in a separate Zarr folder, which is read and written chunk by chunk.
 
-The layout is that of Zarr's format 2, which `xarray.open_zarr` reads.  The files of chunks are read and written by
-`chunk_file`, with checksums.
+The folder has the layout of Zarr format 2, so `xarray.open_zarr` can read it. The module `chunk_file` reads and writes
+the chunk files, with checksums.
 
-Length: what is public tells its parameters, and has an example.
+Length: public functions document their parameters and have an example.
 """
 
 from __future__ import annotations
@@ -39,30 +39,30 @@ __all__ = [
 ]
 
 BLOCK = 8192
-"""Samples of a chunk of inputs, status and messages, about: these are small."""
+"""Approximate number of samples in a chunk of inputs, status and messages; their values need little memory."""
 
 MESSAGE = 500
-"""Letters of a message at most."""
+"""Maximum number of characters of a message."""
 
 KINDS = {"response": "<f8", "inputs": "<f8", "status": "<i4", "message": f"<U{MESSAGE}"}
-"""Variables, and the types of their values."""
+"""Names of the variables, with their data types."""
 
 _DAMAGED = (OSError, LookupError, TypeError, ValueError, RuntimeError)
-"""Exceptions on reading a damaged store."""
+"""Exceptions that reading a damaged store can raise."""
 
 
 @typechecked
 @dataclass(frozen=True, eq=False)
 class SampleChunk:
-    """Some consecutive samples.
+    """Consecutive samples of a store.
 
-    `first`: index of the first of them; `response` (K, output, time): naN where a realisation failed; `good` (K,):
-    which succeeded, with outputs that are all finite.
+    `first`: index of the first sample; `response` (K, output, time): outputs, NaN for failed realisations; `good` (K,):
+    True for successful realisations with finite outputs.
 
     >>> import numpy as np
     >>> from uqmbd.results.storage import SampleChunk
     >>> chunk = SampleChunk(first=100, response=np.zeros((50, 2, 11)), good=np.ones(50, dtype=bool))
-    >>> chunk.first + len(chunk.response)  # where the next one begins
+    >>> chunk.first + len(chunk.response)  # first sample of the next chunk
     150
     """
 
@@ -74,14 +74,14 @@ class SampleChunk:
 @typechecked
 @dataclass(frozen=True, eq=False)
 class SampleStoreChunks:
-    """The chunks of a store, in order; they can be iterated repeatedly, with one in memory at a time.
+    """Sequence of the chunks of a store; repeated iteration is possible, with one chunk in memory at a time.
 
     Attributes
     ----------
     store : SampleStore
-        Where they are.
+        Store that contains the chunks.
     columns : tuple of int, optional
-        Only these outputs.
+        Indices of the outputs to read. Default: all.
 
     Examples
     --------
@@ -123,17 +123,18 @@ class SampleStoreChunks:
 @typechecked
 @dataclass(frozen=True, eq=False)
 class SampleStore:
-    """Samples in a folder, ``LABEL-samples.zarr`` of a run, which are read a chunk at a time.
+    """Samples in the folder ``LABEL-samples.zarr`` of a run, which are read chunk by chunk.
 
     Attributes
     ----------
     folder : Path
+        Folder of the store.
     count : int
-        All samples.
+        Number of samples.
     size : int
-        Samples of a chunk.
+        Number of samples in a chunk.
     labels : Labels
-        Meaning of the axes.
+        Outputs, inputs and times of the axes.
 
     Examples
     --------
@@ -155,39 +156,37 @@ class SampleStore:
         return self.count
 
     def chunks(self, outputs: Sequence[str] | None = None) -> SampleStoreChunks:
-        """Return the chunks, in order; they can be iterated repeatedly.
+        """Return the chunks as a sequence, which can be iterated repeatedly.
 
         Parameters
         ----------
         outputs : sequence of str, optional
-            Those that are read; by default all.
+            Names of the outputs to read. Default: all.
 
         Raises
         ------
         StudyError
-            If there is no such output; while they are read, if a file is damaged.
+            If the store has no output of that name. Reading a chunk raises it if the chunk file is damaged.
         """
         if outputs is None:
             return SampleStoreChunks(self)
         names = [o.name for o in self.labels.outputs]
         if unknown := [name for name in outputs if name not in names]:
-            raise StudyError(f"{self.folder} has no output {unknown[0]!r}; there are {', '.join(names)}.")
+            raise StudyError(f"{self.folder} has no output {unknown[0]!r}; its outputs are {', '.join(names)}.")
         return SampleStoreChunks(self, tuple(names.index(name) for name in outputs))
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> SampleStore:
-        """Open a store that is complete; nothing in it is executed.
+        """Open a complete store without executing its content.
 
         Raises
         ------
         StudyError
-            If there is none, it is damaged, or has codecs that are not written here.
+            If the store does not exist, is damaged, or has codecs that uqmbd does not write.
         """
         folder = Path(path)
         if not folder.is_dir():
-            raise StudyError(
-                f"There are no samples at {str(folder)!r}; expected a folder, LABEL-samples.zarr of a run."
-            )
+            raise StudyError(f"{str(folder)!r} is not a sample store; expected the folder LABEL-samples.zarr of a run.")
         try:
             about, coords = _opened(folder)
             infos = [str(name) for name in coords["input"].values]
@@ -200,15 +199,16 @@ class SampleStore:
         except _DAMAGED as error:
             names_it = isinstance(error, (KeyError, FileNotFoundError)) and len(error.args) == 1
             reason = f"{error.args[0]} is missing" if names_it else error
-            raise StudyError(f"{str(folder)!r} cannot be read as samples; it is damaged or none: {reason}") from error
+            raise StudyError(f"{str(folder)!r} is damaged, or is not a sample store: {reason}") from error
         if not complete:
             raise StudyError(
-                f"{str(folder)!r} cannot be read as samples: some of its chunks are missing, or of another layout."
+                f"The sample store {str(folder)!r} is incomplete: some of its chunks are missing or "
+                "have another layout."
             )
         return store
 
     def fits(self) -> bool:
-        """Return whether the folder has this layout and these axes, and can be opened."""
+        """Return whether the folder can be opened and has the layout and the axes of this store."""
         try:
             about, coords = _opened(self.folder)
             return coords.equals(_coordinates(self.labels)) and all(self._fits(*found) for found in about.items())
@@ -216,13 +216,13 @@ class SampleStore:
             return False
 
     def _fits(self, name: str, found: dict[str, Any]) -> bool:
-        """Return whether a variable has the layout that is written here."""
+        """Return whether a variable has the layout that this class writes."""
         shape, chunk = self.shapes(name)
         layout = {"shape": list(shape), "chunks": list(chunk), "dtype": KINDS[name], "order": "C"}
         return found | layout == found and same_codecs(found, KINDS[name], chunk)
 
     def _complete(self) -> bool:
-        # what is missing others read as NaN
+        # Zarr reads missing chunks as NaN
         for name in ("response", "inputs"):
             shape, chunk = self.shapes(name)
             number = -(-shape[0] // chunk[0])
@@ -234,32 +234,32 @@ class SampleStore:
 
     @staticmethod
     def write(path: str | os.PathLike[str], samples: xr.Dataset, size: Count = 512) -> SampleStore:
-        """Write the dataset ``samples`` of a method as a store, completely or not at all.
+        """Write the dataset ``samples`` of a method as a store, atomically.
 
         Parameters
         ----------
         path : path-like
-            Of the folder.
+            Path of the folder.
         samples : xarray.Dataset
-            From :func:`uqmbd.extend.sample_dataset`.
+            Samples from :func:`uqmbd.extend.sample_dataset`.
         size : int
-            Samples of a chunk.
+            Number of samples in a chunk.
 
         Returns
         -------
         SampleStore
-            Complete.
+            Complete store.
 
         Raises
         ------
         uqmbd.StudyError
-            If the path names no folder.
+            If the path cannot be a folder.
         OSError
-            If it cannot be written.
+            If the store cannot be written.
         """
         target = Path(path)
         if not target.name:
-            raise StudyError(f"SampleStore.write: path is {str(path)!r}; expected the name of a folder that is made.")
+            raise StudyError(f"SampleStore.write: path is {str(path)!r}; expected the path of a new folder.")
         names, units = samples["input"].values, samples["input_units"].values
         inputs = [(str(n), str(u)) for n, u in zip(names, units, strict=True)]
         axes = labels(output_infos(samples), inputs, samples["time"].values if "time" in samples.coords else None)
@@ -274,25 +274,25 @@ class SampleStore:
     def create(
         folder: Path, count: Size, size: Size, axes: Labels, attrs: Mapping[str, str] | None = None
     ) -> SampleStore:
-        """Make a store without chunks, in a new folder, with attributes.
+        """Create a store without chunks in a new folder.
 
         Parameters
         ----------
         folder : pathlib.Path
-            Where.
+            Folder to create.
         count : int
-            Samples of the whole.
+            Total number of samples.
         size : int
-            Samples of a chunk.
+            Number of samples in a chunk.
         axes : Labels
-            Of the outputs, the inputs and the times.
+            Labels of the outputs, inputs and times.
         attrs : mapping of str to str, optional
-            Attributes.
+            Attributes of the store.
 
         Returns
         -------
         SampleStore
-            Empty.
+            Empty store.
         """
         zarr = require_package("zarr", "the store of many samples", "uqmbd[samples]")
         coords = _coordinates(axes)
@@ -308,7 +308,7 @@ class SampleStore:
                 shape=shape,
                 chunks=chunk,
                 dtype=kind,
-                fill_value=np.nan if kind == "<f8" else None,  # xarray masks what equals it
+                fill_value=np.nan if kind == "<f8" else None,  # xarray masks values equal to it
                 attributes={"_ARRAY_DIMENSIONS": store.dims(name)},
                 **codecs(kind, chunk),
             )
@@ -317,14 +317,14 @@ class SampleStore:
 
     @staticmethod
     def attribute(folder: Path, name: str) -> str | None:
-        """Return an attribute of a store; nothing where there is none.
+        """Return an attribute of a store, or None if the store has no such text attribute.
 
         Parameters
         ----------
         folder : pathlib.Path
-            Of a store.
+            Folder of the store.
         name : str
-            Of the attribute.
+            Name of the attribute.
         """
         try:
             found = json.loads((folder / ".zattrs").read_bytes()).get(name)
@@ -337,14 +337,14 @@ class SampleStore:
         return ["sample", *{"response": self.labels.dims, "inputs": ("input",)}.get(name, ())]
 
     def shapes(self, name: str) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Return the shape of a variable, and that of its chunks."""
+        """Return the shape of a variable and the shape of its chunks."""
         rest = {"response": self.labels.shape, "inputs": (len(self.labels.inputs),)}.get(name, ())
         chunk = self.size if name == "response" else self.block
         return (self.count, *rest), (chunk, *(max(n, 1) for n in rest))
 
     @cached_property
     def block(self) -> int:
-        """Samples of a chunk of inputs, status and messages."""
+        """Number of samples in a chunk of inputs, status and messages."""
         return self.size * max(1, BLOCK // self.size)
 
     def place(self, name: str, number: Size) -> Path:
@@ -353,9 +353,9 @@ class SampleStore:
         Parameters
         ----------
         name : str
-            Of a variable, as ``response``.
+            Name of the variable, such as ``response``.
         number : int
-            Of the chunk.
+            Number of the chunk.
         """
         return self.place_in(self.folder, name, number)
 
@@ -365,25 +365,25 @@ class SampleStore:
         Parameters
         ----------
         folder : pathlib.Path
-            Of a store.
+            Folder of the store.
         name : str
-            Of a variable, as ``response``.
+            Name of the variable, such as ``response``.
         number : int
-            Of the chunk.
+            Number of the chunk.
         """
         return folder / name / ".".join([str(number), *"0" * (len(self.dims(name)) - 1)])
 
     def put(self, name: str, first: Size, values: NDArray[Any]) -> None:
-        """Write a variable, from the index of a sample on at which a chunk begins; empty variables have no file.
+        """Write values of a variable from the first sample of a chunk on; empty values get no file.
 
         Parameters
         ----------
         name : str
-            Of a variable, as ``response``.
+            Name of the variable, such as ``response``.
         first : int
-            Index of the first of the samples.
+            Index of the first sample, at which a chunk begins.
         values : array, shape (K, ...)
-            Of the samples.
+            Values of the samples.
         """
         _, chunk = self.shapes(name)
         for k in range(0, len(values), chunk[0]):
@@ -391,22 +391,22 @@ class SampleStore:
             if name in ("response", "inputs") or (part != part.dtype.type()).any():
                 write_file(self.place(name, (first + k) // chunk[0]), encoded(part, KINDS[name], chunk))
             else:
-                self.place(name, (first + k) // chunk[0]).unlink(missing_ok=True)  # of an earlier run
+                self.place(name, (first + k) // chunk[0]).unlink(missing_ok=True)  # file of an earlier run
 
     def read(self, name: str, first: Size, last: Size) -> NDArray[Any]:
-        """Read a variable of some samples, all of one chunk.
+        """Read a variable for samples of a single chunk.
 
         Parameters
         ----------
         name : str
-            Of a variable, as ``response``.
+            Name of the variable, such as ``response``.
         first, last : int
-            From the first to before the last.
+            Index of the first sample, and index after the last one.
 
         Returns
         -------
         array, shape (last - first, ...)
-            NaN where nothing was written.
+            Values; NaN for samples that were not written.
 
         Raises
         ------
@@ -425,7 +425,7 @@ def _coordinates(axes: Labels) -> xr.Dataset:
 
 
 def _opened(folder: Path) -> tuple[dict[str, dict[str, Any]], xr.Dataset]:
-    """Return the layout of a store's variables, and its coordinates; nothing in it is executed."""
+    """Return the layout of the variables of a store and its coordinates, without executing its content."""
     check_folder(folder, unread=KINDS)
     _check_coordinates(folder)
     with xr.open_zarr(folder, chunks=None, consolidated=True) as data:
@@ -434,7 +434,7 @@ def _opened(folder: Path) -> tuple[dict[str, dict[str, Any]], xr.Dataset]:
 
 
 def _check_coordinates(folder: Path) -> None:
-    """Raise an error that names a file of a coordinate, which Zarr's own does not."""
+    """Raise an error that names the damaged file of a coordinate; errors of Zarr do not name it."""
     with os.scandir(folder) as entries:
         names = [entry.name for entry in entries if entry.is_dir() and entry.name not in KINDS]
     for name in names:

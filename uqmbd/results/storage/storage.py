@@ -1,6 +1,6 @@
-"""Results on disk: netCDF, written at once or not at all, read back as they were; Zarr of before is read.
+"""Write results to netCDF files atomically and without loss; read netCDF files and Zarr folders.
 
-Every variable has HDF5's checksum, where HDF5 has one, and every file a digest.
+Every variable has a checksum if HDF5 supports one for its type. Every file has a digest.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from uqmbd.results.storage.digest import CHECKSUM, add_digest, check_digest
 from uqmbd.results.storage.encoding import decode, decode_tree, drop_own, encode_tree
 from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.manifest import has_manifest, in_manifest, is_ours, record
+from uqmbd.results.storage.models import warn_of_absent_models
 from uqmbd.results.storage.reading import PLAIN, check_memory, opened_netcdf
 from uqmbd.results.storage.unfinished import resume_hint, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_folder
@@ -33,33 +34,33 @@ from uqmbd.results.storage.zarr_check import check_folder
 __all__ = ["errors_of_files", "load", "load_with", "not_verified", "read_root", "save"]
 
 _NETCDF = (".nc", ".nc4")
-_COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
+_COMPRESS_FROM = 10_000  # numbers; compression of fewer numbers does not pay off
 
 
 @typechecked
 def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     """Write a result to a netCDF file, with the version of its schema and a digest.
 
-    It is written next to the target and then replaces it. So a reader never sees half a result, and an interrupted run
-    does not change the old one. What `Study.run` keeps beside the target, to go on with, is removed when its results
-    are there.
+    The function writes a temporary file next to the target, which then replaces the target. A reader therefore never
+    sees an incomplete result, and an interrupted run does not change the old file. After a complete write the function
+    removes the chunks of this result that `Study.run` stored next to the target to resume the run.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        A result; any tree of numbers and text will do.
+        Result, or any tree of numbers and text.
     path : path-like
-        Ends in ``.nc``; folders on the way are made.  Zarr is written by `to_zarr` of the tree.
+        Path that ends in ``.nc``; missing folders are created. To write Zarr, call `to_zarr` of the tree.
 
     Returns
     -------
     pathlib.Path
-        The path.
+        Path of the file.
 
     Raises
     ------
     StudyError
-        If the ending is another one, a variable or an attribute cannot be stored, or the folder cannot be written.
+        If the path has another ending, a variable or an attribute cannot be stored, or the folder cannot be written.
 
     Examples
     --------
@@ -71,8 +72,8 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     """
     target = Path(path)
     if target.suffix != ".nc":
-        zarr = f" For Zarr use xarray: tree.to_zarr({str(target)!r})." if target.suffix == ".zarr" else ""
-        raise StudyError(f"A result is stored as netCDF, in a file that ends in .nc; {str(target)!r} does not.{zarr}")
+        zarr = f" For Zarr, use tree.to_zarr({str(target)!r}) of xarray." if target.suffix == ".zarr" else ""
+        raise StudyError(f"The path of the result is {str(target)!r}; expected a path that ends in .nc (netCDF).{zarr}")
     encoded = encode_tree(tree)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -94,33 +95,40 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
 def load(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory and close its file.
 
-    Nothing that is read is executed: a Zarr folder with codecs that :func:`save` did not write is refused, and netCDF
-    holds no code.
+    The function executes no content of the file. It refuses Zarr folders with codecs that :func:`save` did not write;
+    netCDF files contain no code.
 
     Parameters
     ----------
     path : path-like
-        A netCDF file (``.nc``), or a Zarr folder (``.zarr``) of format 2 or 3, written by :func:`save`, or by
-        `to_netcdf` or `to_zarr` of the result.
+        Path of a netCDF file (``.nc``) or of a Zarr folder (``.zarr``) of format 2 or 3. The file was written by
+        :func:`save`, or by `to_netcdf` or `to_zarr` of the result.
 
     Returns
     -------
     xarray.DataTree
-        As it was saved.  Its ``encoding["digest"]`` is ``"verified"`` where the file has the digest that :func:`save`
-        wrote, and ``"not verified"`` where it has none, as files of other programs.
+        Result as it was saved. ``encoding["digest"]`` is ``"verified"`` if the digest from :func:`save` matches.
+        ``encoding["digest"]`` is ``"not verified"`` if the file has no digest, such as a file of another program.
+
+    Warns
+    -----
+    uqmbd.StudyWarning
+        If no installed plugin registers the model of a surrogate; then only the numbers of the surrogate are loaded.
+        The warning names the missing package.
 
     Raises
     ------
     StudyError
-        If it does not exist, is no regular file, has another ending or is damaged. Also if it declares more numbers
-        than it can hold or the memory can, or has codecs of its own or a later schema. Also if Zarr is missing.
+        If the path does not exist or has another ending. If the file is not a regular file, is damaged, or declares
+        more numbers than the file or the memory can hold. If the file has other codecs or a later schema. If the
+        package Zarr is not installed.
 
     Examples
     --------
     >>> load("nowhere.nc")
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: There is no result at 'nowhere.nc'.
+    uqmbd.errors.StudyError: The result 'nowhere.nc' does not exist.
     """
     return load_with(Path(path), _read)
 
@@ -133,25 +141,25 @@ def _read(tree: xr.DataTree, source: Path) -> xr.DataTree:
 
 @typechecked
 def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read the variables in the root of a netCDF file of any program, such as measurements, into memory.
+    """Read the variables in the root group of any netCDF file, such as measurements, into memory.
 
-    It is read as :func:`load` reads results, but need not be one: groups, and versions of schemas, are left alone.
+    The function checks the file as :func:`load` does, but ignores groups and schema versions.
 
     Parameters
     ----------
     path : path-like
-        A netCDF file (``.nc``, ``.nc4``).
+        Path of a netCDF file (``.nc``, ``.nc4``).
 
     Returns
     -------
     xarray.Dataset
-        Times are numbers, whatever their units resemble.  Its ``encoding["digest"]`` is as that of :func:`load`.
+        Variables; times remain numbers for any unit. ``encoding["digest"]`` has the same values as for :func:`load`.
 
     Raises
     ------
     StudyError
-        If it does not exist, is no regular file, is damaged, or declares more numbers than it can hold or the memory
-        can.
+        If the file does not exist, is not a regular file or is damaged. If the file declares more numbers than the
+        file or the memory can hold.
 
     Examples
     --------
@@ -164,7 +172,9 @@ def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
     """
     source = Path(path)
     if source.suffix.lower() not in _NETCDF:
-        raise StudyError(f"Variables are read from .nc or .nc4 (netCDF); {str(source)!r} ends in neither.")
+        raise StudyError(
+            f"The path of the dataset is {str(source)!r}; expected a path that ends in .nc or .nc4 (netCDF)."
+        )
 
     def variables(tree: xr.DataTree) -> xr.DataTree:
         found = _read(tree, source).to_dataset()
@@ -175,17 +185,19 @@ def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) -> xr.DataTree:
-    """Open a result without executing any of its content, and read it by a function.
+    """Open a result, execute no content of its file, and read the result with the function `read`.
 
-    The function `_read` reads all; with another one the large chunks are not compared with their digests.
+    With `read` = `_read` all data are read; with other functions large chunks are not compared with their digests.
     """
     suffix = source.suffix.lower()
     if suffix not in (*_NETCDF, ".zarr"):
-        raise StudyError(f"A result is read from .nc (netCDF) or .zarr (Zarr); {str(source)!r} ends in neither.")
+        raise StudyError(
+            f"The path of the result is {str(source)!r}; expected a path that ends in .nc (netCDF) or .zarr (Zarr)."
+        )
     if (source / "response" / ".zarray").is_file():
         raise StudyError(
-            f"{str(source)!r} holds samples of a method, and is no result: uqmbd.results.open reads the result beside "
-            "it (results.nc), with all samples, and uqmbd.results.SampleStore.open the samples alone."
+            f"{str(source)!r} contains samples of a method, not a result. Use uqmbd.results.open for the result in "
+            "the same folder (results.nc), or uqmbd.results.SampleStore.open for the samples."
         )
 
     def result(tree: xr.DataTree) -> xr.DataTree:
@@ -194,20 +206,22 @@ def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) ->
         drop_own(tree.attrs)
         return decode_tree(tree, source, ordered=suffix != ".zarr")
 
-    return _gated(source, result, "result", whole=read is _read)
+    found = _gated(source, result, "result", whole=read is _read)
+    warn_of_absent_models(found, str(source))
+    return found
 
 
 def _gated(
     source: Path, decode: Callable[[xr.DataTree], xr.DataTree], what: str, *, whole: bool, below: bool = True
 ) -> xr.DataTree:
-    """Open a file or a folder after its checks, with or without groups below the root, and convert it."""
+    """Check and open a file or a folder, with or without groups below the root, and convert its tree by `decode`."""
     if not source.exists():
-        raise StudyError(f"There is no {what} at {str(source)!r}.")
+        raise StudyError(f"The {what} {str(source)!r} does not exist.")
     tree, verified = None, False
     try:
         if source.suffix.lower() == ".zarr":
             check_folder(source)
-            # the specification of format 3 has no consolidated metadata
+            # the specification of Zarr format 3 has no consolidated metadata
             old = (source / ".zmetadata").is_file() and not (source / "zarr.json").is_file()
             require_package("zarr", f"{source}, a Zarr folder,", "uqmbd[samples]")
             tree = xr.open_datatree(source, engine="zarr", consolidated=old, chunks=None, cache=False, **PLAIN)
@@ -216,14 +230,16 @@ def _gated(
             tree = opened_netcdf(source, below=below)
         close = tree.close
         found = decode(tree)
-    # whatever the packages that read it raise of what somebody else wrote
+    # xarray, h5py and zarr raise exceptions of any type for files of other programs
     except Exception as error:
         if tree is not None:
             tree.close()
         if isinstance(error, StudyError):
             raise
         reason = " ".join(str(error).split())[:300] or type(error).__name__
-        raise StudyError(f"{str(source)!r} cannot be read as a {what}; it is damaged or no {what}: {reason}") from error
+        raise StudyError(
+            f"{str(source)!r} cannot be read as a {what}; it is damaged, or is not a {what}: {reason}"
+        ) from error
     found.set_close(close)
     found.encoding = {"source": str(source), "digest": "verified" if verified else "not verified"}
     if not verified:
@@ -232,7 +248,7 @@ def _gated(
 
 
 def _verified(source: Path, *, whole: bool) -> bool:
-    """Return whether a file is unchanged since uqmbd wrote it, by its digest or the manifest; refuse a damaged one."""
+    """Return whether the digest or the manifest shows that a file is unchanged; refuse damaged files."""
     with regular(source) as file:
         if check_digest(file, whole=whole):
             return True
@@ -241,19 +257,20 @@ def _verified(source: Path, *, whole: bool) -> bool:
     if is_ours(source.parent, source.name):
         return True
     raise StudyError(
-        f"{str(source)!r} is not what uqmbd wrote there, by the manifest of the folder, and has no digest: it "
-        "is damaged, or another program changed it. If that is meant, rename it: then it is read, as not verified."
+        f"{str(source)!r} has no digest, and it differs from the file that the manifest of the folder describes. The "
+        "file is damaged, or another program changed it. If the change is intended, rename the file; uqmbd then "
+        "reads it without verification."
     )
 
 
 def not_verified(tree: xr.DataTree) -> bool:
-    """Return whether a result was read from a file, or a folder, without a digest."""
+    """Return whether a result was read from a file or a folder without a digest."""
     return bool(tree.encoding.get("digest") == "not verified")
 
 
 @contextmanager
 def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
-    """Add the names of files, and their violations of the schema, to errors with results that were read from them.
+    """Add file names and schema violations to exceptions that results from files cause.
 
     >>> tree = xr.DataTree(xr.Dataset(attrs={"study": "crank"}))
     >>> tree.encoding = {"source": "results.nc", "digest": "not verified"}
@@ -279,13 +296,13 @@ def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
             raise
         files = ", ".join(repr(tree.encoding["source"]) for tree in read)
         raise StudyError(
-            f"{files}: what was read cannot be used: {type(error).__name__}: {error}. Another program may have changed "
-            "it. If not, this is a mistake in uqmbd, or in the plugin that computed it."
+            f"{files}: the data cannot be used: {type(error).__name__}: {error}. Another program may have changed "
+            "them. If not, this is an error in uqmbd, or in the plugin that computed them."
         ) from error
 
 
 def _write(tree: xr.DataTree, path: Path) -> None:
-    """Write a tree; of variables that are compressed, the digest of the rest does not cover the numbers."""
+    """Write a tree; the digest of the file does not cover the numbers of compressed variables."""
     light = {"zlib": True, "complevel": 1, "shuffle": True}
     large: list[str] = []
     with netcdf_file(path) as made:
@@ -293,7 +310,7 @@ def _write(tree: xr.DataTree, path: Path) -> None:
             group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
             variables: dict[Any, xr.Variable] = {}
             encoding: dict[Any, dict[str, Any]] = {}
-            dataset = node.to_dataset(inherit=False).compute()  # what was opened lazily
+            dataset = node.to_dataset(inherit=False).compute()  # loads lazy data
             for name, given in dataset.variables.items():
                 if not given.shape or not given.size or given.dtype.kind == "S":
                     continue  # HDF5 has no checksums for these
@@ -302,7 +319,7 @@ def _write(tree: xr.DataTree, path: Path) -> None:
                 encoding[name] = {"fletcher32": True, "chunksizes": (*chunks_of(variable), *letters.values())}
                 if letters:
                     encoding[name]["char_dim_name"] = next(iter(letters))
-                    # h5netcdf writes no coordinate of two dimensions that has one of them from a group above
+                    # h5netcdf cannot write a two-dimensional coordinate with a dimension of a parent group
                     own = letters | ({name: given.size} if name in given.dims else {})
                     for dim in own.keys() - set(group.dimensions):
                         group.dimensions[dim] = own[dim]
@@ -319,14 +336,14 @@ def _write(tree: xr.DataTree, path: Path) -> None:
 
 
 def _characters(variable: xr.Variable) -> tuple[xr.Variable, dict[str, int]]:
-    """Turn text to characters, with the dimension of these: of text of any width HDF5 has no checksums."""
+    """Convert text to characters and return their dimension: HDF5 has no checksums for variable-length text."""
     try:
         values = np.char.encode(variable.values, "utf-8")
     except UnicodeEncodeError as error:
         raise StudyError(
-            f"A text cannot be stored as UTF-8: {error.object!r:.100}; expected whole characters."
+            f"The string {error.object!r:.100} cannot be stored as UTF-8; expected complete characters."
         ) from None
-    # few widths, for each is a dimension
+    # round the width up to a power of two: each width needs a dimension
     width = 1 << max(3, (values.dtype.itemsize - 1).bit_length())
     attrs = {**variable.attrs, "_Encoding": "utf-8"}
     return xr.Variable(variable.dims, values.astype(f"S{width}"), attrs), {f"_uqmbd_characters_{width}": width}

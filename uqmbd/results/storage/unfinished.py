@@ -1,7 +1,7 @@
-"""The finished chunks of a run, which stay until its results are complete on the disk.
+"""Manage the folder with finished chunks of a run, which are stored until its results are complete on the disk.
 
-While it runs they are in the folder ``unfinished`` of its own.  When it has ended they are in ``unsaved``, until its
-results are saved there; where that fails, the run is unfinished again.
+During a run the chunks are in ``unfinished``, within the folder of the run. After the run they are in ``unsaved`` until
+the results are saved in the folder of the run. If the results cannot be saved, the run is unfinished again.
 """
 
 from __future__ import annotations
@@ -52,17 +52,16 @@ _FILES = re.compile(
     rf"\{_OWNER}|asked\.json|budget\.json|{_MARK}|{_CHUNKS}|{_METHOD}/{_KEY}\.(journal|token)|"
     rf"{_STORE}(/[^/]+)?/({_CHUNK}|\.z[a-z]+)|{_METHOD}/{_KEY}\.rest/({_CHUNK})|{_SCRATCH}"
 )
-"""Files that uqmbd writes into these folders; nothing else is removed there."""
+"""Names of files that uqmbd writes into these folders; uqmbd does not remove other files."""
 
 WITHIN = "convergence"
-"""Folder, among the chunks of a run, of the runs that show how errors fall with cost; it has chunks in turn."""
+"""Folder, among the chunks of a run, with the chunks of its convergence runs (error over cost)."""
 
 
 def begin(folder: Path, *, resume: bool) -> None:
-    """Make the folder of the chunks of a run; chunks of an earlier run are reused or removed.
+    """Create the folder of the chunks of a run; reuse (`resume`) or remove chunks of an earlier run.
 
-    Raise StudyError if something that uqmbd did not write has the name of the folder, or is in it: which, and the way
-    out.
+    Raise StudyError, with the path and a remedy, if a file of another program has the name of the folder or is in it.
     """
     check_unfinished(folder)
     place = folder / FOLDER
@@ -83,7 +82,7 @@ def begin(folder: Path, *, resume: bool) -> None:
 
 
 def make(folder: Path) -> None:
-    """Make the folder of the chunks of a run if there is none, with its mark of ownership."""
+    """Create the folder of the chunks of a run, with its mark of ownership, if it does not exist."""
     place = folder / FOLDER
     if not place.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -93,7 +92,7 @@ def make(folder: Path) -> None:
 
 
 def check_unfinished(folder: Path) -> None:
-    """Raise a `StudyError` if something that uqmbd did not write is in the way of the chunks of a run."""
+    """Raise a `StudyError` if folders for the chunks of a run contain, or are, files that uqmbd did not write."""
     for name in (FOLDER, _ENDED):
         _check(folder / name)
 
@@ -106,14 +105,14 @@ def _check(place: Path) -> None:
         found = [place]
     if found:
         raise StudyError(
-            f"{found[0]} is in the way: uqmbd stores unfinished results in {place}, and did not write this. It was "
-            "not changed, and nothing was computed. Move or rename it, or give another folder (--out DIR; in Python: "
-            "folder=)."
+            f"{found[0]} is in the way: uqmbd stores unfinished results in {place}, but did not write this file or "
+            "folder. Nothing was changed or computed. Move or rename it, or use another folder (--out DIR; in "
+            "Python: folder=)."
         )
 
 
 def _is_of_earlier_version(place: Path) -> bool:
-    """Return whether a folder was made by a version without such a mark, by the first notes of a run."""
+    """Return whether a version without ownership marks made a folder, according to its file ``asked.json``."""
     try:
         with open(place / _ASKED, "rb", opener=no_link) as file:
             found = json.load(file)
@@ -146,7 +145,7 @@ def _is_own(path: Path, place: Path, names: re.Pattern[str]) -> bool:
 
 
 def _remove(place: Path) -> None:
-    """Remove the files of uqmbd in a folder of chunks; if others remain, so does the folder."""
+    """Remove the files of uqmbd in a folder of chunks, and the folder if it is then empty."""
     if place.is_symlink() or not place.is_dir():
         return
     _sweep_all(place)
@@ -165,7 +164,7 @@ def _remove(place: Path) -> None:
 
 
 def _sweep_all(place: Path) -> None:
-    """Remove incomplete files in a folder of chunks, and in those of its methods."""
+    """Remove incomplete files in a folder of chunks and in the folders of its methods."""
     inner = place / WITHIN / FOLDER
     for folder in (place, *place.glob("*"), inner, *inner.glob("*")):
         if folder.is_dir() and not folder.is_symlink():
@@ -173,14 +172,14 @@ def _sweep_all(place: Path) -> None:
 
 
 def computed(folder: Path, attrs: Mapping[Any, Any]) -> None:
-    """Note that a run has ended, with results that have these attributes of the root.
+    """Record that a run has ended with results that have the root attributes `attrs`.
 
-    One of which some methods failed is unfinished: those may go on with what they have.
+    A run with failed methods remains unfinished, because these methods may continue with their stored chunks.
     """
     place = folder / FOLDER
     if not place.is_dir() or "failed" in attrs:
         return
-    # where that cannot be noted, as on a full disk, the run is unfinished, and the results are not lost
+    # if the disk is full, for example, the run remains unfinished and no results are lost
     with contextlib.suppress(OSError):
         with replacing(place / _MARK, lasting=False) as part:
             part.write_text(_identity(attrs))
@@ -190,37 +189,37 @@ def computed(folder: Path, attrs: Mapping[Any, Any]) -> None:
 
 
 def saved(folder: Path, attrs: Mapping[Any, Any]) -> None:
-    """Forget the chunks of these results, which are in the folder now; those of others are left."""
+    """Remove the chunks of results that are now saved in the folder; keep chunks of other results."""
     if _is_of(folder, attrs):
         with contextlib.suppress(OSError):
             _remove(folder / _ENDED)
 
 
 def unsaved(folder: Path, attrs: Mapping[Any, Any]) -> None:
-    """Note that these results could not be saved in the folder."""
+    """Mark the run of these results as unfinished, because its results could not be saved in the folder."""
     if _is_of(folder, attrs):
         reopen(folder)
 
 
 def reopen(folder: Path) -> None:
-    """Mark a run that had ended without being saved as unfinished again."""
+    """Mark an ended run with unsaved results as unfinished again."""
     if (folder / _ENDED).is_dir() and not (folder / FOLDER).exists():
         (folder / _ENDED).rename(folder / FOLDER)
         (folder / FOLDER / _MARK).unlink(missing_ok=True)
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Return whether an earlier run has left something to go on with."""
+    """Return whether the folder contains chunks of an earlier run that can be resumed."""
     return any(any((folder / name).glob("*/*")) for name in (FOLDER, _ENDED))
 
 
 def resume_hint(folder: Path) -> str:
-    """Return a sentence on the work of a run that is unfinished, or nothing if there is none."""
+    """Return a sentence on how to resume an unfinished run, or an empty text if no run is unfinished."""
     place = folder / FOLDER
     if not place.is_dir():
         return ""
     return (
-        f" What is computed so far is kept in {place}: make room, and go on with --resume (in Python: "
+        f" Computed results are stored in {place}. Free disk space, and continue with --resume (in Python: "
         "study.run(..., folder=..., resume=True))."
     )
 

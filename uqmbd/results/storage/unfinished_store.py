@@ -1,8 +1,8 @@
-"""The store of samples while a run is unfinished: at once the checkpoint of its chunks.
+"""Store samples during a run; the store is also the checkpoint of the chunks of the run.
 
-Who computes a chunk writes its responses, once.  A journal says which chunks are whole, with checksums.  At the end the
-store takes its place beside the results; its journal stays with what is unfinished until these are saved, so that a run
-which is resumed goes on in place.
+The process that computes a chunk writes its responses once. A journal lists complete chunks, with checksums. At the
+end the store moves next to the results. Its journal stays with the unfinished data until the results are saved, so that
+a resumed run continues in place.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ _IDENTITY = "identity"
 
 @dataclass(frozen=True)
 class ResponseFile:
-    """The file of the responses of one chunk, for its worker."""
+    """File to which a worker writes the responses of one chunk."""
 
-    path: Path  # of the file
-    token: tuple[Path, str]  # a file and what is in it: who reads this there shares the folder
-    chunk: tuple[int, ...]  # shape of a chunk, of which the last may be filled in part
-    checksum: int | None = None  # that the file states, where it has been written
+    path: Path  # path of the file
+    token: tuple[Path, str]  # a file and its content: a worker that reads the same content shares the folder
+    chunk: tuple[int, ...]  # shape of a chunk; the last chunk may be partly filled
+    checksum: int | None = None  # checksum of the written file
 
     @property
     def shared(self) -> bool:
@@ -53,15 +53,15 @@ class ResponseFile:
             return False
 
     def load(self, count: int) -> Array | None:
-        """Return the written responses, (K, output, time); None if they were altered."""
+        """Return the written responses, (K, output, time); None if the file is missing or was changed."""
         return None if self.checksum is None else read_checked(self.path, self.chunk, self.checksum, count)
 
     def put(self, response: Array) -> tuple[int, bytes | None]:
-        """Write responses where the folder is shared; return their checksum, and else the content of the file."""
+        """Write responses if the folder is shared; return their checksum and, if not written, the file content."""
         content = encoded(response, "<f8", self.chunk)
         checksum = checksum_of(content)
         if self.shared:
-            # where that fails, whoever asked for it tries, and says what is wrong
+            # after a failed write the caller tries again and reports the error
             with contextlib.suppress(OSError):
                 write_file(self.path, content)
                 return checksum, None
@@ -69,12 +69,12 @@ class ResponseFile:
 
 
 class UnfinishedStore:
-    """Samples of one kind of outputs of a method, while they are computed.
+    """Store for samples of one kind of outputs of a method during their computation.
 
-    `folder`: of the run; `place`: folder of what is unfinished of the method; `name`: of the store beside the
-    results, where it takes its place there; `identity`: what the numbers depend on: a store with another one is not
-    gone on with; `count`, `size`: samples, and those of a chunk; `axes`: meaning of the axes. Raise StudyError if it
-    cannot be made.
+    `folder`: folder of the run; `place`: folder of the unfinished data of the method; `name`: final name of the store
+    next to the results; `identity`: digest of all dependencies (a store with another identity is not continued);
+    `count`: number of samples; `size`: number of samples in a chunk; `axes`: labels of the axes. Raise StudyError if
+    the store cannot be created.
     """
 
     def __init__(
@@ -106,9 +106,9 @@ class UnfinishedStore:
             raise self._failed(error) from error
 
     def _made(self, there: Sequence[Path], own: Path) -> SampleStore:
-        """Make the store again, with the present responses of the last process that has them."""
+        """Create the store again, with the recorded responses from earlier stores."""
         store = SampleStore(own, self._store.count, self._store.size, self._store.labels)
-        # those of more samples, which may be asked for again, as after the pilot of a budget
+        # chunks beyond the present count may be requested later, for example after the pilot of a budget
         rest = self._place / f"{self._identity}.rest"
         folders = [rest, *(old / "response" for old in there)]
         with replacing(own, lasting=False) as part:
@@ -126,9 +126,7 @@ class UnfinishedStore:
             if old != own:
                 foreign = foreign_in_store(old)
                 if foreign:
-                    raise FileExistsError(
-                        errno.EEXIST, "there is something in it that uqmbd did not write", str(foreign[0])
-                    )
+                    raise FileExistsError(errno.EEXIST, "it contains files that uqmbd did not write", str(foreign[0]))
                 shutil.rmtree(old)
         return store
 
@@ -142,16 +140,16 @@ class UnfinishedStore:
         return None if at < 0 else self._journal.read(at)
 
     def shelf(self, number: int, checksum: int | None = None) -> ResponseFile:
-        """Return where the responses of a chunk are."""
+        """Return the file of the responses of a chunk."""
         _, chunk = self._store.shapes("response")
         return ResponseFile(self._store.place("response", number), self._token, chunk, checksum)
 
     def keep(
         self, number: int, content: bytes | None, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
     ) -> None:
-        """Note that a chunk is complete, and write its responses if no worker has.
+        """Record that a chunk is complete, and write its responses if no worker has written them.
 
-        Raise StudyError if it cannot be written: the file, the reason, and how to go on.
+        Raise StudyError, with the file, the reason and a remedy, if the chunk cannot be written.
         """
         try:
             if content is not None:
@@ -161,7 +159,7 @@ class UnfinishedStore:
             raise self._failed(error) from error
 
     def fill(self, values: Array, status: Index, messages: Sequence[str]) -> None:
-        """Write inputs (K, input), status (K,) and messages of the next samples, in their order."""
+        """Write inputs (K, input), status (K,) and K messages of the next samples, in order."""
         self._held.append((values, status, messages))
         if sum(len(held[1]) for held in self._held) >= self._store.block:
             self._flush()
@@ -185,11 +183,11 @@ class UnfinishedStore:
         self._held.clear()
 
     def finish(self) -> SampleStore:
-        """Write the remainder, and put the store in its place; all chunks are complete."""
+        """Write the remaining samples and move the store to its final folder; all chunks must be complete."""
         self._flush()
         store = self._store
         try:
-            for stray in store.folder.glob("*/.*.part"):  # of a worker that was killed
+            for stray in store.folder.glob("*/.*.part"):  # files of a killed worker
                 stray.unlink(missing_ok=True)
             if self._target is not None and store.folder != self._target:
                 flush(store.folder)
@@ -200,7 +198,7 @@ class UnfinishedStore:
                         os.replace(self._target, old)
                     else:
                         move_unlisted(self._folder, [self._target.name])
-                # before it takes its name: what a killed run leaves is noted
+                # record it before it is renamed, so that the manifest also lists the store of a killed run
                 record(self._folder, [self._target.name], [store.folder])
                 os.replace(store.folder, self._target)
                 shutil.rmtree(old, ignore_errors=True)

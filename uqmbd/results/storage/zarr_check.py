@@ -1,8 +1,8 @@
-"""Declarations of a Zarr folder, read before anything is opened: no content is executed.
+"""Check the metadata of a Zarr folder before Zarr opens it, so that no content is executed.
 
-A Zarr array names the codecs that decode it, and some of these run what they find, as `pickle` does. In format 3 these
-names may belong to any installed package. So may those of data types and of grids of chunks. It states the shape of
-arrays, too, whose chunks need not be there.
+A Zarr array names the codecs that decode it, and some codecs execute the content, as `pickle` does. In format 3, any
+installed package may define codecs, data types and chunk grids. The metadata also declare the shapes of arrays, whose
+chunks may be missing.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from uqmbd.results.storage.zarr_chunks import CHUNK, FIRST, LAST, Encoded, decod
 __all__ = ["check_folder"]
 
 _COMPRESSORS = frozenset({"blosc", "zstd", "crc32"})
-"""Default compressors of Zarr, which `save` used: they depend on the version of Zarr; and checksums."""
+"""Default compressors of versions of Zarr with which `save` wrote results, and the checksum codec."""
 
 _TEXT = "vlen-utf8"
-"""Text of any width, as xarray writes it."""
+"""Codec with which xarray writes variable-length text."""
 
 _FILTERS = frozenset({"blosc", _TEXT})
-"""Compressors of the chunks of samples before their checksum is computed; and text."""
+"""Compressor that is applied to chunks of samples before their checksum, and the codec of text."""
 
 _CODECS = frozenset({"bytes", _TEXT, "zstd", "blosc", "gzip", "crc32c"})
-"""Codecs of xarray and Zarr in format 3: those of its specification that apply to chunks."""
+"""Codecs of xarray and Zarr in format 3: chunk codecs of the specification."""
 
 _OF_TEXT = 16
-"""Bytes of a text of any length, at least."""
+"""Minimum number of bytes of a variable-length text."""
 
 _METADATA = ("zarr.json", ".zarray", ".zmetadata")
 
 _TYPE = re.compile(r"[<>|]([biufcmMU])(\d+)(\[\w+\])?")
-"""Numbers, times, and text of fixed width."""
+"""Data types of format 2: numbers, times, and fixed-width text."""
 
 _TYPE_3 = re.compile(r"(?:bool|u?int|float|complex|string)(8|16|32|64|128)?")
-"""The same in format 3, whose specification has text of any width."""
+"""Data types of format 3, whose specification has variable-length text."""
 
 _KNOWN = {
     "chunk_grid": frozenset({"regular"}),
@@ -54,16 +54,16 @@ _KNOWN = {
 
 
 def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
-    """Refuse a Zarr folder, of format 2 or 3, with a codec, a filter or a type that results were not written with.
+    """Refuse a Zarr folder of format 2 or 3 with a codec, filter or data type that uqmbd never used for results.
 
-    It also rejects files that are no regular ones, arrays that are larger than their folder, and chunks that are larger
-    than stated.
+    The function also rejects links, pipes and devices, arrays larger than their folder can contain, and chunks larger
+    than declared.
 
-    `folder`: of the root; `unread`: arrays that are not read as a whole. Raise StudyError that names the array and
-    the codec. Raise OSError, ValueError where the metadata cannot be read.
+    `folder`: root folder; `unread`: names of arrays that are not read as a whole. Raise StudyError that names the array
+    and the codec. Raise OSError or ValueError if the metadata cannot be read.
     """
     size = 0
-    declared: dict[str, int] = {}  # also an array that consolidated metadata repeat counts once
+    declared: dict[str, int] = {}  # counts arrays once that consolidated metadata repeat
     chunks: list[str] = []
     encoded: dict[str, set[Encoded]] = defaultdict(set)
     for entry in _entries(folder):
@@ -71,7 +71,7 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
         if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
             raise _refused(folder, f"{place} is a link, a pipe or a device")
         if place.split(os.sep)[0] in unread and entry.name[0] != ".":
-            continue  # a chunk, of which there may be many
+            continue  # skip chunks: there may be many
         size += entry.stat().st_size
         name = entry.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
         if name not in _METADATA:
@@ -98,14 +98,14 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
                 found_there = decoded_bytes(folder / place, how, largest(size) if how.size is None else how.size)
             except ValueError as error:
                 raise StudyError(
-                    f"{str(folder)!r} is not read: the chunk {place} is damaged, or made to fill the memory: {error}."
+                    f"{str(folder)!r} is rejected: the chunk {place} is damaged or malicious: {error}."
                 ) from None
             texts += found_there if how.size is None else 0
     check_declared(texts, size, folder)
 
 
 def _array_of(place: str, arrays: Collection[str]) -> str:
-    """Return the array to which a file belongs, by the names of folders on its way; empty: to none."""
+    """Return the array to which a file belongs according to its path, or an empty text."""
     parts = place.split(os.sep)
     for count in range(len(parts) - 1, -1, -1):
         array = os.path.join(*parts[:count]) if count else "."
@@ -123,7 +123,7 @@ def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
 
 
 def _bytes_of(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
-    """Return the bytes of an array of format 2, or of one of its chunks, where that has more; and how it is encoded."""
+    """Return the bytes of an array of format 2, or of its chunk if a chunk is larger, and the encoding of the array."""
     compressor, filters, kind = about["compressor"], about["filters"], about["dtype"]
     if compressor is not None and compressor["id"] not in _COMPRESSORS:
         raise _refused(folder, f"{array!r} uses the codec {compressor['id']!r}")
@@ -131,7 +131,7 @@ def _bytes_of(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
     for name in names:
         if name not in _FILTERS:
             raise _refused(folder, f"{array!r} uses the codec {name!r}")
-    text = kind == "|O" and names[:1] == [_TEXT]  # the last to decode: its objects are texts
+    text = kind == "|O" and names[:1] == [_TEXT]  # this filter is decoded last and returns text objects
     plain = _TYPE.fullmatch(kind) if isinstance(kind, str) else None
     if plain and _TEXT in names:
         raise _refused(folder, f"{array!r} has the type {kind!r} and uses the codec {_TEXT!r}")
@@ -146,7 +146,7 @@ def _bytes_of(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
 
 
 def _arrays_3(folder: Path, node: str, about: Any) -> Iterator[tuple[str, int, Encoded]]:
-    """Check a group or an array of format 3 and its members; return arrays and their bytes."""
+    """Check a group or an array of format 3 and its members; yield names, bytes and encodings of arrays."""
     if about["node_type"] == "array":
         yield node, *_bytes_of_3(folder, node, about)
     elif about["node_type"] != "group":
@@ -178,7 +178,7 @@ def _bytes_of_3(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
 
 
 def _size(folder: Path, array: str, shape: Any, chunk: Any) -> int:
-    """Return how many numbers an array has, or one of its chunks, if that is more."""
+    """Return the number of elements of an array, or of its chunk if a chunk is larger."""
     whole = all(isinstance(n, int) and n >= 0 for n in (*shape, *chunk)) and len(shape) == len(chunk)
     if not whole or 0 in chunk:
         raise _refused(folder, f"{array!r} has the shape {shape} in chunks of {chunk}")
@@ -186,12 +186,12 @@ def _size(folder: Path, array: str, shape: Any, chunk: Any) -> int:
 
 
 def _name(about: Any) -> str:
-    """Return the name of an extension of format 3: its name alone, or with a configuration."""
+    """Return the name of an extension of format 3 from its text or its mapping with a configuration."""
     return about if isinstance(about, str) else str(about["name"])
 
 
 def _refused(folder: Path, found: str) -> StudyError:
     return StudyError(
-        f"{str(folder)!r} is not read: {found}, which uqmbd.results.save does not write. Reading it could run code of "
-        "whoever made it. Ask for the result as .nc, or for the .zarr as it was saved."
+        f"{str(folder)!r} is rejected: {found}, which uqmbd.results.save does not write. Reading it could execute "
+        "code from the file. Use the result as .nc, or the .zarr that uqmbd saved."
     )

@@ -1,4 +1,4 @@
-"""The result of a study: methods compared in outputs over time, in those without, and in requirements."""
+"""Build the result of a study, and compare its methods in outputs over time, scalar outputs and requirements."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["compare_both", "happening", "scalar_nodes", "study_tree"]
 
 @typechecked
 def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the nodes of outputs without a time, by the label of the method; methods without are left out.
+    """Return the nodes of scalar outputs by label of the method; methods without scalar outputs are omitted.
 
     Parameters
     ----------
@@ -41,16 +41,16 @@ def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 
 def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None, rtol: float = 0.0) -> xr.Dataset:
-    """Compare every method with a reference, in the outputs over time, in those without, and in requirements.
+    """Compare every method with a reference, in outputs over time, scalar outputs and requirements.
 
-    `nodes`: propagator nodes by label; `reference`: label of the reference; where it has no outputs without a time,
-    another is chosen for them; `rtol`: of the integration. Return of :func:`uqmbd.results.compare`, for the outputs
-    over time.  With outputs that have none also ``scalar_mean_difference`` and ``scalar_std_difference (method,
-    scalar)``, absolute, in the units of the outputs, NaN for methods without; ``scalar_reference_std (scalar)``, a
-    scale for them; and ``scalar_verdict`` with ``scalar_verdict_kind (method, scalar)``.  Where there are no others,
-    the recommendation is for these. With requirements also ``violation_probability (method, requirement)``, the ends
-    of the intervals, and ``violation_verdict``.  Methods whose inputs are distributed otherwise (`comparable`) are
-    left out.
+    `nodes`: propagator nodes by label; `reference`: label of the reference, which another method replaces for scalar
+    outputs if it has none; `rtol`: relative tolerance of the integration. The result for outputs over time is that of
+    :func:`uqmbd.results.compare`. With scalar outputs, it also contains ``scalar_mean_difference`` and
+    ``scalar_std_difference (method, scalar)``, absolute, in the units of the outputs, NaN for methods without them. The
+    scale of these is ``scalar_reference_std (scalar)``. ``scalar_verdict`` and ``scalar_verdict_kind (method, scalar)``
+    are the verdicts. Without outputs over time, the recommendation is for scalar outputs. With requirements, the result
+    also contains ``violation_probability (method, requirement)``, the ends of the intervals, and ``violation_verdict``.
+    Methods whose inputs have other distributions (`comparable`) are excluded.
     """
     nodes = comparable(nodes)
     found = _compared_outputs(nodes, reference, rtol)
@@ -61,7 +61,7 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
 
 
 def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, rtol: float) -> xr.Dataset:
-    """Compare outputs over time and those without; where there are neither, nothing but the methods."""
+    """Compare outputs over time and scalar outputs; without any outputs, return only the methods."""
     inner, left_out = happening(scalar_nodes(nodes))
     over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
     if not (over_time or inner) and (margins := _margin_nodes(nodes)):
@@ -69,8 +69,8 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
         return compare(margins, reference=reference, rtol=rtol).isel(output=slice(0, 0))
     if left_out and not (over_time or inner):
         raise StudyError(
-            f"there is nothing else than {', '.join(left_out)}, which does not happen in all realisations: statistics "
-            "are those of other realisations in each method."
+            f"there are no outputs to compare: {', '.join(left_out)} do not occur in all realisations, so the "
+            "statistics of the methods are based on different realisations."
         )
     compared = compare(nodes, reference=reference, rtol=rtol) if over_time or not inner else None
     if left_out and compared is not None:
@@ -103,7 +103,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
 
 
 def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
-    """Return the recommendation, with unreliable outputs without a time."""
+    """Return the recommendation with a list of unreliable scalar outputs."""
     lead, *others = str(compared.attrs["recommendation"]).split("\n")
     over_time = judgements_of(compared)
     for label, found in judgements_of(whole).items():
@@ -115,20 +115,20 @@ def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
         known = over_time.get(label)
         if not known or worst(known)[0].kind in (DIFFERS, UNDER_RESOLVED):
             others.append(said)
-        else:  # it may be the one that is recommended
+        else:  # this method may be the recommended one
             lead += f" {said}"
     return "\n".join((lead, *others))
 
 
 @typechecked
 def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], list[str]]:
-    """Return nodes about the outputs that happen in all realisations of all methods, and the names of the others.
+    """Return nodes with the outputs that occur in all realisations of all methods, and the names of other outputs.
 
-    Statistics of the others are those of other realisations in each method, and nothing to be compared.
+    Statistics of the other outputs belong to different realisations in each method, and cannot be compared.
 
     `nodes`: propagator nodes by label.
 
-    The second output does not happen in a tenth of the realisations:
+    The second output does not occur in a tenth of the realisations:
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
@@ -165,13 +165,13 @@ def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree],
 
 
 def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return nodes whose outputs are margins, by the label of the method, if all methods have them."""
+    """Return nodes whose outputs are margins, by the label of the method; empty unless all methods have margins."""
     found: dict[str, xr.DataTree] = {}
     for label, node in nodes.items():
         inner = node.children.get("requirements")
         if inner is None or "statistics" not in inner.children:
             return {}
-        # with the times, which they share with the dataset above them
+        # include the times, which are in the dataset above
         parts = {"/": xr.Dataset(attrs=node.attrs)} | {str(k): one.to_dataset() for k, one in inner.children.items()}
         found[label] = xr.DataTree.from_dict(parts, name=label)
     return found
@@ -191,22 +191,23 @@ def study_tree(
     Parameters
     ----------
     nodes : iterable of xarray.DataTree
-        From :func:`uqmbd.results.propagator_node`; their labels must differ.
+        Nodes from :func:`uqmbd.results.propagator_node`, with different labels.
     study, mechanism : str
-        Names.
+        Names of the study and of the mechanism.
     reference : str, optional
-        Label of the method that the others are compared with; default :func:`uqmbd.results.choose_reference`.
+        Label of the reference method. Default: the method from :func:`uqmbd.results.choose_reference`.
     attrs : mapping, optional
-        Further attributes of the root, as ``rtol``, ``integrator``, ``command``.
+        Further attributes of the root, such as ``rtol``, ``integrator`` or ``command``.
 
     Returns
     -------
     xarray.DataTree
+        Result of the study.
 
     Raises
     ------
     StudyError
-        If there is no node, or two have the same label.
+        If there are no nodes, or two have the same label.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Nodes of one method joined: outputs without a time, outputs that may not happen, and requirements."""
+"""Join nodes of one method for scalar outputs, outputs that may not occur, and requirements."""
 
 from __future__ import annotations
 
@@ -25,14 +25,13 @@ __all__ = ["joined_outputs", "with_requirements", "with_scalars"]
 
 @typechecked
 def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels) -> xr.DataTree:
-    """Return the node of a propagator whose study has outputs without a time.
+    """Return the node of a propagator with scalar outputs as the child ``scalars``.
 
-    `node`: what the propagator gave for the outputs over time; None: there are none; `found`: what it gave for the
-    outputs without a time, as if at one time; `label`: of the propagator; `labels`: times and inputs of the study;
-    its outputs are not looked at. Return with the child ``scalars``.  Without outputs over time its ``statistics``
-    are empty: they have times, but no outputs.
+    `node`: node of the outputs over time, or None without such outputs; `found`: node of the scalar outputs, as outputs
+    at a single time; `label`: label of the propagator; `labels`: times and inputs of the study; outputs are
+    ignored. Without outputs over time, the child ``statistics`` has times, but no outputs.
 
-    A method that found the mean of an output over time, and of one without a time:
+    A method with the means of an output over time and of a scalar output:
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
@@ -73,13 +72,14 @@ def joined_outputs(
 ) -> xr.DataTree:
     """Join nodes of one method for different outputs.
 
-    `nodes`: further children than ``statistics`` and ``samples`` are those of the first that is not refused.  Samples
-    are those of all: NaN where an output does not happen in one, which has not failed; `shares`: of each output, the
-    share of realisations in which it does not happen: ``censored`` (output,); `bounds`: how large that share may be,
-    with 95 % confidence: ``censored_bound`` (output,); `refused`: outputs without statistics, and why: the attribute
-    ``refused``; `names`: outputs in order. Return statistics of all outputs, those without any NaN.
+    `nodes`: nodes to join; `shares`: share of realisations in which each output does not occur, stored as ``censored``
+    (output,); `bounds`: upper bound of this share with 95 % confidence, stored as ``censored_bound`` (output,);
+    `refused`: reasons by output without statistics, stored in the attribute ``refused``; `names`: outputs in order.
+    The result contains statistics of all outputs, NaN for outputs without statistics, and samples of all outputs. An
+    output that does not occur in a sample is NaN in this sample, which has not failed. Other children are those of the
+    first node without refused outputs.
 
-    Two outputs, each computed by itself; the second does not happen in a tenth of the realisations:
+    Two outputs, computed separately; the second does not occur in a tenth of the realisations:
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
@@ -127,7 +127,7 @@ def joined_outputs(
 
 
 def _joined_samples(nodes: Sequence[xr.DataTree], first: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
-    """Join the samples of nodes about some outputs each; `first` are those of one of them."""
+    """Join the samples of nodes for different outputs; `first` are the samples of one of these nodes."""
     held = [node.children["samples"].to_dataset(inherit=False) for node in nodes if "samples" in node.children]
     response = np.full((first.sizes["sample"], len(names), *first["response"].shape[2:]), np.nan)
     units = [""] * len(names)
@@ -153,14 +153,15 @@ def _statistics(node: xr.DataTree) -> xr.Dataset:
 
 
 def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
-    """Give statistics the variables of others, unknown where they have none."""
+    """Return statistics with the variables of `like`: drop other variables, and add missing ones as NaN."""
     found = data.drop_vars([name for name in data.data_vars if name not in like.data_vars])
     for name, other in like.data_vars.items():
         if name in found or "output" not in other.dims:
             continue
         sizes = {dim: found.sizes["output"] if dim == "output" else other.sizes[dim] for dim in other.dims}
         found[name] = (other.dims, np.full(tuple(sizes.values()), np.nan), other.attrs)
-        found[name] = with_reasons(found[name], {EVERY: "the method states no standard error"})
+        kind = "standard error" if str(name).startswith("std_error") else str(other.attrs.get("long_name", name))
+        found[name] = with_reasons(found[name], {EVERY: f"the method states no {kind} of this output"})
     return found
 
 
@@ -168,14 +169,14 @@ def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
 def with_requirements(
     node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels, answers: xr.Dataset
 ) -> xr.DataTree:
-    """Return the node of a propagator whose study has requirements.
+    """Return the node of a propagator with the child ``requirements``.
 
-    `node`: what the propagator gave for outputs, with or without a time; None: there are none; `found`: what it gave
-    for the margins of the requirements as outputs; it is the child ``requirements``, too; `label`: of the propagator;
-    `labels`: times and inputs of the study; its outputs are not looked at; `answers`: the dataset ``requirements``.
-    Return with the child ``requirements``.  Without outputs its ``statistics`` are empty.
+    `node`: node of the outputs over time and scalar outputs, or None without outputs; `found`: node of the margins of
+    the requirements as outputs, which the child ``requirements`` also contains; `label`: label of the propagator;
+    `labels`: times and inputs of the study, whose outputs are ignored; `answers`: dataset ``requirements``.
+    Without outputs, the child ``statistics`` has no outputs.
 
-    A study of one requirement and nothing else, of which one in 50 realisations violates it:
+    A study with one requirement and no outputs; one in 50 realisations violates the requirement:
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
@@ -209,7 +210,7 @@ def with_requirements(
 
 
 def _empty(labels: Labels, like: xr.Dataset) -> xr.Dataset:
-    """Statistics at all times, of no outputs."""
+    """Return statistics at all times without outputs."""
     none = Labels((), labels.inputs, labels.times)
     blank: Any = np.zeros(none.shape)
     errors = {name: blank for name in ("std_error_mean", "std_error_std") if name in like}

@@ -1,4 +1,4 @@
-"""Axes of vectors and moments: what a component exerts turns with the body or with the world, as it declares."""
+"""Axes of vectors and moments: forces of a component rotate with the body or with the world, as declared."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["check_axes"]
 
 
 def check_axes(bench: Bench, rng: np.random.Generator) -> None:
-    """Turn bodies and the vectors in world axes together: forces turn with them; raise AssertionError otherwise.
+    """Rotate bodies and vectors in world axes together; raise AssertionError if forces do not rotate with them.
 
-    The virtual power of the forces is the same in both frames. Components without vectors and moments are not checked.
+    The virtual power of the forces is equal in both frames. Components without vectors and moments are not checked.
     """
     component, space = bench.case.component, bench.case.mechanism.space
     declared = {k: p for k, p in component.parameters().items() if p.kind in ("vector", "moment")}
@@ -41,9 +41,10 @@ def check_axes(bench: Bench, rng: np.random.Generator) -> None:
         q, v = displaced(space, turn, q), displaced(space, turn, v)
         error = _size(loads_at(there, q, s, v, time, other).force - displaced(space, turn, here))
         assert error < 1e-8 * (1 + _size(here)), (
-            f"{bench.title}: its forces change by {error:.2g} when its bodies and its vectors in world axes are turned "
-            f"together ({_listed(declared, space)}). Is p.BODY.direction(...) missing, or superfluous? A vector of "
-            "uqmbd.Parameter(kind='vector') is in world axes, with axes='body' in those of its body."
+            f"{bench.title}: its forces change by {error:.2g} when its bodies and its vectors in world "
+            f"axes rotate together ({_listed(declared, space)}). Check p.BODY.direction(...): it may "
+            "be missing or superfluous. A vector of uqmbd.Parameter(kind='vector') has components in "
+            "world axes; with axes='body', in the axes of its body."
         )
 
 

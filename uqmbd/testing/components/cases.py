@@ -1,4 +1,4 @@
-"""Mechanisms in which a component is tried: random poses, random values of whatever it declares."""
+"""Mechanisms for tests of a component: random poses, and random values of all declared parameters."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ __all__ = ["ComponentCase", "component_cases", "moving_case", "name_of"]
 class ComponentCase:
     """Component in a mechanism."""
 
-    title: str  # special feature, in messages
+    title: str  # special feature of the case, for messages
     mechanism: Mechanism  # without gravity
-    component: Component  # in the mechanism; random variables have the names of their parameters
-    free: bool  # whether it is attached to bodies only
+    component: Component  # component in the mechanism; random variables have the names of their parameters
+    free: bool  # whether the component is attached only to bodies
 
 
 def component_cases(
@@ -31,7 +31,7 @@ def component_cases(
 ) -> Iterator[ComponentCase]:
     """Yield a component between bodies, at the ground, with all and with the fewest parameters, and with each option.
 
-    `given` holds fixed values by parameter; `rng` draws poses and other values.
+    `given` contains fixed values by parameter; `rng` draws poses and other values.
     """
     declared, chosen = _declared(component, space), set(given)
     examples = {k: p.example for k, p in declared.items() if p.example is not None}
@@ -48,8 +48,8 @@ def component_cases(
         turning=True,
     )
     for k, role in enumerate(component.bodies if len(component.bodies) > 1 else ()):
-        yield _case(f"{role} is the ground", component, space, given, everything, rng, ground=k)
-    yield _case("with numbers that change in time", component, space, given, everything, rng, moving=True)
+        yield _case(f"with the ground as {role}", component, space, given, everything, rng, ground=k)
+    yield _case("with time-dependent parameters", component, space, given, everything, rng, moving=True)
     if any(not p.required for p in declared.values()):
         required = {k for k, p in declared.items() if p.required}
         yield _case("with the defaults", component, space, given, required, rng)
@@ -64,8 +64,8 @@ def moving_case(
 ) -> ComponentCase:
     """Return a component at the ground, under gravity, with few random parameters, for studies; see `component_cases`.
 
-    Its first two numbers vary by 1 %; where it has none, the mass of its last body does. As poses are random, the
-    mechanism may be impossible to assemble.
+    The first two numbers of the component vary by 1 %; without numbers, the mass of the last body varies. Poses are
+    random, so the assembly of the mechanism may be impossible.
     """
     declared = _declared(component, space)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
@@ -89,12 +89,12 @@ def moving_case(
 
 
 def name_of(component: type[Component], space: type[Space]) -> str:
-    """Return what messages call a component in a space."""
+    """Return the name of a component in a space, for messages."""
     return f"{component.__name__} in {space.__name__} space"
 
 
 def _declared(component: type[Component], space: type[Space]) -> dict[str, Parameter]:
-    """Return the parameters that make sense in a space."""
+    """Return the parameters that apply in a space."""
     return {key: parameter for key, parameter in component.parameters().items() if parameter.fits(space())}
 
 
@@ -128,7 +128,7 @@ def _case(
 def _with_effect(
     component: type[Component], space: type[Space], declared: Mapping[str, Parameter], values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Leave out values that may be left out and enter nothing with the options among them: they might be refused."""
+    """Omit optional values that have no effect with the given options, because they might be rejected."""
     if all(declared[key].required for key in values):
         return dict(values)
     mechanism, rng = Mechanism("trial", space()), np.random.default_rng(0)
@@ -141,7 +141,7 @@ def _with_effect(
 
 
 def _arguments(component: type[Component], bodies: list[Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return bodies and values by name; None is left out."""
+    """Return bodies and values by name; values of None are omitted."""
     return {**dict(zip(component.bodies, bodies, strict=True)), **{k: v for k, v in values.items() if v is not None}}
 
 
@@ -160,15 +160,19 @@ def _body(mechanism: Mechanism, name: str, rng: np.random.Generator, *, heavy: b
 def _value(
     parameter: Parameter, space: Space, rng: np.random.Generator, *, turning: bool, moving: bool, spread: float = 0.1
 ) -> Any:
-    """Return a random value of a declared kind that depends on a random variable; None: to be left out."""
+    """Return a random value of a declared kind that depends on a random variable; None: omit the value."""
     u: Any = uniform_variable(parameter.name, -spread, spread, parameter.units) if spread else sympy.Integer(0)
     size = parameter.size(space)
     if parameter.kind in ("option", "numbers"):
         if parameter.required and not parameter.words:
-            what = "an option without choices" if parameter.kind == "option" else "a row of any number of numbers"
+            what = (
+                "an option without declared choices"
+                if parameter.kind == "option"
+                else "a list of numbers without a fixed length"
+            )
             raise AssertionError(
-                f"parameter {parameter.name!r} is {what}: nobody knows what to try; "
-                "declare it with example=..., or give its value to check_component."
+                f"parameter {parameter.name!r} is {what}, so the check cannot choose a value. Declare the parameter "
+                "with example=..., or pass its value as given={...} to check_component."
             )
         return parameter.words[0] if parameter.required else None
     if parameter.kind == "scalar":
@@ -182,14 +186,14 @@ def _value(
         return None
     start, change = rng.uniform(-1, 1, size), rng.uniform(-1, 1, size)
     if parameter.kind in ("axis", "turning_axis", "rotation"):
-        # frames on a random axis are long expressions: one random entry, in one case, is enough
+        # frames on a random axis are long expressions, so one random entry in one case is sufficient
         change = change * (np.arange(size) == 0) * turning
     entries = [sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True)]
     return tuple(_ranged(parameter, x + 2) if parameter.ranged else x for x in entries)
 
 
 def _varied(parameter: Parameter, example: Any) -> Any:
-    """Return an example that varies by at most 5 % within its range, entry by entry; options and axes as they are."""
+    """Return an example with entries that vary by at most 5 % within their range; options and axes do not change."""
     if parameter.kind not in ("scalar", "point", "vector", "moment"):
         return example
     u: Any = uniform_variable(parameter.name, 0, 0.05)

@@ -1,4 +1,4 @@
-"""Does a component mean what it says: derivatives, compiled forms, and the laws that every mechanism obeys."""
+"""Test a component: derivatives, compiled forms, and laws that apply to every mechanism."""
 
 from __future__ import annotations
 
@@ -39,52 +39,52 @@ def check_component(
     propagators: Sequence[str | Propagator] | None = None,
     seed: int = 0,
 ) -> None:
-    """Check a component in mechanisms with random poses and values, in every space it declares.
+    """Check a component in mechanisms with random poses and values, in every space that it declares.
 
-    - Its parameters have units and descriptions, each has an effect, and all may be random. Auxiliary states without
-      stated units, which outputs do not record, have an effect, too.
-    - Units of parameters and auxiliary states fit the terms: energies are in J, force times velocity in W, the rate of
-      a state in its units over seconds, terms of sums alike.
+    - The parameters have units and descriptions, each has an effect, and all may be random. Auxiliary states without
+      stated units, which outputs do not record, also have an effect.
+    - Units of parameters and auxiliary states agree with the terms: energies are in J, and force times velocity is in
+      W. The rate of a state is in its units per second, and terms of a sum have equal units.
     - The exact Jacobian agrees with central differences of the residual.
-    - Realisations are computed side by side as each would be alone.
+    - Simultaneous and separate computations of realisations agree.
     - Between two bodies: forces and moments cancel (action and reaction). They do not depend on
       the common displacement and rotation of the bodies.
-    - Events that make velocities jump: the speed of the impact is the rate of its gap, and impulses act between the
-      bodies alone.
-    - Vectors and moments are in the axes that they declare: what they exert turns with the body, or with the world.
-    - Potentials and constraints in which time does not appear neither make nor lose energy.
-    - Virtual work makes no energy: no small closed motion of the bodies, whatever the speeds of its parts, gains any.
+    - Events with velocity jumps: the speed of the impact is the rate of its gap, and impulses act only between the
+      bodies.
+    - Vectors and moments are in the declared axes: their forces rotate with the body, or with the world.
+    - Potentials and constraints without time conserve energy.
+    - Virtual work creates no energy: no small closed motion of the bodies gains energy, at any speeds of its parts.
       Auxiliary states do not grow while the bodies rest, and their forces oppose the motion that changes them. The
       coefficients of impacts are in their ranges.
-    - The motion that it tells (`uqmbd.Component.motion`): rates are those of angles and displacements, which do not
-      depend on where the whole is.
-    - Every installed propagator runs a study of a small mechanism with it, and they agree.
+    - In the motion of the component (`uqmbd.Component.motion`), rates are the rates of angles and displacements. These
+      do not depend on the pose of the whole mechanism.
+    - Every installed propagator runs a study of a small mechanism with the component, and the results agree.
 
     Parameters
     ----------
     component : type
-        A subclass of `uqmbd.Component`.
+        Subclass of `uqmbd.Component`.
     spaces : tuple of types, optional
-        Where to check; default all spaces that it declares.
+        Spaces of the check. Default: all spaces that the component declares.
     given : mapping, optional
-        Values that are used as they are, by parameter, for those that need special ones.
+        Fixed values, by parameter, for parameters that require special values.
     internal : bool
-        Whether a component of several bodies acts between them alone, so that action equals reaction.
+        Whether a component of several bodies acts only between them, so that action equals reaction.
     conservative : bool
-        Whether energy must stay where there are potentials and constraints only, without time in them.
+        Whether the energy must be constant if there are only potentials and constraints without time.
     dissipative : bool
-        Whether forces of `uqmbd.VirtualWork`, auxiliary states and impacts must not make energy. False for motors,
-        controllers and whatever is unstable by intention.
+        Whether forces of `uqmbd.VirtualWork`, auxiliary states and impacts must not create energy. False for motors,
+        controllers and intentionally unstable components.
     propagators : sequence of str or Propagator, optional
-        Methods that run a study with it, by name (then with settings that cost little) or as objects; default all that
-        are installed; ``()`` for none, which is quicker.
+        Methods that run a study with the component, by name (with low-cost settings) or as objects. Default: all
+        installed methods. ``()`` runs no study and is faster.
     seed : int
-        Of the random poses and values.
+        Seed of the random poses and values.
 
     Raises
     ------
     AssertionError
-        If something is wrong; the message says what, and in which case.
+        If a check fails; the message states the check and the case.
 
     Examples
     --------
@@ -101,7 +101,9 @@ def check_component(
     _check_declaration(component)
     unknown = sorted(set(given or ()) - set(component.parameters()))
     usage = f"{component.__name__}{component.signature()}"
-    assert not unknown, f"given names {unknown[0]!r}, which is no parameter of {usage}."
+    assert not unknown, (
+        f"check_component: the argument 'given' contains {unknown[0]!r}; expected parameters of {usage}."
+    )
     _check_some_effect(component, component.spaces if spaces is None else spaces, given or {})
     for space in component.spaces if spaces is None else spaces:
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
@@ -127,17 +129,19 @@ def check_component(
 
 
 def _check_declaration(component: type[Component]) -> None:
-    assert component.__doc__, f"{component.__name__} has no docstring; say what it is."
+    assert component.__doc__, f"{component.__name__} has no docstring; describe the component in one sentence."
     for key, parameter in component.parameters().items():
-        assert parameter.description, f"{component.__name__}.{key} has no description."
+        assert parameter.description, f"{component.__name__}.{key} has no description; pass one to uqmbd.Parameter."
         numeric = parameter.kind != "option"
-        assert parameter.units or not numeric, f"{component.__name__}.{key} has no units; '1' for a pure number."
+        assert parameter.units or not numeric, (
+            f"{component.__name__}.{key} has no units; declare its units, or '1' for a pure number."
+        )
         told = spelling(f"{component.__name__}.{key}", parameter.units) if numeric else ""
         assert not told, told
 
 
 def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]], given: Mapping[str, Any]) -> None:
-    """Require each parameter to enter a term in one of its spaces, with one of the options at least."""
+    """Require that each parameter is in a term in one of its spaces, with at least one of the options."""
     unused = set(component.parameters())
     for space in (*spaces, *(other for other in component.spaces if other not in spaces)):
         rng = np.random.default_rng(0)
@@ -150,19 +154,19 @@ def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]]
             if space in spaces:
                 raise
     raise AssertionError(
-        f"{component.__name__}: parameter {min(unused)!r} is declared, and enters no term in any space with any "
-        "option; use it in terms(), or leave it out."
+        f"{component.__name__}: no term contains the declared parameter {min(unused)!r}, in any space and with any "
+        "option. Use it in terms(), or delete its declaration."
     )
 
 
 def check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
-    """Compare ``dr/dy + c dr/dy'`` with central differences; what is absent from it must not change the residual."""
+    """Compare ``dr/dy + c dr/dy'`` with central differences; variables without an entry must have no effect."""
     state, parameters, h = bench.state(rng), bench.parameters(bench.inputs), 1e-5
     rows = bench.kernel("residual")[1]
     assert np.isfinite(bench.evaluate("residual", state, parameters)).all(), (
-        f"{bench.title}: a term is not finite in a random pose, with random values of its parameters: a division by "
-        "zero, or a root, logarithm or power outside of its range. Hold it in its range (sympy.Max, sympy.Piecewise), "
-        "or declare minimum=, maximum= or example= of the parameters."
+        f"{bench.title}: a term is not finite in a random pose with random parameter values. It contains a division "
+        "by zero, or a root, logarithm or power outside its domain. Restrict the argument (sympy.Max, "
+        "sympy.Piecewise), or declare minimum=, maximum= or example= of the parameters."
     )
     entries = dict(zip(bench.kernel("jacobian")[1], bench.evaluate("jacobian", state, parameters).T, strict=True))
     for letter, rate in (("q", "dq"), ("s", "ds"), ("v", "dv"), ("l", None), ("m", None)):
@@ -179,8 +183,8 @@ def check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
                 exact = entries.get((row, (letter, k)), np.zeros(REALISATIONS))
                 error = abs(exact - difference).max()
                 assert error < 1e-6 * (1 + abs(difference).max() + abs(upper).max()), (
-                    f"{bench.title}: the derivative of row {row} by {letter}[{k}] is {exact}, "
-                    f"by central differences {difference}."
+                    f"{bench.title}: the derivative of residual {row} with respect to {letter}[{k}] is {exact}; "
+                    f"central differences give {difference}."
                 )
 
 
@@ -190,12 +194,15 @@ def check_broadcasting(bench: Bench, rng: np.random.Generator) -> None:
     for k in range(REALISATIONS):
         one = {letter: values[[k]] for letter, values in state.items()}
         alone = bench.evaluate("residual", one, bench.parameters(bench.inputs[[k]]))
-        assert np.array_equal(together[[k]], alone), f"{bench.title}: a realisation depends on its neighbours."
+        assert np.array_equal(together[[k]], alone), (
+            f"{bench.title}: the residual of a realisation depends on other realisations of the ensemble; expected "
+            "independent realisations."
+        )
     assert np.isfinite(together).all(), f"{bench.title}: the residual is not finite at a random state."
 
 
 def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
-    """Check action and reaction, and that nothing depends on the place and direction of the whole."""
+    """Check action and reaction, and the independence from position and orientation of the whole mechanism."""
     instance, space = bench.instance, bench.case.mechanism.space
     for parameters in bench.parameters(bench.inputs):
         q, s, v, time = feasible_state(bench, parameters, rng)
@@ -204,31 +211,34 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         motions = virtual_motions(space, q)
         power = abs(motions @ here.force).max()
         assert power < 1e-9 * scale, (
-            f"{bench.title}: what it exerts on its bodies does not cancel; its forces would do the work {power:.2g} if "
-            "all bodies moved as one. Is every force paired with its reaction, at the point where it acts?"
+            f"{bench.title}: its forces and torques on the bodies do not cancel: in a rigid motion of "
+            f"all bodies, their virtual work is {power:.2g}; expected 0. Apply every force together "
+            "with its reaction, at the same point."
         )
         power = abs(here.gradient @ motions.T).max(initial=0)
         assert power < 1e-7 * (1 + abs(here.gradient).max(initial=0)), (
-            f"{bench.title}: its reactions do not cancel; a constraint changes if all bodies move as one."
+            f"{bench.title}: its reactions do not cancel: a rigid motion of all bodies changes a constraint."
         )
         turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
         there = loads_at(instance, displaced(space, turn, q, shift), s, displaced(space, turn, v), time, parameters)
         error = abs(there.force - displaced(space, turn, here.force)).max(initial=0)
         assert error < 1e-9 * scale, (
-            f"{bench.title}: its forces change by {error:.2g} when everything is moved and turned as a whole."
+            f"{bench.title}: its forces change by {error:.2g} when the whole mechanism is translated and rotated; "
+            "expected no change."
         )
         assert abs(there.violation).max(initial=0) < 1e-7, (
-            f"{bench.title}: its constraints are violated when everything is moved and turned as a whole."
+            f"{bench.title}: its constraints are violated when the whole mechanism is translated and rotated; "
+            "expected no change."
         )
-        # rates of vectors turn with the whole; those that are zero stay so
+        # rates of vectors rotate with the mechanism; zero rates remain zero
         allowed = v - np.linalg.lstsq(here.gradient, here.rate, rcond=1e-10)[0] if len(here.rate) else v
         there = loads_at(
             instance, displaced(space, turn, q, shift), s, displaced(space, turn, allowed), time, parameters
         )
         error = abs(there.rate).max(initial=0)
         assert error < 1e-7 * (1 + abs(here.rate).max(initial=0)), (
-            f"{bench.title}: velocities that its constraints allow violate them by {error:.2g} when everything is "
-            "moved and turned as a whole."
+            f"{bench.title}: admissible velocities violate its constraints by {error:.2g} when the whole mechanism "
+            "is translated and rotated; expected no change."
         )
 
 

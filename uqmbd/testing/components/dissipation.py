@@ -15,25 +15,25 @@ from uqmbd.typing import Array
 __all__ = ["check_dissipation"]
 
 POSES = 6
-"""Random poses of each realisation."""
+"""Number of random poses of each realisation."""
 
 LOOPS = 60
-"""Closed motions in each pose."""
+"""Number of closed motions in each pose."""
 
 SIDES = 3
-"""Straight parts of a closed motion, each at its own speed."""
+"""Number of straight parts of a closed motion, each with a separate speed."""
 
 STEP = 1e-5
-"""Central differences of auxiliary states, relative to one plus their size."""
+"""Step of central differences of auxiliary states, relative to one plus their magnitude."""
 
 FAR = 0.3
-"""Secants of their rates, likewise."""
+"""Step of secants of the rates of auxiliary states, relative to one plus their magnitude."""
 
 SLOW = 1e-3
-"""Speed of a motion, m/s, at which forces are those of auxiliary states."""
+"""Speed of a motion, m/s, at which only auxiliary states cause forces."""
 
 SMALL = 1e-7
-"""Gain of energy that is taken as rounding, over the sum of the sizes of its parts."""
+"""Energy gain that counts as rounding, relative to the sum of the magnitudes of its parts."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,17 @@ class _Laws:
         return found[:, :n], found[:, n : n + states]
 
     def start(self) -> Array:
-        """Return the values of the states at the start (s,)."""
+        """Return the initial values of the states (s,)."""
         states, n = len(self.instance.type.states), len(self.q)
         arguments = np.concatenate([self.q, np.zeros(states), np.zeros(n), [self.time], self.parameters])
         return _kernel(self.instance)(arguments[None, :])[0, n + states :]
 
 
 def check_dissipation(bench: Bench, rng: np.random.Generator) -> None:
-    """Check that virtual work, auxiliary states and impacts of a component do not make energy; raise AssertionError.
+    """Raise AssertionError if virtual work, auxiliary states or impacts of a component create energy.
 
-    A small closed motion with parts u_k, sum u_k = 0, at the speeds a_k gains ``sum F(q, a_k u_k) . u_k`` of energy. It
-    is zero for forces that depend on the pose alone, and negative for friction.
+    A small closed motion with parts u_k, sum u_k = 0, at speeds a_k gains the energy ``sum F(q, a_k u_k) . u_k``. The
+    gain is zero for forces that depend only on the pose, and negative for friction.
     """
     _check_restitution(bench, rng)
     block = bench.instance.type
@@ -95,7 +95,7 @@ def _kernel(instance: Instance) -> Kernel:
 
 
 def _allowed(bench: Bench, q: Array, s: Array, time: float, parameters: Array) -> Array:
-    """Return a basis (motion, n) of the velocities that its constraints and the lengths of quaternions allow."""
+    """Return a basis (motion, n) of the velocities that satisfy the constraints and the lengths of quaternions."""
     space, n = bench.case.mechanism.space, len(q)
     rows = loads_at(bench.instance, q, s, np.zeros(n), time, parameters).gradient
     if space.turns:
@@ -110,7 +110,7 @@ def _allowed(bench: Bench, q: Array, s: Array, time: float, parameters: Array) -
 
 
 def _check_loops(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Generator) -> None:
-    """Let the bodies move in small closed triangles, and back and forth, with random speeds, states as at the start."""
+    """Check small closed triangles, and motions back and forth, with random speeds and initial states."""
     parts = rng.normal(size=(LOOPS, SIDES, len(motions)))
     parts[: LOOPS // 2, -1] = 0  # back and forth
     parts[:, 0] -= parts.sum(axis=1)
@@ -121,15 +121,15 @@ def _check_loops(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Gener
     gained, size = power.sum(axis=1), np.abs(power).sum(axis=1)
     worst = int(np.argmax(gained - SMALL * size))
     assert not gained[worst] > SMALL * size[worst] + 1e-12, (
-        f"{bench.title}: its virtual work makes energy: a small closed motion of the bodies gains "
-        f"{gained[worst]:.3g} J per metre. Its {SIDES} straight parts take {size[worst]:.3g} J per metre. "
-        "Has a damper, friction or a slip the wrong sign, or does a contact push harder while it opens? If the "
-        "component is a motor or a controller by intention, pass dissipative=False."
+        f"{bench.title}: its virtual work generates energy: the bodies gain {gained[worst]:.3g} J per metre along a "
+        f"small closed path. The exchange along its {SIDES} straight segments is {size[worst]:.3g} J per metre. "
+        "Check the signs of damping, friction and slip, and that a contact force is not larger during separation. "
+        "For a motor or a controller, pass dissipative=False."
     )
 
 
 def _check_growth(bench: Bench, laws: _Laws) -> None:
-    """Take slopes and secants of the rates of auxiliary states at rest: no eigenvalue has a positive real part."""
+    """Require that slopes and secants of auxiliary state rates at rest have no eigenvalue with positive real part."""
     states = laws.start()
     for step in (STEP, FAR):
         steps = np.diag(step * (1 + np.abs(states)))
@@ -141,14 +141,14 @@ def _check_growth(bench: Bench, laws: _Laws) -> None:
             continue
         growth = float(np.linalg.eigvals(slope).real.max())
         assert growth < 1e-6 * (1 + np.abs(slope).max()), (
-            f"{bench.title}: its auxiliary states {', '.join(map(repr, bench.instance.type.states))} grow at the rate "
-            f"{growth:.3g} 1/s while the bodies rest. Has a rate of uqmbd.Auxiliary the wrong sign? If the component "
-            "is to be unstable, pass dissipative=False."
+            f"{bench.title}: its auxiliary states {', '.join(map(repr, bench.instance.type.states))} grow at the "
+            f"rate {growth:.3g} 1/s while the bodies are at rest. Check the sign of each rate of uqmbd.Auxiliary. If "
+            "the component is unstable by design, pass dissipative=False."
         )
 
 
 def _check_memory(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Generator) -> None:
-    """Require that what a motion from the start changes in auxiliary states opposes this motion."""
+    """Require that changes of auxiliary states by an initial motion oppose this motion."""
     if not len(motions):
         return
     u = rng.normal(size=(LOOPS, len(motions))) @ motions
@@ -166,9 +166,10 @@ def _check_memory(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Gene
         return
     worst = int(np.argmax(power - 1e-5 * size))
     assert power[worst] <= 1e-5 * size[worst] + 1e-9, (
-        f"{bench.title}: its auxiliary states {', '.join(map(repr, bench.instance.type.states))} drive the motion that "
-        f"changes them: from the start, their force times velocity grows by {power[worst]:.3g} W/s. Has a rate of "
-        "uqmbd.Auxiliary, or the force, the wrong sign? If the component is to be unstable, pass dissipative=False."
+        f"{bench.title}: its auxiliary states {', '.join(map(repr, bench.instance.type.states))} amplify the motion "
+        f"that changes them: the power of their forces initially grows by {power[worst]:.3g} W/s. Check the signs of "
+        "the rates of uqmbd.Auxiliary and of the forces. If the component is unstable by design, pass "
+        "dissipative=False."
     )
 
 
@@ -187,6 +188,6 @@ def _check_restitution(bench: Bench, rng: np.random.Generator) -> None:
             wrong = column[(column < 0) | (column > most)]
             assert not len(wrong), (
                 f"{bench.title}: the coefficient of {what} of the event {block.events[where[0]].label!r} is "
-                f"{wrong[0]:.4g}; expected 0 {'to 1' if most == 1 else 'or more'}: another one makes energy. Declare "
-                "minimum= and maximum= of its parameter, or correct the expression."
+                f"{wrong[0]:.4g}; expected 0 {'to 1' if most == 1 else 'or more'}. Values outside this range "
+                "generate energy. Declare minimum= and maximum= of its parameter, or correct the expression."
             )

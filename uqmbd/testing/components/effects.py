@@ -1,4 +1,4 @@
-"""Effects of parameters and auxiliary states: whether anything that is computed depends on them."""
+"""Effects of parameters and auxiliary states on computed quantities."""
 
 from __future__ import annotations
 
@@ -13,38 +13,40 @@ from uqmbd.typing import Array
 __all__ = ["check_effects"]
 
 STATES = 10
-"""Random states in which a parameter may have its effect."""
+"""Number of random states for the search for an effect of a parameter."""
 
 STEPS = 0.01, 10.0
-"""Changes of an auxiliary state that may have an effect: one that counts turns has none but in large steps."""
+"""Changes of an auxiliary state for the search for an effect; a counter of turns only has an effect in large steps."""
 
 
 def check_effects(bench: Bench, rng: np.random.Generator, given: set[str]) -> None:
     """Require an effect of each random parameter and of each auxiliary state that no output records."""
     component, space, names = bench.case.component, bench.case.mechanism.space, bench.case.mechanism.inputs.names
     idle, still = set(names), set(range(len(bench.instance.type.states)))
-    if not space.turns:  # points, axes and radii of bodies that do not turn may have none
+    if not space.turns:  # points, axes and radii of bodies that cannot rotate may have no effect
         declared = component.parameters()
         effective = effective_parameters(component, space)
         idle = {k for k in idle & effective if declared[k].kind in ("scalar", "vector") and not declared[k].about}
-    for _ in range(STATES):  # some have an effect in some states only, such as those of a contact
+    for _ in range(STATES):  # some parameters, such as those of a contact, only have an effect in some states
         state = bench.state(rng)
         idle &= _without_effect(bench, state, names)
         still = {k for k in still if not _state_acts(bench, state, k)}
-    assert not idle, f"{bench.title}: parameter {min(idle)!r} has no effect."
+    assert not idle, (
+        f"{bench.title}: parameter {min(idle)!r} has no effect; use it in terms(), or delete its declaration."
+    )
     if space.turns:
         missing = _numeric(component, given) - set(names)
-        assert not missing, f"{bench.title}: parameter {min(missing)!r} is declared, but its value enters nothing."
+        assert not missing, f"{bench.title}: parameter {min(missing)!r} is declared, but no term contains its value."
     for k in still:
         name = bench.instance.type.states[k]
         assert component.state(name).units, (
-            f"{bench.title}: no force, constraint or event and no other state depends on the auxiliary state {name!r}. "
-            f"Use it, leave it out, or give its units, p.state({name!r}, units), if outputs are to record it."
+            f"{bench.title}: no force, constraint, event or other state depends on the auxiliary state {name!r}. Use "
+            f"it or delete it. If outputs record it, declare its units with p.state({name!r}, units)."
         )
 
 
 def _without_effect(bench: Bench, state: dict[str, Array], names: Sequence[str]) -> set[str]:
-    """Name the inputs on which nothing depends in a state."""
+    """Return the names of inputs without effect in a state."""
 
     def everything(inputs: Array) -> Array:
         kinds = ("residual", "position", "initial", "contact")
@@ -60,7 +62,7 @@ def _without_effect(bench: Bench, state: dict[str, Array], names: Sequence[str])
 
 
 def _state_acts(bench: Bench, state: dict[str, Array], index: int) -> bool:
-    """Whether anything but the rate of an auxiliary state depends on it."""
+    """Return whether a quantity other than the rate of an auxiliary state depends on this state."""
     parameters = bench.parameters(bench.inputs)
     for step in STEPS:
         moved = {**state, "s": state["s"].copy()}
@@ -74,7 +76,7 @@ def _state_acts(bench: Bench, state: dict[str, Array], index: int) -> bool:
 
 
 def _numeric(component: Component, given: set[str]) -> set[str]:
-    """Return the parameters that were given random values."""
+    """Return the parameters with random values."""
     return {
         key
         for key, parameter in component.parameters().items()

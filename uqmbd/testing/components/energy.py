@@ -1,4 +1,4 @@
-"""Where the energy goes: potentials and constraints that do not depend on time neither make nor lose any."""
+"""Conservation of energy by potentials and constraints that do not depend on time."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["check_energy", "is_timeless"]
 
 
 STEP = 1e-5
-"""Of central differences along the motion, s."""
+"""Step of central differences along the motion, s."""
 
 
 def is_timeless(derived: BlockSymbols) -> bool:
-    """Return whether time is in no potential and no constraint, nor a state that changes at rest, which is a clock.
+    """Return whether potentials and constraints contain neither time nor a state that changes at rest (a clock).
 
-    A drive of given speed has such a state, or a constraint between velocities that does not hold at rest; it may do
-    work, as may what depends on time.
+    A drive of given speed has such a state, or a constraint between velocities that is violated at rest. A drive, and
+    components that depend on time, may do work.
     """
     between = [e for e, holonomic in zip(derived.psi, derived.holonomic, strict=True) if not holonomic]
     if any(derived.t in e.free_symbols for e in (derived.potential, *derived.phi, *between, *derived.g)):
@@ -38,17 +38,17 @@ def is_timeless(derived: BlockSymbols) -> bool:
 
 
 def check_energy(bench: Bench, rng: np.random.Generator) -> None:
-    """Compare the power of a component's forces with the change of its potential at a random state.
+    """Compare the power of the forces of a component with the change of its potential at a random state.
 
     A step along the motion, with the rates of coordinates and auxiliary states, gives the change of the potential V and
     the constraints phi. The generalised force of a potential must have the power ``-dV/dt``; the power of a reaction,
-    ``lambda (dpsi/dv) v``, must vanish with ``dphi/dt``. Both hold by derivation, unless an auxiliary state in them has
-    a rate that is not linear in the velocities. Components that depend on time (`is_timeless`) are not checked. Raise
-    AssertionError with the actual and the expected power.
+    ``lambda (dpsi/dv) v``, must vanish with ``dphi/dt``. The derivation guarantees both, unless they contain an
+    auxiliary state with a rate that is not linear in the velocities. Components that depend on time (`is_timeless`) are
+    not checked. Raise AssertionError with the actual and the expected power.
     """
     derived = derive(bench.instance.type)
     if not derived.s or not is_timeless(derived):
-        return  # without auxiliary states there is nothing that could go wrong; what depends on time may do work
+        return  # without auxiliary states no error is possible; components that depend on time may do work
     n, m = len(derived.q), len(derived.phi)
     state, parameters = bench.state(rng), bench.parameters(bench.inputs)
     q, s, v = (state.get(letter, np.zeros((len(parameters), 0))) for letter in "qsv")
@@ -69,14 +69,14 @@ def check_energy(bench: Bench, rng: np.random.Generator) -> None:
     for what, power in powers.items():
         worst = abs(power).max()
         assert worst < 1e-5 * (1 + abs(here).max()), (
-            f"{bench.title}: energy is not conserved: {what} feeds in a power of {worst:.3g} (of a reaction of one, if "
-            "a constraint). Is the rate of each auxiliary state linear in the velocities? If the component is a motor "
-            "or a damper by intention, say so: conservative=False."
+            f"{bench.title}: energy is not conserved: {what} contributes a power of {worst:.3g} W (of a constraint: "
+            "per unit reaction). Make the rate of each auxiliary state linear in the velocities. If the component "
+            "is a motor or a damper, pass conservative=False."
         )
 
 
 def _kernel(instance: Instance) -> Kernel:
-    """Potential, constraints, rates of states, force of the potential, gradient of the constraints."""
+    """Compile potential, constraints, rates of states, force of the potential, and gradient of the constraints."""
     derived = derive(instance.type)
 
     def make() -> Kernel:

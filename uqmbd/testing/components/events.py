@@ -1,4 +1,4 @@
-"""Events that make velocities jump: is their speed the rate of the gap, and do impulses act between the bodies."""
+"""Test events with velocity jumps: their speed is the rate of the gap, and impulses act between the bodies."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["check_events"]
 
 
 STEP = 1e-5
-"""Of central differences along the motion, s."""
+"""Step of central differences along the motion, s."""
 
 
 def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> None:
     """Check the events of a component at random states; raise AssertionError if a speed is not the rate of its gap.
 
-    For components that act `between` bodies alone, a rigid displacement of the whole must not change gaps, speeds and
-    the size of the sliding velocity. Impulses must cancel.
+    For components that act only `between` bodies, a rigid displacement of the whole must not change gaps, speeds and
+    the magnitude of the sliding velocity. Impulses must cancel.
     """
     block, space = bench.instance.type, bench.case.mechanism.space
     if not any(e.directions for e in block.events):
@@ -40,8 +40,8 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
         speed = here["speed"][:, directions[k]]
         error = abs(speed - change[:, k]).max()
         assert error < 1e-6 * (1 + abs(change).max()), (
-            f"{bench.title}: the speed of event {block.events[k].label!r} is {speed}, the rate of its gap by central "
-            f"differences {change[:, k]}. Give Impact the speed p.rate_of(gap)."
+            f"{bench.title}: the speed of event {block.events[k].label!r} is {speed}; central differences of its gap "
+            f"give {change[:, k]}. Pass p.rate_of(gap) as the speed of Impact."
         )
     if not between:
         return
@@ -53,8 +53,8 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
         slope = here["slope"][row].reshape(directions[-1], -1)
         power = abs(slope @ virtual_motions(space, state["q"][row]).T).max()
         assert power < 1e-9 * (1 + abs(slope).max()), (
-            f"{bench.title}: the impulses of its events do not cancel: a speed changes by {power:.2g} where all bodies "
-            "move as one."
+            f"{bench.title}: the impulses of its events do not cancel: in a rigid motion of all bodies, a speed "
+            f"changes by {power:.2g}; expected 0."
         )
     there = _seen(bench, moved, parameters)
     for k in jumps:
@@ -64,8 +64,8 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
         ]
         for name, a, b in zip(("gap", "speed", "sliding velocity"), *pairs, strict=True):
             assert abs(a - b).max() < 1e-9 * (1 + abs(a).max()), (
-                f"{bench.title}: the {name} of event {block.events[k].label!r} changes by {abs(a - b).max():.2g} when "
-                "everything is moved and turned as a whole."
+                f"{bench.title}: the {name} of event {block.events[k].label!r} changes by {abs(a - b).max():.2g} "
+                "when the whole mechanism is translated and rotated; expected no change."
             )
 
 
@@ -74,7 +74,7 @@ def _length(x: Array) -> Array:
 
 
 def _seen(bench: Bench, state: dict[str, Array], parameters: Array) -> dict[str, Array]:
-    """Guards (K, event), speeds (K, direction) and slopes (K, direction * coordinate)."""
+    """Return guards (K, event), speeds (K, direction) and slopes (K, direction * coordinate)."""
     block, targets = bench.instance.type, bench.kernel("contact")[1]
     directions = sum(len(e.directions) for e in block.events)
     count = len(parameters)

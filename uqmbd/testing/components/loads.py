@@ -1,4 +1,4 @@
-"""Forces and constraints of a component at one state, and random states at which its constraints hold."""
+"""Forces and constraints of a component at one state, and random states that satisfy the constraints."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Loads:
 
     force: Array  # (n,) generalised force of potentials and virtual work on the coordinates of its bodies
     gradient: Array  # (m, n) ``d psi / d v`` of its constraints: reactions are combinations of its rows
-    violation: Array  # (m,) constraints of positions; zero for those between velocities alone
-    rate: Array  # (m,) their rates, and constraints between velocities
+    violation: Array  # (m,) constraints of positions; zero for constraints only between velocities
+    rate: Array  # (m,) rates of the constraints of positions, and constraints between velocities
 
 
 def _kernel(instance: Instance) -> Kernel:
@@ -47,7 +47,7 @@ def loads_at(instance: Instance, q: Array, s: Array, v: Array, time: float, para
 
 
 def feasible_state(bench: Bench, parameters: Array, rng: np.random.Generator) -> tuple[Array, Array, Array, float]:
-    """Return a random state of the component's bodies at which its constraints hold (Gauss-Newton, several starts)."""
+    """Return a random state of the bodies that satisfies the constraints (Gauss-Newton, several starts)."""
     instance, space, n = bench.instance, bench.case.mechanism.space, bench.instance.type.coordinates
     for _ in range(50):
         q = random_coordinates(space, rng, 1, len(instance.bodies))[0]
@@ -64,10 +64,10 @@ def feasible_state(bench: Bench, parameters: Array, rng: np.random.Generator) ->
                 rows.append(norms.reshape(len(parts), -1))
                 violation.append((parts**2).sum(axis=1) - 1)
             q = q - np.linalg.lstsq(np.concatenate(rows), np.concatenate(violation), rcond=1e-10)[0]
-    raise AssertionError(f"{bench.title}: no state was found at which its constraints hold.")
+    raise AssertionError(f"{bench.title}: the check found no state that satisfies its constraints.")
 
 
 def _normalised(space: Space, q: Array) -> bool:
-    """Whether all quaternions have length one."""
+    """Return whether all quaternions have length one."""
     e = q.reshape(-1, space.size)[:, space.dimension :]
     return not space.turns or bool(abs((e**2).sum(axis=1) - 1).max() < 1e-12)

@@ -1,4 +1,4 @@
-"""A component in whole studies: every method, on one small mechanism, tells the same."""
+"""Test a component in complete studies: every method must give the same results for one small mechanism."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from uqmbd.testing.propagators import check_schema, described, quiet, stated_err
 __all__ = ["cheap", "check_studies"]
 
 POSES = 20
-"""Random poses that are tried until one can be assembled."""
+"""Maximum number of random poses in the search for a pose that can be assembled."""
 
 LOOSE = 0.1
-"""Difference of two methods, over the standard deviation, that is allowed beside what they state."""
+"""Allowed difference of two methods, relative to the standard deviation, in addition to their stated errors."""
 
 RTOL = 1e-7
 
 
 def cheap(propagator: str | Propagator) -> Propagator:
-    """Return a propagator with low-cost settings; a propagator object unchanged.
+    """Return a propagator with low-cost settings; return a propagator object unchanged.
 
     >>> cheap("collocation").order, cheap("monte-carlo").samples
     (1, 20)
@@ -53,12 +53,12 @@ def check_studies(
     *,
     conservative: bool = True,
 ) -> None:
-    """Run a study of a small mechanism with the component by each propagator, by default all that are installed.
+    """Run a study of a small mechanism with the component by each propagator, by default all installed ones.
 
-    One body hangs on the component, which is attached to the ground, and moves under gravity for a tenth of a second.
-    Where the component has potentials and constraints only, independent of time, the energy must be constant
-    (`conservative`). Other arguments are those of `cases`. Raise AssertionError if a method fails, violates the schema,
-    or differs from another.
+    The component is attached to the ground and to one body, which moves under gravity for 0.1 s. If the component has
+    only potentials and constraints that do not depend on time, the energy must be constant (`conservative`). The module
+    `cases` documents other arguments. Raise AssertionError if a method fails, violates the schema, or differs from
+    another method.
     """
     chosen = [cheap(p) for p in (sorted(plugins.propagators()) if propagators is None else propagators)]
     title = f"{name_of(component, space)}, in a study"
@@ -71,7 +71,7 @@ def check_studies(
         what = f"{title} with {described(propagator)}"
         with quiet():
             if propagator.obstacle(study):
-                continue  # a method that says that it cannot is no fault of the component
+                continue  # the obstacle of a method is not an error of the component
             try:
                 node = study.propagate(propagator)
             except Exception as error:
@@ -83,7 +83,7 @@ def check_studies(
 
 
 def _possible(make: Callable[[], ComponentCase], title: str, *, conservative: bool) -> Study:
-    """Return a study that can be assembled and moves over the whole range of its inputs."""
+    """Return a study with successful assembly and motion over the whole range of its inputs."""
     reason = ""
     for _ in range(POSES):
         case = make()
@@ -107,7 +107,9 @@ def _possible(make: Callable[[], ComponentCase], title: str, *, conservative: bo
             if conservative and _is_conservative(case):
                 _check_energy(ensemble.energies(study.times, trajectories.states), title)
             return study
-    raise AssertionError(f"{title}: none of {POSES} random poses can be assembled and moves: {reason}")
+    raise AssertionError(
+        f"{title}: the check found no random pose, out of {POSES}, that can be assembled and that moves: {reason}"
+    )
 
 
 def _is_conservative(case: ComponentCase) -> bool:
@@ -116,19 +118,20 @@ def _is_conservative(case: ComponentCase) -> bool:
 
 
 def _check_energy(energy: np.ndarray[Any, np.dtype[np.float64]], title: str) -> None:
-    """Compare the sum of kinetic and potential energy, shape (K, 2, T), with that at the start."""
+    """Compare the sum of kinetic and potential energy, shape (K, 2, T), with its initial value."""
     total = energy.sum(axis=1)
     change = np.abs(total - total[:, :1]).max()
-    # within some hundred tolerances, of what goes back and forth between the two
+    # within 1000 tolerances of the exchanged energy
     allowed = 1000 * RTOL * max(1.0, np.abs(energy).max())
     assert change < allowed, (
         f"{title}: energy is not conserved: it changes by {change:.3g} J of {np.abs(energy).max():.3g} J in 0.1 s, "
-        "with potentials and constraints only, and no time in them. If that is intended: conservative=False."
+        "although the component has only time-independent potentials and constraints. If this is intended, pass "
+        "conservative=False."
     )
 
 
 def _compare(found: Mapping[str, Any]) -> None:
-    """Compare each method with the first that makes a surrogate, or else the first."""
+    """Compare each method with the first method that makes a surrogate, otherwise with the first method."""
     if len(found) < 2:
         return
     first = next((what for what, node in found.items() if surrogate_parts(node)), next(iter(found)))
@@ -139,14 +142,15 @@ def _compare(found: Mapping[str, Any]) -> None:
         statistics, errors = node.children["statistics"].to_dataset(), stated_errors(node)
         for k, name in enumerate(("mean", "std")):
             if name == "std" and not surrogate_parts(node) and "std_error_std" not in statistics:
-                continue  # a method that says nothing of its error, and perhaps of the spread neither
+                continue  # the method states no error, and possibly no spread
             a, b = statistics[name].values, reference[name].values
             size = np.abs(reference["mean"]).max("time").values[:, None]
             allowed = LOOSE * scale + errors[k] + known[k] + 100 * RTOL * (1 + size)
             error = np.abs(a - b)
             worst = np.unravel_index(int(np.argmax(error / allowed)), error.shape)
             assert error[worst] <= allowed[worst], (
-                f"{what}: its {name} of {str(reference['output'].values[worst[0]])!r} at "
-                f"{reference['time'].values[worst[1]]:g} s is {a[worst]:.6g}, that of {first.rpartition(' with ')[2]} "
-                f"{b[worst]:.6g}; the difference {error[worst]:.2g} exceeds {allowed[worst]:.2g}."
+                f"{what}: the {name} of {str(reference['output'].values[worst[0]])!r} at "
+                f"{reference['time'].values[worst[1]]:g} s is {a[worst]:.6g}; the reference method "
+                f"{first.rpartition(' with ')[2]} gives {b[worst]:.6g}. The difference {error[worst]:.2g} exceeds "
+                f"the allowed {allowed[worst]:.2g}."
             )

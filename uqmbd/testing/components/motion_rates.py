@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,11 +16,11 @@ from uqmbd.typing import Array
 __all__ = ["check_motion_rates"]
 
 STEP = 1e-5
-"""Of central differences, s."""
+"""Step of central differences, s."""
 
 
 class MotionRate(NamedTuple):
-    """One motion quantity: its value up to whole turns, its stated rate, and the rate of its value."""
+    """Motion quantity: value up to whole turns, stated rate, and rate of the value."""
 
     name: str
     value: float
@@ -30,10 +30,10 @@ class MotionRate(NamedTuple):
 
 
 def check_motion_rates(bench: Bench, row: int, q: Array, v: Array, gradient: Array, rng: np.random.Generator) -> None:
-    """Check that stated rates are those of angles and displacements, independent of the pose of the whole mechanism.
+    """Check the stated rates of angles and displacements, and their independence from the pose of the mechanism.
 
-    q and v are a state of realisation `row` at which the constraints hold; `gradient` is theirs, (m, n). Raise
-    AssertionError otherwise.
+    q and v are a state of realisation `row` that satisfies the constraints; `gradient` (m, n) is the gradient of the
+    constraints. Raise AssertionError if the check fails.
     """
     if not motion_quantities(bench.case.component):
         return
@@ -46,55 +46,74 @@ def check_motion_rates(bench: Bench, row: int, q: Array, v: Array, gradient: Arr
             norms[k, part] = q[part]
         rows = np.concatenate([gradient, norms])
     v = v - np.linalg.lstsq(rows, rows @ v, rcond=1e-10)[0] if len(rows) else v
-    here = list(_values(bench, row, q, v))
+    compiled = _compile(bench, row)
+    here = list(compiled.values(q, v))
     turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
-    there = list(_values(bench, row, displaced(space, turn, q, shift), displaced(space, turn, v)))
+    there = list(compiled.values(displaced(space, turn, q, shift), displaced(space, turn, v)))
     between = bench.case.free and len(bench.case.component.bodies) > 1
     for one, other in zip(here, there, strict=True):
-        assert np.isfinite([one.value, one.stated]).all(), f"{bench.title}: its {one.name} is no number: {one.value}."
+        assert np.isfinite([one.value, one.stated]).all(), (
+            f"{bench.title}: its {one.name} evaluates to {one.value}; expected a finite number."
+        )
         error = abs(one.stated - one.derived)
         assert error < 1e-6 * (1 + abs(one.derived)), (
-            f"{bench.title}: the stated rate of its {one.name} is {one.stated:.6g}, and its {one.name} changes at "
-            f"{one.derived:.6g}; leave rate= out, and it is derived."
+            f"{bench.title}: the declared rate of its {one.name} is {one.stated:.6g}, but the derivative of its "
+            f"{one.name} is {one.derived:.6g}. Omit rate=; the rate is then derived automatically."
         )
         change = other.value - one.value
         change -= one.period * round(change / one.period) if one.period else 0.0
         assert not between or abs(change) < 1e-6 * (1 + abs(one.value)), (
-            f"{bench.title}: its {one.name} changes by {change:.2g} when everything is moved and turned as a whole."
+            f"{bench.title}: its {one.name} changes by {change:.2g} when the whole mechanism is translated and "
+            "rotated; expected no change."
         )
 
 
-def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[MotionRate]:
-    """Yield the motion quantities as numbers; rates of values by central differences."""
-    size = bench.case.mechanism.space.size
+class _Compiled(NamedTuple):
+    """Compiled motion quantities of one realisation."""
+
+    quantities: list[tuple[str, int]]  # name, and number of parts of an angle; 0 for a displacement
+    function: Callable[
+        ..., list[float]
+    ]  # functions of poses and velocities of all bodies: rate, and cosine and sine or value
+    size: int  # number of coordinates of a body
+
+    def at(self, q: Array, v: Array) -> Array:
+        """Evaluate the quantities at poses q and velocities v."""
+        pairs = zip(q.reshape(-1, self.size), v.reshape(-1, self.size), strict=True)
+        return np.array(self.function(*(x for pair in pairs for part in pair for x in part)), dtype=float)
+
+    def values(self, q: Array, v: Array) -> Iterator[MotionRate]:
+        """Yield the motion quantities as numbers, with rates of values by central differences."""
+        values = iter(self.at(q, v))
+        rates = iter((self.at(q + STEP * v, v) - self.at(q - STEP * v, v)) / (2 * STEP))
+        for name, parts in self.quantities:
+            stated, _ = next(values), next(rates)
+            if parts:
+                (c, dc), (s, ds) = ((next(values), next(rates)) for _ in range(2))
+                derived = parts * (c * ds - s * dc) / (c**2 + s**2)
+                yield MotionRate(name, parts * float(np.arctan2(s, c)), stated, derived, 2 * np.pi)
+            else:
+                yield MotionRate(name, next(values), stated, next(rates), 0.0)
+
+
+def _compile(bench: Bench, row: int) -> _Compiled:
+    """Compile the motion quantities of realisation `row`.
+
+    SymPy compiles all expressions at once, independently of kernels, because they share most of their terms.
+    """
     symbols = [x for body in bench.instance.bodies for x in (*body.q, *body.v)]
     inputs = dict(zip(bench.case.mechanism.inputs.variables, map(sympy.Float, bench.inputs[row]), strict=True))
-
-    def function(e: Any, constants: Mapping[sympy.Symbol, Any] | None = None) -> Callable[[Array], float]:
-        known = {k: as_symbolic(x).xreplace(inputs).evalf() for k, x in (constants or {}).items()}
-        compiled = sympy.lambdify(symbols, as_symbolic(e).xreplace({**inputs, **known}))
-
-        def at(place: Array) -> float:
-            parts = zip(place.reshape(-1, size), v.reshape(-1, size), strict=True)
-            return float(compiled(*(x for pair in parts for part in pair for x in part)))
-
-        return at
-
-    def rate(f: Callable[[Array], float]) -> float:
-        return (f(q + STEP * v) - f(q - STEP * v)) / (2 * STEP)
-
     found = motion_quantities(bench.case.component)
+    quantities: list[tuple[str, int]] = []
+    expressions: list[Any] = []
     for name, motion in bench.case.component.motion().items():
         if motion is None:
             continue
         value = found[name][0]
-        if isinstance(value, AngleSymbol):
-            angle = value.angle
-            speed = function(angle.rate, angle.constants)(q)
-            cosine, sine = (function(x, angle.constants) for x in (angle.cosine, angle.sine))
-            c, s = cosine(q), sine(q)
-            derived = angle.parts * (c * rate(sine) - s * rate(cosine)) / (c**2 + s**2)
-            yield MotionRate(name, angle.parts * float(np.arctan2(s, c)), speed, derived, 2 * np.pi)
-        else:
-            displacement = function(value)
-            yield MotionRate(name, displacement(q), function(found[motion.speed][0])(q), rate(displacement), 0.0)
+        angle = value.angle if isinstance(value, AngleSymbol) else None
+        parts = (found[motion.speed][0], value) if angle is None else (angle.rate, angle.cosine, angle.sine)
+        constants = {} if angle is None else angle.constants
+        known = {k: as_symbolic(x).xreplace(inputs).evalf() for k, x in constants.items()}
+        expressions += [as_symbolic(x).xreplace({**inputs, **known}) for x in parts]
+        quantities.append((name, angle.parts if angle else 0))
+    return _Compiled(quantities, sympy.lambdify(symbols, expressions, cse=True), bench.case.mechanism.space.size)

@@ -1,8 +1,8 @@
-"""Do the units of a component's parameters fit its terms: energies in J, work in W, sums of one dimension."""
+"""Test the units of parameters against the terms of a component: energies in J, power in W, sums of equal units."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import sympy
@@ -21,13 +21,13 @@ from uqmbd.mechanism import (
     as_symbolic,
 )
 from uqmbd.mechanism.expressions import flatten, mismatches, t, units_of
-from uqmbd.units import read_units
+from uqmbd.units import PURE, TABLE, read_units
 
 __all__ = ["check_units"]
 
 
 class _Stated(sympy.Dummy):
-    """Symbol of a number whose units are stated."""
+    """Symbol of a number with stated units."""
 
     units: str = ""
 
@@ -38,9 +38,10 @@ class _Stated(sympy.Dummy):
 def check_units(title: str, component: Component, space: Space) -> None:
     """Check the units of terms of a component in a mechanism with this space.
 
-    Raise AssertionError if a dimension is wrong. The test omits terms in which no parameter has other units than m (a
-    stiffness of one is not written). It omits powers whose exponent is a parameter (the units of their factor depend on
-    it), and components with a law of the user. A state without stated units is in the units of its rate, times seconds.
+    Raise AssertionError if a dimension is wrong. The test omits terms without a parameter in other units than m, such
+    as a term with an implicit stiffness of one. It also omits powers with a parameter as exponent, which affects the
+    units of their factor, and components with a law of the user. A state without stated units has the units of its
+    rate times seconds.
     """
     declared = component.parameters()
     options = [component.values.get(key) for key, parameter in declared.items() if parameter.kind == "option"]
@@ -48,23 +49,25 @@ def check_units(title: str, component: Component, space: Space) -> None:
         return
     values = {key: _symbols(key, x, declared.get(key)) for key, x in component.values.items()}
     frames = {
-        role: Frame(space, body.q, body.v) if isinstance(body, Body) else Frame(space)
+        role: Frame(space, _rotated(body.q, "1"), _rotated(body.v, "1/s")) if isinstance(body, Body) else Frame(space)
         for role, body in component.attached.items()
     }
     local = Local(space, frames, values, t)
     terms, _ = component.stated(local)
     states = {symbol: _stated(name, local.units[name]) for name, symbol in local.states.items()}
     named = _named(title, local, states)
-    for term in terms:  # a state without stated units has those of its rate times seconds
+    for term in terms:  # a state without stated units has the units of its rate times seconds
         if isinstance(term, Auxiliary) and not states[term.state].units:
-            units = units_of(as_symbolic(term.rate).xreplace(named) * _SECOND)
+            units = units_of(as_symbolic(term.rate).xreplace(named) * _SECOND, exact=True)
             states[term.state] = _stated(states[term.state].name, units)
     named = _named(title, local, states)
     for term in terms:
         for what, expression, units in _claims(term, states):
             inserted = expression.xreplace(named)
             symbols = expression.free_symbols | _within(expression, local)
-            if _tells(symbols | {states[s] for s in symbols & set(states)}, [*values.values(), *states.values()]):
+            if _tells(
+                inserted, symbols | {states[s] for s in symbols & set(states)}, [*values.values(), *states.values()]
+            ):
                 _require(title, what, inserted, units)
 
 
@@ -73,8 +76,8 @@ def _named(title: str, local: Local, states: dict[sympy.Symbol, _Stated]) -> dic
     named: dict[sympy.Basic, sympy.Basic] = dict(states)
     for symbol, (kind, expression) in local.quantities.items():
         expression = expression.xreplace(named)
-        _require(title, f"what is named {symbol.name!r}", expression, "")
-        units = units_of(expression)
+        _require(title, f"the named quantity {symbol.name!r}", expression, "")
+        units = units_of(expression, exact=True)
         if units and kind == "rate":
             units = "1/s" if units == "1" else f"({units})/s" if "/" in units else f"{units}/s"
         named[symbol] = _stated(str(symbol.name), units)
@@ -82,7 +85,7 @@ def _named(title: str, local: Local, states: dict[sympy.Symbol, _Stated]) -> dic
 
 
 def _claims(term: object, states: dict[sympy.Symbol, _Stated]) -> Iterator[tuple[str, sympy.Expr, str]]:
-    """Yield what a term holds, what it is, and in what it has to be."""
+    """Yield, for each part of a term, its name, its expression, and its required units."""
     match term:
         case Auxiliary(state, rate, initial):
             yield (
@@ -92,9 +95,9 @@ def _claims(term: object, states: dict[sympy.Symbol, _Stated]) -> Iterator[tuple
             )
             yield f"the initial value of the state {states[state].name!r}", as_symbolic(initial), states[state].units
         case Potential(energy):
-            yield "the energy of a Potential", as_symbolic(energy), "J"
+            yield "the potential energy of a Potential", as_symbolic(energy), "J"
         case Kinetic(energy):
-            yield "the energy of a Kinetic", as_symbolic(energy), "J"
+            yield "the kinetic energy of a Kinetic", as_symbolic(energy), "J"
         case VirtualWork(force, velocity):
             for f, v in zip(flatten(force), flatten(velocity), strict=True):
                 yield "force times velocity of a VirtualWork", as_symbolic(f) * as_symbolic(v), "W"
@@ -104,7 +107,7 @@ def _claims(term: object, states: dict[sympy.Symbol, _Stated]) -> Iterator[tuple
 
 
 def _within(expression: sympy.Expr, local: Local) -> set[Any]:
-    """Return the symbols of what named quantities in an expression stand for."""
+    """Return the symbols in the definitions of named quantities of an expression."""
     found: set[Any] = set()
     left = [s for s in expression.atoms(sympy.Symbol) if s in local.quantities]
     while left:
@@ -115,31 +118,48 @@ def _within(expression: sympy.Expr, local: Local) -> set[Any]:
     return found
 
 
-def _tells(symbols: set[Any], values: Any) -> bool:
-    """Whether there is a parameter with units that are neither lengths nor pure numbers: else a number is left out."""
-    own = {x for value in values for x in flatten(value) if isinstance(x, _Stated) and x.units}
-    plain = {unit.dimension for x in ("m", "1") if (unit := read_units(x)) is not None}
-    return any((unit := read_units(x.units)) is not None and unit.dimension not in plain for x in own & symbols)
+def _tells(term: sympy.Expr, symbols: set[Any], values: Any) -> bool:
+    """Return whether a term contains no implicit number with units, as far as its parameters and states show.
+
+    Either one of them has units other than m and 1, or one is a factor of the term, or of its reciprocal.
+    """
+    plain = {TABLE["m"].dimension, PURE}
+    for x in symbols & {x for value in values for x in flatten(value) if isinstance(x, _Stated)}:
+        unit = read_units(x.units)
+        if unit is not None and (unit.dimension not in plain or _is_factor(x, term)):
+            return True
+    return False
+
+
+def _is_factor(symbol: _Stated, term: sympy.Expr) -> bool:
+    """Return whether a term vanishes with a symbol, or with its reciprocal."""
+    zero = {symbol: sympy.S.Zero}
+    return any(x.xreplace(zero) == 0 for x in (term, term.xreplace({symbol: 1 / symbol})))
 
 
 def _require(title: str, what: str, expression: sympy.Expr, units: str) -> None:
     given = sorted(
         {(str(s.name).partition("[")[0], s.units) for s in expression.free_symbols if isinstance(s, _Stated)}
     )
-    stated = f"Stated are {', '.join(f'{name} in {own}' for name, own in given if own)}."
+    stated = f"The declared units are {', '.join(f'{name} in {own}' for name, own in given if own)}."
     if all(power.exp.is_number for power in expression.atoms(sympy.Pow)):
-        wrong = mismatches(f"{title}: {what}", expression, units)
+        wrong = mismatches(f"{title}: {what}", expression, units, exact=True)
         assert not wrong, f"{wrong[0].text} {stated}"
 
 
 def _symbols(key: str, value: Any, parameter: Any) -> Any:
-    """Return symbols for a value of a parameter; what `prepare` adds has units that nobody states."""
+    """Return symbols for a value of a parameter; values that `prepare` adds have unknown units."""
     if value is None or (parameter is not None and parameter.kind == "option"):
         return value
     units = parameter.units if parameter is not None else ""
     if isinstance(value, tuple):
         return sympy.Matrix([_stated(f"{key}[{k}]", units) for k in range(len(value))]) if value else ()
     return _stated(key, units)
+
+
+def _rotated(symbols: Sequence[Any], units: str) -> list[Any]:
+    """Return coordinates or velocities of a body; quaternions, which have no units in studies, have these units."""
+    return [x if x.units else _stated(x.name, units) for x in symbols]
 
 
 def _stated(name: str, units: str) -> _Stated:
@@ -149,4 +169,4 @@ def _stated(name: str, units: str) -> _Stated:
 
 
 _SECOND = _stated("s", "s")
-"""One second, by which rates are multiplied."""
+"""One second, the factor of rates."""

@@ -1,4 +1,4 @@
-"""Does an integrator do what studies expect of it: right motions, failures told, and all that it declares."""
+"""Test an integrator against the requirements of studies: correct motions, reported failures, declared capabilities."""
 
 from __future__ import annotations
 
@@ -25,46 +25,47 @@ RTOLS = (1e-4, 1e-6, 1e-8)
 RTOL = 1e-6
 
 ORDER = 1e-9
-"""Change by the order of realisations that is taken as rounding, over their size."""
+"""Change by the order of realisations that counts as rounding, relative to their magnitude."""
 
 
 def check_integrator(
     integrator: type[Integrator], *, tolerance: float = 100.0, rtols: tuple[float, ...] = RTOLS
 ) -> None:
-    """Check an integrator on small mechanisms whose motions are known in closed form.
+    """Check an integrator on small mechanisms with closed-form motions.
 
-    - *protocol*: it has a name, is made without arguments, and declares capabilities by True or False.
-    - *accuracy*: a thrown stone, an oscillator and a pendulum are right within a multiple of ``rtol``, and the error
-      falls with it; output times, which are not evenly spaced, are met exactly; the start is that of the ensemble.
-    - *constraints*: states keep to the constraints.
+    - *protocol*: the integrator has a name, is made without arguments, and declares capabilities by True or False.
+    - *accuracy*: the errors of a thrown stone, an oscillator and a pendulum are within a multiple of ``rtol``, and
+      decrease with it. Results are exactly at the output times, which are not evenly spaced. The start agrees with the
+      ensemble.
+    - *constraints*: states satisfy the constraints.
     - *reproducibility*: the same ensemble gives the same bits.
-    - *independence*: the motion of a realisation does not depend on what else is in the ensemble: its order and copies
-      change nothing, and alone it changes by a tenth of the allowed error at the smallest tolerance.
-    - *failures*: realisations that cannot be assembled, or cannot go on, have a message and are NaN from there on; the
-      others are right.
-    - *counters*: they tell what the integration cost.
-    - *bounded_steps*: the integration restarts where forces jump, and respects the longest step.
+    - *independence*: the motion of a realisation does not depend on others in the ensemble. Order and copies have no
+      effect; a separate integration changes it by at most a tenth of the allowed error at the smallest tolerance.
+    - *failures*: realisations whose assembly or integration fails have a message, and are NaN afterwards; the others
+      are correct.
+    - *counters*: the counters state the cost of the integration.
+    - *bounded_steps*: the integration restarts at jumps of forces, and respects the longest step.
     - *events*: a ball bounces in time, and the times of its impacts are returned.
     - *sampled_control*: a controller that pushes a body is sampled in time; with *events* also across its impacts.
-    - *segments*: the segments of that motion are those between its impacts.
-    - *releases_gil*: ensembles that are integrated in several threads at once give the same bits as one after another.
-    - *projected*: coefficients are those of the motions at the nodes; *stoppable*: it stops where it is asked to.
+    - *segments*: the segments of the motion of the ball are between its impacts.
+    - *releases_gil*: simultaneous integrations of ensembles in several threads give the same bits as consecutive ones.
+    - *projected*: coefficients agree with the motions at the nodes; *stoppable*: the integration stops on request.
 
-    The last six are checked only where the integrator declares them in its `Capabilities`.
+    The last six are checked only if the integrator declares them in its `Capabilities`.
 
     Parameters
     ----------
     integrator : type
-        A class as that which a plugin offers.
+        Class with the interface of an integrator of a plugin.
     tolerance : float
-        Errors that are allowed, over ``rtol`` and the largest value of an output over time.
+        Allowed errors, relative to the product of ``rtol`` and the largest value of an output over time.
     rtols : tuple of float
-        Tolerances for *accuracy*, falling.
+        Decreasing tolerances for *accuracy*.
 
     Raises
     ------
     AssertionError
-        If a property is broken; the message names it, with the case and the numbers.
+        If a property is violated; the message states the property, the case and the numbers.
 
     Examples
     --------
@@ -108,7 +109,7 @@ class _IntegratorUnderTest:
 
     @contextmanager
     def unbroken(self, prop: str, case: str) -> Iterator[None]:
-        """Turn what it raises into a broken property."""
+        """Convert an exception in the context to a violated property."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -128,27 +129,28 @@ class _IntegratorUnderTest:
         )
         shape = (len(ensemble), len(times), ensemble.model.layout.width)
         assert np.shape(found.states) == shape, (
-            f"{what}: states have the shape {np.shape(found.states)}; expected {shape}: realisation, time, and "
-            "coordinates, auxiliary states and velocities."
+            f"{what}: states have the shape {np.shape(found.states)}; expected {shape}. The axes are realisation, "
+            "time, and state (coordinates, auxiliary states, velocities)."
         )
         assert len(found.messages) == shape[0] and all(isinstance(m, str) for m in found.messages), (
-            f"{what}: messages are {found.messages!r:.100}; expected {shape[0]} texts, empty where all went well."
+            f"{what}: messages are {found.messages!r:.100}; expected {shape[0]} strings, one for each realisation, "
+            "empty if its integration succeeded."
         )
-        assert np.array_equal(found.times, times), f"{what}: times are {found.times}; expected {times}."
+        assert np.array_equal(found.times, times), f"{what}: the returned times are {found.times}; expected {times}."
         return found
 
     def run(self, form: ClosedForm, prop: str, rtol: float = RTOL) -> Trajectories:
-        """Integrate all realisations of a case, which succeed."""
+        """Integrate all realisations of a case, and require success."""
         found = self.integrated(form.ensemble(), form.times, prop, form.name, rtol)
         wrong = [k for k, message in enumerate(found.messages) if message]
         assert not wrong, (
-            f"{self.title}: {prop}: {form.name}: realisation {wrong[0]} failed: {found.messages[wrong[0]]!r}; expected "
-            "a motion to the last time."
+            f"{self.title}: {prop}: {form.name}: realisation {wrong[0]} failed: {found.messages[wrong[0]]!r}; "
+            "expected a trajectory up to the last time."
         )
         return found
 
     def right(self, form: ClosedForm, prop: str, found: Trajectories, rtol: float = RTOL) -> float:
-        """Hold outputs against the closed form; return the largest error over the size of the outputs."""
+        """Compare outputs with the closed form; return the largest error relative to the magnitude of the outputs."""
         expected = form.expected()
         response = form.ensemble().outputs(form.times, found.states)
         size = np.nanmax(np.abs(expected), axis=2, keepdims=True)
@@ -157,17 +159,20 @@ class _IntegratorUnderTest:
         k, output, time = np.unravel_index(int(np.argmax(error)), error.shape)
         worst = float(error[k, output, time])
         assert worst <= self.tolerance * rtol, (
-            f"{self.title}: {prop}: {form.name}: with rtol={rtol:g} the {form.model.outputs.names[output]} is "
-            f"{response[k, output, time]:.10g} at t = {form.times[time]:g} s; expected "
-            f"{expected[k, output, time]:.10g}, within {self.tolerance * rtol:.1g} of its size (error: {worst:.1g})."
+            f"{self.title}: {prop}: {form.name}: with rtol={rtol:g} the "
+            f"{form.model.outputs.names[output]} is {response[k, output, time]:.10g} at t = "
+            f"{form.times[time]:g} s; expected {expected[k, output, time]:.10g}, with a relative error "
+            f"of at most {self.tolerance * rtol:.1g} (error: {worst:.1g})."
         )
         return worst
 
 
 def _check_protocol(integrator: Any) -> Capabilities:
-    """Check what can be seen without integrating; return the declared capabilities."""
+    """Check properties that require no integration; return the declared capabilities."""
     shown = getattr(integrator, "__name__", repr(integrator))
-    assert isinstance(integrator, type), f"{shown}: protocol: it is no class; expected one with a method integrate."
+    assert isinstance(integrator, type), (
+        f"{shown}: protocol: the argument is not a class; expected a class with a method integrate."
+    )
     name = getattr(integrator, "name", None)
     assert isinstance(name, str) and name and "/" not in name, (
         f"{shown}: protocol: its class attribute `name` is {name!r}; expected a string without '/'."
@@ -181,7 +186,9 @@ def _check_protocol(integrator: Any) -> Capabilities:
     try:
         integrator()
     except TypeError as error:
-        raise AssertionError(f"integrator {name!r}: protocol: it cannot be made without arguments: {error}") from error
+        raise AssertionError(
+            f"integrator {name!r}: protocol: the class cannot be instantiated without arguments: {error}"
+        ) from error
     return able
 
 
@@ -194,7 +201,7 @@ def _check_accuracy(subject: _IntegratorUnderTest, form: ClosedForm, rtols: tupl
         off = float(np.abs(found.states[:, 0] - start).max())
         assert off <= 1e-9, (
             f"{subject.title}: accuracy: {form.name}: the states at the first time differ from ensemble.start by "
-            f"{off:.2g}; expected the same."
+            f"{off:.2g}; expected equal states."
         )
         errors.append(subject.right(form, "accuracy", found, rtol))
         texts = off_constraints(ensemble, form.times, found.states, rtol)
@@ -203,17 +210,19 @@ def _check_accuracy(subject: _IntegratorUnderTest, form: ClosedForm, rtols: tupl
     least = max(errors[0] / 30, 10 * rtols[-1])
     assert errors[-1] <= least, (
         f"{subject.title}: accuracy: {form.name}: the error falls from {errors[0]:.2g} with rtol={rtols[0]:g} to "
-        f"{errors[-1]:.2g} with rtol={rtols[-1]:g}; expected {least:.2g} at most: is rtol used?"
+        f"{errors[-1]:.2g} with rtol={rtols[-1]:g}; expected at most {least:.2g}. Use the argument rtol for the "
+        "error control."
     )
 
 
 def _check_counters(subject: _IntegratorUnderTest, case: str, counters: Any) -> None:
     assert isinstance(counters, Counters), (
-        f"{subject.title}: counters: {case}: they are {counters!r:.100}; expected uqmbd.extend.Counters."
+        f"{subject.title}: counters: {case}: the attribute 'counters' is {counters!r:.100}; expected "
+        "uqmbd.extend.Counters."
     )
     assert max(counters.steps, counters.residuals, counters.accelerations) > 0, (
-        f"{subject.title}: counters: {case}: steps, residuals and accelerations are all 0; expected at least one of "
-        "them, uqmbd.extend.Counters(steps=...)."
+        f"{subject.title}: counters: {case}: steps, residuals and accelerations are all 0. Return at least one of "
+        "them, e.g. uqmbd.extend.Counters(steps=...)."
     )
 
 
@@ -221,15 +230,15 @@ def _check_reproducibility(subject: _IntegratorUnderTest, form: ClosedForm) -> N
     first, second = (subject.run(form, "reproducibility").states for _ in range(2))
     assert np.array_equal(first, second), (
         f"{subject.title}: reproducibility: {form.name}: the second run differs from the first by "
-        f"{np.abs(first - second).max():.2g}; expected the same bits."
+        f"{np.abs(first - second).max():.2g}; expected results that agree bit for bit."
     )
 
 
 def _check_independence(subject: _IntegratorUnderTest, form: ClosedForm, rtol: float) -> None:
-    """Compare realisations with those that are integrated in another order, several times, and alone.
+    """Compare realisations with integrations in another order, with copies, and separately.
 
-    The order and copies must not matter. Alone, an integrator that takes common steps may take others, so that the
-    change is a part of what the smallest tolerance `rtol` allows; one that does not leak has none.
+    Order and copies must have no effect. In a separate integration, an integrator with common steps may take other
+    steps. The change must be a part of the allowed error at the smallest tolerance `rtol`.
     """
     own = np.arange(len(form.values))
     changes = {
@@ -244,13 +253,13 @@ def _check_independence(subject: _IntegratorUnderTest, form: ClosedForm, rtol: f
         change = float(np.abs(found - together[at][members]).max() / np.abs(together[at]).max())
         assert change <= allowed, (
             f"{subject.title}: independence: {form.name}: integrated {how} with rtol={at:g}, realisations change by "
-            f"{change:.2g} of their size; expected {allowed:.1g} at most. Does something of one realisation, "
-            "such as its last step or its Jacobian, enter another one?"
+            f"{change:.2g}, relative to the largest state; expected at most {allowed:.1g}. Data of one realisation, "
+            "such as its last step or its Jacobian, must not affect another one."
         )
 
 
 def _check_threads(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
-    """Integrate in several threads at once what was integrated before."""
+    """Repeat an integration simultaneously in several threads."""
     alone = subject.run(form, "releases_gil").states
     with ThreadPoolExecutor(4) as executor:
         ensembles = [form.ensemble() for _ in range(8)]
@@ -259,30 +268,35 @@ def _check_threads(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
             others = [one.result().states for one in work]
     differ = [other for other in others if not np.array_equal(other, alone)]
     assert not differ, (
-        f"{subject.title}: releases_gil: {form.name}: in several threads at once states differ by "
-        f"{np.abs(differ[0] - alone).max():.2g} from those that are integrated alone; expected the same bits."
+        f"{subject.title}: releases_gil: {form.name}: integrations in several concurrent threads "
+        f"differ by {np.abs(differ[0] - alone).max():.2g} from an integration in one thread; expected "
+        "states that agree bit for bit."
     )
 
 
 def _check_assembly_failures(subject: _IntegratorUnderTest) -> None:
-    """Integrate an ensemble some of whose realisations cannot be assembled."""
+    """Integrate an ensemble in which some realisations cannot be assembled."""
     study = fragile(0.8, 1.2)
     ensemble = Ensemble(study.model, np.array([[1.0], [0.8], [1.1]]))
     found = subject.integrated(ensemble, study.times, "failures", study.name)
     for k, (ok, reason) in enumerate(zip(ensemble.start.ok, ensemble.start.messages, strict=True)):
         what = f"{subject.title}: failures: {study.name}: realisation {k}"
         if ok:
-            assert not found.messages[k], f"{what} failed beside one that cannot be assembled: {found.messages[k]!r}."
-            assert np.isfinite(found.states[k]).all(), f"{what}: its states are not all finite; it has no message."
+            assert not found.messages[k], (
+                f"{what} failed, although only another realisation cannot be assembled: {found.messages[k]!r}."
+            )
+            assert np.isfinite(found.states[k]).all(), (
+                f"{what} has states that are not finite, but no message; expected the reason in messages."
+            )
             continue
         assert found.messages[k], (
-            f"{what} cannot be assembled, and has no message; expected that of ensemble.start: {reason!r}."
+            f"{what} cannot be assembled, but has no message; expected the message of ensemble.start: {reason!r}."
         )
-        assert np.isnan(found.states[k]).all(), f"{what} cannot be assembled; expected states that are NaN."
+        assert np.isnan(found.states[k]).all(), f"{what} cannot be assembled, but has finite states; expected NaN."
 
 
 def _check_failures(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
-    """Integrate realisations one of which cannot go on."""
+    """Integrate realisations in which one integration fails."""
     expected = form.expected()
     found = subject.integrated(form.ensemble(), form.times, "failures", form.name)
     response = form.ensemble().outputs(form.times, found.states)
@@ -290,20 +304,25 @@ def _check_failures(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
         there = np.isfinite(expected[k]).all(axis=0)
         what = f"{subject.title}: failures: {form.name}: realisation {k}"
         if there.all():
-            assert not message, f"{what} failed beside one that cannot go on: {message!r}; expected a motion."
+            assert not message, (
+                f"{what} failed, although only another realisation cannot be continued: {message!r}; expected a "
+                "trajectory up to the last time."
+            )
         else:
             assert message, (
-                f"{what} cannot go on after t = {form.times[there][-1]:g} s, where a force is no number, and has no "
-                "message; expected the reason."
+                f"{what} cannot be continued after t = {form.times[there][-1]:g} s, where a force is not finite, but "
+                "has no message; expected the reason in messages."
             )
             wrong = np.isfinite(found.states[k, ~there]).any()
-            assert not wrong, f"{what}: states behind the time at which it failed are numbers; expected NaN."
+            assert not wrong, f"{what}: states after the time of failure are finite; expected NaN."
         error = np.abs(response[k] - expected[k])[:, there] / np.nanmax(np.abs(expected[k]))
         assert np.nanmax(error, initial=0.0) <= subject.tolerance * RTOL, (
-            f"{what}: before anything fails the error is {np.nanmax(error):.2g} of its size; expected "
-            f"{subject.tolerance * RTOL:.1g} at most."
+            f"{what}: the relative error before the failure is {np.nanmax(error):.2g}; expected at most "
+            f"{subject.tolerance * RTOL:.1g}."
         )
-        assert message or np.isfinite(response[k]).all(), f"{what}: it is NaN and has no message."
+        assert message or np.isfinite(response[k]).all(), (
+            f"{what}: an output is NaN, but there is no message; expected the reason in messages."
+        )
 
 
 def _check_events(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
@@ -317,7 +336,8 @@ def _check_events(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     _check_event_times(subject, form.name, found, "floor: passing 1", passing)
     counted, least = found.counters.events, int(np.isfinite(moments).sum())
     assert counted >= least, (
-        f"{subject.title}: counters: {form.name}: {counted} events are counted; expected {least} impacts at least."
+        f"{subject.title}: counters: {form.name}: the integrator counted {counted} events; expected at "
+        f"least {least} impacts."
     )
 
 
@@ -329,7 +349,7 @@ def _check_event_times(
     times = np.asarray(found.scalars[name], dtype=float)
     assert times.shape == expected.shape, f"{what} have the shape {times.shape}; expected {expected.shape}."
     assert np.array_equal(np.isnan(times), np.isnan(expected)), (
-        f"{what} are {times}; expected {expected}, NaN where a realisation has no such event."
+        f"{what} are {times}; expected {expected}, with NaN for realisations without this event."
     )
     error = float(np.nanmax(np.abs(times - expected)))
     assert error <= subject.tolerance * RTOL, f"{what} are {times}; expected {expected} (error: {error:.2g} s)."
@@ -343,7 +363,7 @@ def _check_segments(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
         asked: Any = subject.integrator()
         motion = asked.integrate_segments(ensemble, form.times, RTOL)
         segments, message = motion.segments, motion.message
-    assert not message, f"{what}: it failed: {message!r}; expected a motion to the last time."
+    assert not message, f"{what}: the integration failed: {message!r}; expected a trajectory up to the last time."
     begin, end = float(form.times[0]), float(form.times[-1])
     moments = closed_forms.impacts(np.array([height]), end)[0]
     expected = np.concatenate([[begin], moments, [end]])
@@ -353,7 +373,8 @@ def _check_segments(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     )
     labels = [s.label for s in segments]
     assert labels == ["floor: impact"] * len(moments) + [""], (
-        f"{what}: labels are {labels}; expected 'floor: impact' for each that an impact ends, and '' for the last."
+        f"{what}: labels are {labels}; expected 'floor: impact' for each segment that ends with an impact, and '' "
+        "for the last segment."
     )
     for k, segment in enumerate(segments):
         states = segment.states(np.array([segment.begin, segment.end]))
@@ -361,10 +382,10 @@ def _check_segments(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
         after, before = (speed if k else 0.0), -speed
         found = states[:, -1]
         assert abs(found[0] - after) <= allowed * 10 * speed, (
-            f"{what}: at the begin of segment {k} the ball has the speed {found[0]:.8g} m/s; expected {after:.8g}, "
-            "that right after the impact."
+            f"{what}: at the start of segment {k} the ball has the speed {found[0]:.8g} m/s; expected {after:.8g} "
+            "m/s, the speed immediately after the impact."
         )
         assert k == len(segments) - 1 or abs(found[1] - before) <= allowed * 10 * speed, (
-            f"{what}: at the end of segment {k} the ball has the speed {found[1]:.8g} m/s; expected {before:.8g}, "
-            "that right before the impact."
+            f"{what}: at the end of segment {k} the ball has the speed {found[1]:.8g} m/s; expected {before:.8g} "
+            "m/s, the speed immediately before the impact."
         )

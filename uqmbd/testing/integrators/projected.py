@@ -1,4 +1,4 @@
-"""Does an integrator integrate projected equations: coefficients are those of the motions at the nodes."""
+"""Test the integration of projected equations: coefficients must agree with the motions at the nodes."""
 
 from __future__ import annotations
 
@@ -28,24 +28,26 @@ NODES = 3
 def check_projected(integrator: type[Integrator], tolerance: float) -> None:
     """Check an integrator that declares ``projected``.
 
-    `tolerance` is the allowed error over ``rtol`` and the size of an output. With as many terms as nodes the
-    coefficients are those of the motions at the nodes; with fewer terms this holds for the stone, whose motion is
-    linear in its random number.
+    `tolerance` is the allowed error, relative to the product of ``rtol`` and the magnitude of an output. If the numbers
+    of terms and nodes are equal, the coefficients agree with the motions at the nodes. The coefficients of the stone
+    agree with fewer terms, too, because its motion is linear in its random number.
     """
     cases = ((closed_forms.oscillator(), NODES), (closed_forms.pendulum(), NODES), (closed_forms.stone(), 2))
     for form, terms in cases:
         projected = _project_solution(form, terms)
         what = f"integrator {integrator.name!r}: projected: {form.name}"
         found = _integrated(integrator, projected, form.times, what)
-        assert not found.message, f"{what}: it failed: {found.message!r}; expected a motion to the last time."
+        assert not found.message, (
+            f"{what}: the integration failed: {found.message!r}; expected a trajectory up to the last time."
+        )
         nodal = projected.nodal(found.coefficients)
         response = projected.ensemble.outputs(form.times, nodal)
         expected = form.expected(projected.ensemble.values[:, 0])
         error = np.abs(response - expected) / np.abs(expected).max(axis=2, keepdims=True)
         worst = float(np.nan_to_num(error, nan=np.inf).max())
         assert worst <= tolerance * RTOL, (
-            f"{what}: with {terms} terms on {NODES} nodes the motions at the nodes are wrong by {worst:.2g} of their "
-            f"size; expected {tolerance * RTOL:.1g} at most."
+            f"{what}: with {terms} basis polynomials and {NODES} nodes, the relative error of the trajectories at "
+            f"the nodes is {worst:.2g}; expected at most {tolerance * RTOL:.1g}."
         )
         off = off_constraints(projected.ensemble, form.times, nodal, RTOL)
         assert not off, f"{what}: at a node {next(iter(off.values()))[1]}."
@@ -63,10 +65,12 @@ def _check_watched(integrator: type[Integrator], form: ClosedForm) -> None:
 
     times = np.linspace(0, 5, 51)
     found = _integrated(integrator, _project_solution(form, NODES), times, what, watch=watch)
-    assert seen, f"{what}: the function that watches was not called; expected a call now and then."
+    assert seen, (
+        f"{what}: the integrator did not call the function 'watch'; expected repeated calls during the integration."
+    )
     assert np.isnan(found.coefficients[:, -1]).all() and not found.message, (
-        f"{what}: the function that watches said stop, and the integration went on to the end, or failed "
-        f"({found.message!r}); expected NaN from there on, and no message."
+        f"{what}: the function 'watch' returned True to stop the integration, but the integration continued or "
+        f"failed ({found.message!r}). Expected NaN after the stop, and no message."
     )
 
 
@@ -89,7 +93,7 @@ def _integrated(
 
 
 def _project_solution(form: ClosedForm, terms: int) -> ProjectedEnsemble:
-    """Project realisations at Gauss nodes on Legendre polynomials, between the values of a case."""
+    """Project realisations at Gauss nodes within the range of a case's values onto Legendre polynomials."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     low, high = form.values.min(), form.values.max()
     values = (low + high) / 2 + (high - low) / 2 * nodes

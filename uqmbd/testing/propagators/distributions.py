@@ -1,4 +1,4 @@
-"""Distributions of a node against exact ones: quantiles, samples, and errors that the method states."""
+"""Compare distributions of a node with exact ones: quantiles, samples, and stated errors."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from uqmbd.typing import Array
 __all__ = ["check_quantiles", "check_samples", "check_stated_errors"]
 
 GRID = 0.005
-"""Probability that is taken as an error of the exact distribution, which is known on a grid."""
+"""Error in probability of the exact distribution, which is known on a grid."""
 
 ROUNDING = 1e-6
-"""Error of numbers that are exact but for the integration, over the standard deviation."""
+"""Allowed error of numbers that are exact except for the integration, relative to the standard deviation."""
 
 TAIL = 1e-6
-"""Probability at which sound samples fail by chance."""
+"""Probability that correct samples fail by chance."""
 
 FRESH = 200
-"""Realisations at which a surrogate is compared with the exact outputs."""
+"""Number of realisations for the comparison of a surrogate with the exact outputs."""
 
 
 def check_quantiles(node: xr.DataTree, known: ReferenceSolution, tolerance: float, what: str) -> None:
-    """Compare quantiles (probability, output, time) with those of the exact distribution; NaN are not compared.
+    """Compare quantiles (probability, output, time) with the exact distribution; NaN values are omitted.
 
-    A quantile of N samples belongs to a probability that is off by ``sqrt(p (1 - p) / N)``, one standard error.
+    The probability of a quantile of N samples has the standard error ``sqrt(p (1 - p) / N)``.
     """
     statistics = node.children["statistics"].to_dataset()
     if "quantile" not in statistics:
@@ -49,14 +49,14 @@ def check_quantiles(node: xr.DataTree, known: ReferenceSolution, tolerance: floa
             ends = [q - reach[k, o, time], q + reach[k, o, time]]
             low, high = np.searchsorted(population, ends) / len(population)
             assert np.isnan(q) or (low <= p + slack[k] and high >= p - slack[k]), (
-                f"{what}: quantiles: that of probability {p:g} of {_place(statistics, (o, time))} is {q:.6g}, exactly "
-                f"{np.quantile(population, p):.6g}: it belongs to a probability from {low:.3g} to {high:.3g}, allowed "
-                f"is a difference of {slack[k]:.2g}."
+                f"{what}: quantiles: the {p:g} quantile of {_place(statistics, (o, time))} is {q:.6g}; the exact "
+                f"value is {np.quantile(population, p):.6g}. Its exact probability is {low:.3g} to {high:.3g}; the "
+                f"allowed difference is {slack[k]:.2g}."
             )
 
 
 def _count(node: xr.DataTree, known: ReferenceSolution) -> float:
-    """Return how many samples the quantiles are of: those that are stored, or that standard errors tell."""
+    """Return the number of samples of the quantiles: the stored samples, or the number from standard errors."""
     if stored_surrogates(node):
         return np.inf
     if "samples" in node.children:
@@ -70,7 +70,7 @@ def _count(node: xr.DataTree, known: ReferenceSolution) -> float:
 
 
 def check_samples(node: xr.DataTree, known: ReferenceSolution, what: str) -> None:
-    """Check that samples are draws of the joint distribution, and responses those of their inputs."""
+    """Check that samples are draws from the joint distribution, and that responses belong to their inputs."""
     if "samples" not in node.children:
         return
     from scipy.stats import kstest
@@ -82,23 +82,23 @@ def check_samples(node: xr.DataTree, known: ReferenceSolution, what: str) -> Non
     for name, values, lower, upper in zip(joint.names, inputs.T, *joint.from_uniform(_ends(len(joint))), strict=True):
         found = kstest((values - lower) / (upper - lower), "uniform").pvalue
         assert found > TAIL, (
-            f"{what}: samples: the values of the input {name!r} do not have its distribution (p = {found:.2g} in "
-            "a test of Kolmogorov and Smirnov). Samples are draws of the joint distribution. Are they nodes, training "
-            "points or weighted? Store them in another child of the node."
+            f"{what}: samples: the values of the input {name!r} do not have its distribution (p = {found:.2g} in a "
+            "Kolmogorov-Smirnov test). Samples must be draws from the joint distribution. Store quadrature nodes, "
+            "training points and weighted samples in another child of the node."
         )
     if len(joint) > 1 and len(inputs) > 2:
         alike = np.abs(np.corrcoef(inputs.T) - np.eye(len(joint))).max()
         assert alike < ERRORS / np.sqrt(len(inputs)), (
-            f"{what}: samples: two inputs of {len(inputs)} samples have a correlation of {alike:.3g}; they are "
-            "independent."
+            f"{what}: samples: two independent inputs have a correlation of {alike:.3g} in {len(inputs)} samples; "
+            "expected about 0."
         )
     exact = known.exact(inputs)
     scale = known.std.max(axis=1, keepdims=True)
     error = np.abs(response - exact) / scale
     k = np.unravel_index(int(np.argmax(np.nan_to_num(error, nan=np.inf))), error.shape)
     assert error[k] < 10 * ROUNDING, (
-        f"{what}: samples: the response of sample {k[0]} at {_place(samples, k[1:])} is {response[k]:.8g}; with its "
-        f"inputs it is {exact[k]:.8g}. Are inputs and responses in the same order?"
+        f"{what}: samples: the response of sample {k[0]} for {_place(samples, k[1:])} is {response[k]:.8g}, but its "
+        f"inputs give {exact[k]:.8g}. Store inputs and responses in the same order."
     )
 
 
@@ -108,10 +108,10 @@ def _ends(count: int) -> Array:
 
 
 def check_stated_errors(node: xr.DataTree, known: ReferenceSolution, what: str) -> None:
-    """Compare errors that a method states with true ones, without any tolerance.
+    """Compare stated errors of a method with true errors, without any tolerance.
 
-    Errors of mean and standard deviation must not exceed what is stated. That of a surrogate is the root mean square of
-    its difference from the exact outputs at fresh inputs.
+    Errors of mean and standard deviation must not exceed the stated errors. The error of a surrogate is the root mean
+    square of its difference from the exact outputs at new inputs.
     """
     statistics = node.children["statistics"].to_dataset()
     names = {"std_error_mean", "std_error_std", "verification_error", "stated_error"} & set(statistics)
@@ -135,7 +135,7 @@ def check_stated_errors(node: xr.DataTree, known: ReferenceSolution, what: str) 
 
 
 def _stated(node: xr.DataTree) -> tuple[Array, Array]:
-    """Return what mean and standard deviation may be off by (output, time); a verification error counts by itself."""
+    """Return the allowed errors (output, time) of mean and standard deviation, with a separate verification error."""
     statistics = node.children["statistics"].to_dataset()
     alone = "verification_error" in statistics and "stated_error" not in statistics and not stored_surrogates(node)
     if not alone:
@@ -147,18 +147,19 @@ def _stated(node: xr.DataTree) -> tuple[Array, Array]:
 
 
 def _noise(statistics: xr.Dataset, name: str) -> Array:
-    """Return standard errors (output, time), zero where there are none."""
+    """Return standard errors (output, time); zero if they are missing."""
     return statistics[name].values if name in statistics else np.zeros(statistics["mean"].shape)
 
 
 def _require(statistics: xr.Dataset, error: Array, allowed: Array, what: str, names: str) -> None:
-    """Require errors (output, time) within what is allowed."""
+    """Require that errors (output, time) do not exceed the allowed errors."""
     if (error <= np.nan_to_num(allowed, nan=np.inf)).all():
         return
     k = np.unravel_index(int(np.argmax(np.nan_to_num(error / allowed, nan=0))), error.shape)
     raise AssertionError(
-        f"{what} of {_place(statistics, k)} is off by {error[k]:.2g}; the stated error ({names}) allows "
-        f"{allowed[k]:.2g}. It must not be less than the true one: estimate it at further realisations."
+        f"{what} of {_place(statistics, k)} has the error {error[k]:.2g}; the stated error ({names}) "
+        f"allows {allowed[k]:.2g}. A stated error must not be less than the true error; estimate it at "
+        "additional realisations."
     )
 
 

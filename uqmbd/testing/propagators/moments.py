@@ -1,4 +1,4 @@
-"""Nodes of propagators against what is known: schema, names, units, moments; and against each other, bit by bit."""
+"""Compare nodes of propagators with reference data (schema, names, units, moments), and two nodes bit by bit."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ __all__ = ["check_moments", "check_schema", "difference", "stated_errors"]
 
 
 ERRORS = 5.0
-"""Standard errors by which an estimate may be off: exceeded by one of a million normal estimates."""
+"""Allowed error of an estimate, in standard errors; one in a million normal estimates exceeds it."""
 
 SURROGATE = 3.0
-"""Verification errors by which moments of a surrogate may be off: a few realisations estimate these errors."""
+"""Allowed error of moments of a surrogate, in verification errors, which come from few realisations."""
 
 SILENT = 0.5
-"""Stated error, over the standard deviation of the output, from which a statement says nothing."""
+"""Ratio of stated error to standard deviation of the output above which the statement has no information."""
 
 
 def check_schema(node: xr.DataTree, propagator: Propagator, study: Study, what: str) -> None:
-    """Check that a node meets the schema and states propagator and study; `what` is the begin of messages."""
+    """Check that a node conforms to the schema and states propagator and study; messages begin with `what`."""
     assert isinstance(node, xr.DataTree), (
-        f"{what}: schema: propagate returned {type(node).__name__}, no xarray.DataTree."
+        f"{what}: schema: the method 'propagate' returned {type(node).__name__}; expected xarray.DataTree."
     )
     assert "statistics" in node.children, f"{what}: schema: the node has no child 'statistics'."
     try:
@@ -50,7 +50,12 @@ def check_schema(node: xr.DataTree, propagator: Propagator, study: Study, what: 
     for part in node.subtree:
         if "input" in part.coords and part.coords["input"].dims == ("input",) and "input_units" in part.coords:
             _same(part, "input", inputs.names, f"{what}: schema: {part.path}: names of inputs")
-            _same(part, "input_units", [v.units for v in inputs.variables], f"{what}: schema: {part.path}: their units")
+            _same(
+                part,
+                "input_units",
+                [v.units for v in inputs.variables],
+                f"{what}: schema: {part.path}: units of inputs",
+            )
     expected: dict[str, Any] = {"propagator": propagator.name, "label": propagator.node_name}
     if hasattr(propagator, "seed"):
         expected["seed"] = propagator.seed
@@ -58,11 +63,11 @@ def check_schema(node: xr.DataTree, propagator: Propagator, study: Study, what: 
         found = node.attrs.get(name)
         assert found == value, f"{what}: schema: attribute {name!r} is {found!r}; expected {value!r}."
     assert node.name == propagator.node_name, (
-        f"{what}: schema: the node is called {node.name!r}; expected {propagator.node_name!r}."
+        f"{what}: schema: the name of the node is {node.name!r}; expected {propagator.node_name!r}."
     )
     options = {f.name for f in dataclasses.fields(propagator)} - {"label"}
     missing = sorted(options - set(json.loads(node.attrs["options"])))
-    assert not missing, f"{what}: schema: option {missing[0]!r} is not recorded in the attribute 'options'."
+    assert not missing, f"{what}: schema: the attribute 'options' does not contain the option {missing[0]!r}."
 
 
 def _same(node: xr.DataTree, name: str, expected: Any, what: str) -> None:
@@ -71,10 +76,10 @@ def _same(node: xr.DataTree, name: str, expected: Any, what: str) -> None:
 
 
 def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
-    """Return how far mean and standard deviation may be off by the method's own words, each (output, time).
+    """Return the allowed errors of mean and standard deviation from the statements of the method, each (output, time).
 
-    Standard errors count `ERRORS` times; the root mean square error of a surrogate, which bounds the errors of its
-    mean and of its standard deviation, `SURROGATE` times.
+    The factor of standard errors is `ERRORS`. The root mean square error of a surrogate bounds the errors of its mean
+    and standard deviation, and has the factor `SURROGATE`.
     """
     statistics = node.children["statistics"].to_dataset()
     shape = statistics["mean"].shape
@@ -83,7 +88,7 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
     spread = np.maximum(std, 0.01 * std.max(axis=-1, keepdims=True))
     for _, data, rows in stored_surrogates(node):
         if "verification_error" in data:
-            # elements, where there are several, are independent: the largest error bounds all
+            # several elements are independent, and the largest error bounds all errors
             error = data["verification_error"]
             told = error.max([d for d in error.dims if d not in ("output", "time")]).values
         elif "verification_error" in statistics:
@@ -99,33 +104,33 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
 
 
 def check_moments(node: xr.DataTree, known: ReferenceSolution, tolerance: float, what: str) -> None:
-    """Compare mean, standard deviation and, where given, first-order Sobol' indices with known ones.
+    """Compare mean, standard deviation and, if given, first-order Sobol' indices with reference values.
 
-    `tolerance` is the allowed error in addition to the stated ones, relative to the largest standard deviation of an
-    output over time. `what` is the begin of messages.
+    `tolerance` is the allowed error in addition to stated errors, relative to the largest standard deviation of an
+    output over time. Messages begin with `what`.
     """
     statistics = node.children["statistics"].to_dataset()
     scale = known.std.max(axis=1, keepdims=True)
     for name, words, stated in zip(("mean", "std"), ("mean", "standard deviation"), stated_errors(node), strict=True):
         found, exact = statistics[name].values, getattr(known, name)
         error, allowed = np.abs(found - exact), stated + tolerance * scale
-        # a constant is known to rounding, by the closed form and by the integration
+        # for a constant, closed form and integration agree except for rounding
         allowed = allowed + 1e-6 * scale
         bad = ~(error <= allowed)
         if bad.any():
             k = _worst(error / allowed)
             raise AssertionError(
-                f"{what}: moments: the {words} of {_where(statistics, k)} is {found[k]:.6g}, exactly {exact[k]:.6g}; "
-                f"the error {error[k]:.2g} exceeds {allowed[k]:.2g} (by its own statement {stated[k]:.2g}, "
-                f"and the tolerance {tolerance:g} of the standard deviation {scale[k[0], 0]:.4g})."
+                f"{what}: moments: the {words} of {_where(statistics, k)} is {found[k]:.6g}; the exact value is "
+                f"{exact[k]:.6g}. The error {error[k]:.2g} exceeds {allowed[k]:.2g}, the sum of the stated error "
+                f"{stated[k]:.2g} and of {tolerance:g} times the standard deviation {scale[k[0], 0]:.4g}."
             )
         silent = stated > SILENT * scale * (ERRORS if "std_error_mean" in statistics else SURROGATE)
         if silent.any():
             k = _worst(stated / scale)
             raise AssertionError(
-                f"{what}: moments: the stated error of the {words} of {_where(statistics, k)} is as large as what it "
-                f"describes: {stated[k]:.2g} is allowed by it, the standard deviation is {scale[k[0], 0]:.2g}; "
-                "give the method finer settings, or correct its statement."
+                f"{what}: moments: the stated error of the {words} of {_where(statistics, k)} is {stated[k]:.2g}, "
+                f"too large next to the standard deviation {scale[k[0], 0]:.2g}. Give the method finer settings, or "
+                "correct the stated error."
             )
     if "sobol_first" in statistics and known.sobol_first is not None:
         _check_sobol(statistics, known.sobol_first, tolerance, what)
@@ -134,7 +139,7 @@ def check_moments(node: xr.DataTree, known: ReferenceSolution, tolerance: float,
 def _check_sobol(statistics: xr.Dataset, exact: Array, tolerance: float, what: str) -> None:
     found = statistics["sobol_first"].values
     allowed = np.full(found.shape, tolerance + 1e-6)
-    if "sobol_first_interval" in statistics:  # 95 %: two standard errors each way
+    if "sobol_first_interval" in statistics:  # 95 %: two standard errors on each side
         lower, upper = statistics["sobol_first_interval"].transpose("bound", ...).values
         allowed += ERRORS / 2 * np.maximum(upper - found, found - lower)
     wrong = np.isfinite(exact) & ~(np.abs(found - exact) <= allowed)
@@ -143,7 +148,7 @@ def _check_sobol(statistics: xr.Dataset, exact: Array, tolerance: float, what: s
         name = statistics["input"].values[k[0]]
         raise AssertionError(
             f"{what}: moments: the first-order Sobol' index of input {name!r} for {_where(statistics, k[1:])} is "
-            f"{found[k]:.4g}, exactly {exact[k]:.4g}; allowed is an error of {allowed[k]:.2g}."
+            f"{found[k]:.4g}; the exact value is {exact[k]:.4g}, and the allowed error is {allowed[k]:.2g}."
         )
 
 
@@ -156,17 +161,20 @@ def _where(statistics: xr.Dataset, index: tuple[Any, ...]) -> str:
 
 
 def difference(one: xr.DataTree, two: xr.DataTree) -> str:
-    """Return where two nodes differ in a bit of their data, or an empty text.
+    """Return the first position at which the data of two nodes differ in a bit, or an empty text.
 
     Attributes and computing times are not compared.
     """
     first, second = ({p.path[len(n.path) :].strip("/"): p for p in n.subtree} for n in (one, two))
     if first.keys() != second.keys():
-        return f"one has the children {sorted(first)}, the other {sorted(second)}"
+        return f"one result has the children {sorted(first)}, the other has {sorted(second)}"
     for path, part in first.items():
         a, b = part.to_dataset(inherit=False), second[path].to_dataset(inherit=False)
         if set(a.variables) != set(b.variables):
-            return f"{path!r} has the variables {sorted(map(str, a.variables))}, or {sorted(map(str, b.variables))}"
+            return (
+                f"{path!r} has the variables {sorted(map(str, a.variables))} in one result, "
+                f"{sorted(map(str, b.variables))} in the other"
+            )
         for name in a.variables:
             if found := _differs(a[name], b[name]):
                 return f"{'/'.join(filter(None, (path, str(name))))!r} {found}"
@@ -176,7 +184,7 @@ def difference(one: xr.DataTree, two: xr.DataTree) -> str:
 def _differs(a: xr.DataArray, b: xr.DataArray) -> str:
     x, y = a.values, b.values
     if x.shape != y.shape or x.dtype.kind != y.dtype.kind:
-        return f"has the shape {x.shape} and the type {x.dtype}, or {y.shape} and {y.dtype}"
+        return f"has the shape {x.shape} and the type {x.dtype} in one result, {y.shape} and {y.dtype} in the other"
     if x.dtype.kind != "f":
         return "" if np.array_equal(x, y) else "differs"
     if x.tobytes() == y.tobytes() or np.array_equal(x, y, equal_nan=True):
@@ -186,4 +194,7 @@ def _differs(a: xr.DataArray, b: xr.DataArray) -> str:
     place = ", ".join(
         f"{dim} {a.coords[dim].values[i] if dim in a.coords else i}" for dim, i in zip(a.dims, k, strict=True)
     )
-    return f"is {x[k]:.17g} and {y[k]:.17g} at {place}, the largest of {np.count_nonzero(off)} differences"
+    return (
+        f"is {x[k]:.17g} in one result and {y[k]:.17g} in the other at {place}, the largest of "
+        f"{np.count_nonzero(off)} differences"
+    )

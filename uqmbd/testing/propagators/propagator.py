@@ -20,6 +20,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.propagation import Propagator
+from uqmbd.propagation.methods import run_method
 from uqmbd.results import load, save
 from uqmbd.testing.propagators.costs import check_costs
 from uqmbd.testing.propagators.distributions import check_quantiles, check_samples, check_stated_errors
@@ -33,21 +34,21 @@ __all__ = ["check_propagator"]
 REMEDY = re.compile(
     r"\b(allow|check|choose|declare|give|increase|leave|raise|reduce|shorten|take|truncate|try|use)s?\b", re.IGNORECASE
 )
-"""A message that contains none of these words tells nobody what to do."""
+"""A message must contain one of these words to name a remedy."""
 
 
 def check_failures(subject: PropagatorUnderTest) -> None:
-    """Lengths below 0.9 m fail: a quarter of them, then all."""
+    """Check failures of realisations with lengths below 0.9 m: a quarter of them, then all."""
     study, recorder, title = fragile(0.7, 1.5), RecordingExecutor(), f"{subject.title}: failures"
     with quiet() as told:
         try:
-            node = study.propagate(subject.given, recorder)
+            node = run_method(subject.given, study.problem(subject.given, recorder), check=False)
         except Exception as error:
             check_error(error, f"{title}: where some realisations fail", "left")
         else:
             check_schema(node, subject.given, study, title)
             _check_account(node, recorder, [str(w.message) for w in told], title)
-    # the mean of these inputs fails as well, with which a study does not begin: the model comes from the one above
+    # the mean of these inputs also fails, so a study cannot be built: use the model of the previous study
     problem = dataclasses.replace(study.problem(subject.given), inputs=fragile(0.6, 0.8).mechanism.inputs)
     with quiet():
         try:
@@ -56,44 +57,53 @@ def check_failures(subject: PropagatorUnderTest) -> None:
             check_error(error, f"{title}: where all realisations fail", "left")
         else:
             mean = node.children["statistics"].to_dataset()["mean"].values.ravel()[-1]
-            raise AssertionError(f"{title}: all realisations fail, and yet there are results: a mean of {mean:g}.")
+            raise AssertionError(
+                f"{title}: the method returned results (a mean of {mean:g}) although all realisations failed; "
+                "expected a uqmbd.UqmbdError."
+            )
 
 
 def _check_account(node: xr.DataTree, recorder: RecordingExecutor, told: list[str], title: str) -> None:
     failed, count = len(recorder.reasons), node.attrs["failures"]
-    assert count >= failed, f"{title}: {failed} realisations failed; the attribute 'failures' is {count}."
+    assert count >= failed, (
+        f"{title}: {failed} realisations failed, but the attribute 'failures' is {count}; expected at least the "
+        "number of failures."
+    )
     computed = node.attrs["realisations"]
     assert computed >= recorder.realisations, (
-        f"{title}: {recorder.realisations} realisations were computed; the attribute 'realisations' is {computed}."
+        f"{title}: the method computed {recorder.realisations} realisations, but the attribute "
+        f"'realisations' is {computed}."
     )
     texts = [*told, *(v for v in node.attrs.values() if isinstance(v, str))]
     for part in node.subtree:
         texts += part.to_dataset()["message"].values.tolist() if "message" in part.data_vars else []
     named = not failed or any(reason in text for reason in recorder.reasons for text in texts)
     assert named, (
-        f"{title}: {failed} realisations failed, and nothing says why: neither a variable 'message', nor an attribute, "
-        f"nor a warning contains a reason such as {recorder.reasons[0]!r}."
+        f"{title}: {failed} realisations failed, but the method does not report the reason. No variable 'message', "
+        f"attribute or warning contains a reason such as {recorder.reasons[0]!r}."
     )
 
 
 def check_error(error: Exception, what: str, reason: str = "") -> None:
-    """Check that an error is one of ours, names the reason (the joint that cannot be closed), and a remedy."""
+    """Check that an error is an error of uqmbd with the reason (the joint that cannot be closed) and a remedy."""
     assert isinstance(error, UqmbdError), (
-        f"{what}, it raised {type(error).__name__}: {error}; expected a uqmbd.UqmbdError that says what to try."
+        f"{what}, the method raised {type(error).__name__}: {error}; expected a uqmbd.UqmbdError that states a remedy."
     )
-    assert reason in str(error), f"{what}, the error does not say why: no {reason!r} (the joint that fails) in: {error}"
-    assert REMEDY.search(str(error)), f"{what}, the error says nothing about what to try: {error}"
+    assert reason in str(error), (
+        f"{what}, the error message does not state the reason: {reason!r}, the joint that fails, is missing in: {error}"
+    )
+    assert REMEDY.search(str(error)), f"{what}, the error message states no remedy: {error}"
 
 
 def check_resume(subject: PropagatorUnderTest) -> None:
-    """Interrupt a run at its first finished chunk, and go on."""
+    """Interrupt a run at its first finished chunk, and resume it."""
     study = CASES["pendulum"]().study.with_propagators([subject.given])
     title, whole, rest = f"{subject.title}: resume", RecordingExecutor(), RecordingExecutor()
     with subject.unbroken(study, "resume"), quiet():
         undisturbed = study.run(whole).children[subject.given.node_name]
     assert whole.chunks, (
-        f"{title}: it computed nothing through problem.realise or problem.stream, which keep what is finished; if it "
-        "computes in another way, say so: resume=False."
+        f"{title}: the method did not use problem.realise or problem.stream, which store finished realisations. If "
+        "the method computes realisations differently, pass resume=False."
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -103,25 +113,28 @@ def check_resume(subject: PropagatorUnderTest) -> None:
                 stopped = False
             except Interruption:
                 stopped = True
-        assert stopped, f"{title}: the run went on after an interruption, which is a BaseException as that of Ctrl-C."
+        assert stopped, (
+            f"{title}: the run continued after an interruption, a BaseException like KeyboardInterrupt. Do not catch "
+            "BaseException."
+        )
         with subject.unbroken(study, "resume"), quiet():
             resumed = study.run(rest, folder=folder, resume=True).children[subject.given.node_name]
     assert rest.chunks < whole.chunks, (
-        f"{title}: the resumed run computed {rest.chunks} chunks of realisations, as the whole one does "
-        f"({whole.chunks}): what was finished is lost. Do inputs depend on more than the seed?"
+        f"{title}: the resumed run computed {rest.chunks} chunks of realisations, no fewer than the complete run "
+        f"({whole.chunks}): finished realisations were not reused. Make the inputs depend only on the seed."
     )
     found = difference(undisturbed, resumed)
-    assert not found, f"{title}: the resumed run gives other results than an undisturbed one: {found}."
+    assert not found, f"{title}: the results of a resumed and of an uninterrupted run differ: {found}."
     for attribute in ("realisations", "failures"):
         one, two = undisturbed.attrs[attribute], resumed.attrs[attribute]
         assert one == two, (
-            f"{title}: attribute {attribute!r} is {two} after a resumed run, {one} after an undisturbed one."
+            f"{title}: the attribute {attribute!r} is {two} after a resumed run, but {one} after an uninterrupted run."
         )
 
 
 def check_nothing_random(subject: PropagatorUnderTest) -> None:
-    """Expect an error that says what to do, and the same from `uqmbd check`."""
-    study, title = certain(), f"{subject.title}: nothing random"
+    """Expect an error with advice, and the same error from `uqmbd check`."""
+    study, title = certain(), f"{subject.title}: study without random inputs"
     with quiet():
         try:
             subject.given.propagate(study.problem(subject.given))
@@ -129,36 +142,37 @@ def check_nothing_random(subject: PropagatorUnderTest) -> None:
             check_error(error, title)
         except Exception as error:
             raise AssertionError(
-                f"{title}: it raised {type(error).__name__}: {error}; expected a StudyError."
+                f"{title}: the method raised {type(error).__name__}: {error}; expected a uqmbd.StudyError."
             ) from error
         else:
             raise AssertionError(
-                f"{title}: there are results though nothing is random; raise a uqmbd.StudyError that says so. If the "
-                "method has an answer there, say so: nothing_random=False."
+                f"{title}: the method returned results; raise a uqmbd.StudyError. If the method can compute results "
+                "without random inputs, pass nothing_random=False."
             )
         obstacle = subject.given.obstacle(study)
     assert obstacle, (
-        f"{title}: it raises an error, but its method obstacle returns {obstacle!r}; expected a sentence that says why."
+        f"{title}: 'propagate' raises an error, but 'obstacle' returns {obstacle!r}; expected a "
+        "sentence that states the reason."
     )
 
 
 ACCURACY = 0.3
-"""That is asked for: coarse, so that it costs little."""
+"""Requested accuracy: coarse, so that the cost is low."""
 
 
 def check_sizes(subject: PropagatorUnderTest) -> None:
-    """Check that larger sizes take more, that options say them, and that a chosen one gives the same bits again."""
+    """Check that larger sizes cost more, that options set sizes, and that a chosen size gives the same bits again."""
     study, given, title = CASES["stone"]().study, subject.given, f"{subject.title}: sizes"
     with subject.unbroken(study, "sizes"), quiet():
         sizing = given.sizing(study, ACCURACY)
     if sizing is None:
         return
     assert hasattr(given, sizing.option), (
-        f"{title}: its sizing names the option {sizing.option!r}, which it does not have."
+        f"{title}: 'sizing' refers to the option {sizing.option!r}, which the method does not have."
     )
     sizes = sorted({sizing.largest(number) for number in (0, sizing.least, 2 * sizing.least, 5 * sizing.least)})
     assert sizes[0] == sizing.least, (
-        f"{title}: the least size is {sizing.least}, and there is a smaller one, {sizes[0]}."
+        f"{title}: the smallest size is declared as {sizing.least}, but 'largest' returns the smaller size {sizes[0]}."
     )
     costs = []
     for size in sizes:
@@ -166,21 +180,31 @@ def check_sizes(subject: PropagatorUnderTest) -> None:
             made = sizing.at(size)
             estimate = made.estimate(study)
         assert getattr(made, sizing.option) == size, (
-            f"{title}: at({size}) has {sizing.option}={getattr(made, sizing.option)!r}; expected {size}."
+            f"{title}: at({size}) returns a method with "
+            f"{sizing.option}={getattr(made, sizing.option)!r}; expected {size}."
         )
-        assert made.node_name == given.node_name, f"{title}: at({size}) is called {made.node_name!r}."
+        assert made.node_name == given.node_name, (
+            f"{title}: at({size}) returns a method with the name {made.node_name!r}; expected the name "
+            "of the given method."
+        )
         costs.append(math.nan if estimate is None else estimate.realisations)
-    assert not any(math.isnan(cost) for cost in costs), f"{title}: estimate is None; a budget needs what a size takes."
-    assert costs == sorted(costs), f"{title}: sizes {sizes} take {costs} realisations; a larger one took less."
+    assert not any(math.isnan(cost) for cost in costs), (
+        f"{title}: 'estimate' returns None; expected the number of realisations of each size, which a budget needs."
+    )
+    assert costs == sorted(costs), (
+        f"{title}: the sizes {sizes} need {costs} realisations; expected numbers that do not decrease with the size."
+    )
     with subject.unbroken(study, "sizes"), quiet():
         tree = study.with_propagators([given]).run(accuracy=ACCURACY, budget=max(20 * int(costs[-1]), 5000))
     about = json.loads(tree.attrs["budget"])["methods"][given.node_name]
     if sizing.of == "moments":
-        assert about["stated"] is not None, f"{title}: no error is stated, so that no accuracy is ever reached."
+        assert about["stated"] is not None, (
+            f"{title}: the method states no error, so the run cannot verify the requested accuracy."
+        )
     with subject.unbroken(study, "sizes"), quiet():
         again = study.propagate(sizing.at(about["size"]))
     found = difference(tree.children[given.node_name], again)
-    assert not found, f"{title}: the chosen size {about['size']} gives other results when it is run again: {found}."
+    assert not found, f"{title}: a second run with the chosen size {about['size']} gives different results: {found}."
 
 
 def check_propagator(
@@ -194,55 +218,55 @@ def check_propagator(
     nothing_random: bool = True,
     workers: int | Executor | None = None,
 ) -> None:
-    """Check a propagator on small mechanisms whose answers are known.
+    """Check a propagator on small mechanisms with known solutions.
 
-    - *schema*: the node keeps to `uqmbd.results.validate`; outputs, inputs, units, times, options, seed are as given.
-    - *moments*: mean and standard deviation of a thrown stone, an oscillator and a pendulum are right within errors
-      that the method itself states and a tolerance; so are first-order Sobol' indices, where there are any.
-    - *quantiles*: they are those of the exact distribution, within the errors of their samples.
-    - *samples*: stored samples are draws of the joint distribution, and responses those of their inputs.
-    - *stated errors*: errors that the method states are not smaller than the true ones. A surrogate is compared with
-      the exact outputs at realisations that it has not seen.
-    - *costs*: stated and predicted realisations are those that are computed.
-    - *storage*: the node is the same after a round trip through netCDF.
-    - *label*: it names the node and its place in the result of a study; by default the registered name does.
-    - *reproducibility*: the same object gives the same bits, and with other workers, too; another seed gives others.
-    - *failures*: realisations that cannot be assembled are counted with their reason, or there is an error with
-      a remedy; statistics hold no NaN. Where all fail, there is an error.
-    - *resume*: a run that was interrupted goes on with what is finished, to the same bits.
-    - *sizes*: where it has some (`uqmbd.extend.Propagator.sizing`), larger ones take more, and one that an accuracy has
-      chosen gives the same bits without one.
+    - *schema*: the node conforms to `uqmbd.results.validate`; outputs, inputs, units, times, options, seed are correct.
+    - *moments*: the errors of mean and standard deviation of a thrown stone, an oscillator and a pendulum are within
+      the stated errors and a tolerance. This also applies to first-order Sobol' indices, if any.
+    - *quantiles*: quantiles agree with the exact distribution, within the errors of their samples.
+    - *samples*: stored samples are draws from the joint distribution, and responses belong to their inputs.
+    - *stated errors*: stated errors are not smaller than the true errors. A surrogate is compared with the exact
+      outputs at realisations that it does not use.
+    - *costs*: stated and predicted numbers of realisations agree with the computed number.
+    - *storage*: the node is unchanged after a round trip through netCDF.
+    - *label*: the label is the name of the node in the result of a study; the default is the registered name.
+    - *reproducibility*: the same object gives the same bits, also with other workers; another seed gives other bits.
+    - *failures*: realisations that cannot be assembled are counted with their reason, or there is an error with a
+      remedy. Statistics contain no NaN. If all realisations fail, there is an error.
+    - *resume*: an interrupted run continues with finished realisations, to the same bits.
+    - *sizes*: larger sizes (`uqmbd.extend.Propagator.sizing`), if any, cost more. A size that an accuracy has chosen
+      gives the same bits without the accuracy.
     - *nothing random*: a study without random variables is a `uqmbd.StudyError` with a remedy.
 
     Parameters
     ----------
     propagator : Propagator, or callable that returns one
-        A method with options that suffice for the cases, which are as smooth as mechanisms are. A callable is given
-        ``label=`` and ``seed=`` where a check changes these: ``functools.partial(MonteCarlo, samples=500)``.
+        Method with sufficient options for the smooth test cases. A callable receives ``label=`` and ``seed=`` if a
+        check changes these: ``functools.partial(MonteCarlo, samples=500)``.
     tolerance : float
-        Error of the moments that is allowed beside the stated ones, relative to the largest standard deviation of an
+        Allowed error of the moments in addition to stated errors, relative to the largest standard deviation of an
         output over time.
     moments : bool or sequence of {"stone", "oscillator", "pendulum"}
-        Whether, or for which cases, moments are compared. The stone is linear in two inputs; the oscillator is a
-        cosine of one input over 0.3 of its turns; the pendulum has two inputs and an output that is an angle.
+        Whether to compare moments, or cases of the comparison. The stone is linear in two inputs; the oscillator is a
+        cosine of one input over 0.3 of its turns; the pendulum has two inputs and an angle as output.
     seeds : bool
-        False for a method that has a field ``seed`` which, with these options, changes nothing.
+        False for a method with a field ``seed`` that has no effect with these options.
     failures : bool
-        False for a method that need not survive realisations that fail.
+        False for a method that need not tolerate failed realisations.
     resume : bool
-        False for a method that computes nothing through `uqmbd.extend.Problem.realise` or
-        `uqmbd.extend.Problem.stream`.
+        False for a method that does not use `uqmbd.extend.Problem.realise` or `uqmbd.extend.Problem.stream`.
     nothing_random : bool
-        False for a method that has an answer where nothing is random.
+        False for a method that gives a result without random inputs.
     workers : int or concurrent.futures.Executor, optional
-        Whose bits are compared with those of this process; default an executor that computes here, on pickled copies.
+        Workers with results that must agree bit for bit with this process. Default: an executor that computes here, on
+        pickled copies.
 
     Raises
     ------
     AssertionError
-        If a property is broken; the message names it, with the case and the numbers.
+        If a property is violated; the message states the property, the case and the numbers.
     uqmbd.StudyError
-        If what is given is no propagator.
+        If the argument is not a propagator.
 
     Examples
     --------
@@ -254,7 +278,9 @@ def check_propagator(
     wanted = list(CASES) if moments is True else list(moments or ())
     for name in wanted:
         if name not in CASES:
-            raise StudyError(f"check_propagator: there is no case {name!r}; there are: {', '.join(CASES)}.")
+            raise StudyError(
+                f"check_propagator: the argument 'moments' contains {name!r}; expected some of {', '.join(CASES)}."
+            )
         _check_case(subject, name, tolerance)
     _check_schema(subject)
     check_costs(subject)
@@ -274,7 +300,7 @@ def _check_case(subject: PropagatorUnderTest, name: str, tolerance: float) -> No
     known, what = CASES[name](), f"{subject.title}: case {name!r}"
     with quiet():
         obstacle = subject.given.obstacle(known.study)
-    assert obstacle is None, f"{what}: moments: its method obstacle says: {obstacle!r}; expected None."
+    assert obstacle is None, f"{what}: moments: 'obstacle' returns {obstacle!r}; expected None."
     node = subject.node(known.study, "moments")
     check_schema(node, subject.given, known.study, what)
     check_moments(node, known, tolerance, what)
@@ -293,7 +319,9 @@ def _check_storage(subject: PropagatorUnderTest) -> None:
     with tempfile.TemporaryDirectory() as folder:
         with subject.unbroken(CASES["pendulum"]().study, "storage"):
             again = load(save(node, Path(folder) / "node.nc"))
-        assert not (found := difference(node, again)), f"{subject.title}: storage: after save and load, {found}."
+        assert not (found := difference(node, again)), (
+            f"{subject.title}: storage: saving and loading changes the result: {found}."
+        )
         attributes = {name: (value, again.attrs.get(name)) for name, value in node.attrs.items()}
     lost = {name: pair for name, pair in attributes.items() if repr(pair[0]) != repr(pair[1])}
     assert not lost, f"{subject.title}: storage: attributes (before, after) save and load: {lost}."
@@ -308,8 +336,8 @@ def _check_label(subject: PropagatorUnderTest) -> None:
         nodes = sorted(set(tree.children) - {"comparison"})
         found = [nodes, *(tree[n].attrs.get("label") for n in nodes)]
         assert found == [[expected], expected], (
-            f"{subject.title}: label: with label={given!r} the results are called {nodes}, with the attribute 'label' "
-            f"{found[1:]}; expected {expected!r}."
+            f"{subject.title}: label: with label={given!r} the results are in the nodes {nodes}, with the attribute "
+            f"'label' {found[1:]}; expected {expected!r}."
         )
 
 
@@ -317,13 +345,13 @@ def _check_reproducibility(subject: PropagatorUnderTest, workers: int | Executor
     study = CASES["pendulum"]().study
     first = subject.node(study, "reproducibility")
     found = difference(first, subject.node(study, "reproducibility", again=True))
-    assert not found, f"{subject.title}: reproducibility: the second run gives other results than the first: {found}."
+    assert not found, f"{subject.title}: reproducibility: the results of two identical runs differ: {found}."
     found = difference(first, subject.node(study, "reproducibility", workers))
-    assert not found, f"{subject.title}: reproducibility: other workers give other results: {found}."
+    assert not found, f"{subject.title}: reproducibility: the results depend on the workers: {found}."
     seed = getattr(subject.given, "seed", None)
     if seeds and seed is not None:
         other = subject.node(study, "reproducibility", seed=seed + 1)
         assert difference(first, other), (
-            f"{subject.title}: reproducibility: seed={seed} and seed={seed + 1} give the same bits: the seed is "
-            "ignored; if there is nothing random in the method with these options, say so: seeds=False."
+            f"{subject.title}: reproducibility: seed={seed} and seed={seed + 1} give identical results, so the "
+            "method ignores the seed. If the method is deterministic with these options, pass seeds=False."
         )

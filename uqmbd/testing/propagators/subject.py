@@ -1,4 +1,4 @@
-"""A propagator under test: run, or made with another label or seed."""
+"""Propagator under test: run it, or make it with another label or seed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["PropagatorUnderTest", "described", "quiet"]
 
 @dataclass(frozen=True)
 class PropagatorUnderTest:
-    """A propagator under test, and how to make it with another label or seed."""
+    """Propagator under test, with a function that makes it with another label or seed."""
 
     make: Callable[..., Propagator]
     given: Propagator
@@ -28,11 +28,11 @@ class PropagatorUnderTest:
 
     @classmethod
     def of(cls, propagator: Propagator | Callable[..., Propagator]) -> PropagatorUnderTest:
-        """Take an object, or what makes one."""
+        """Return the test object of a propagator, or of a callable that makes a propagator."""
         if isinstance(propagator, Propagator):
             parameters: Any = vars(type(propagator)).get("__dataclass_params__")
             assert parameters is not None and parameters.frozen, (
-                f"{type(propagator).__name__}: options: it is no frozen dataclass; decorate it with "
+                f"{type(propagator).__name__}: options: the class is not a frozen dataclass. Decorate it with "
                 "@dataclass(frozen=True, kw_only=True), so that its options are recorded and cannot change."
             )
             given = propagator
@@ -47,15 +47,15 @@ class PropagatorUnderTest:
 
     @property
     def title(self) -> str:
-        """For messages."""
+        """Return the title for messages."""
         return described(self.given)
 
     def node(
         self, study: Study, prop: str, workers: int | Executor = 1, *, again: bool = False, **changes: Any
     ) -> xr.DataTree:
-        """Run the method, or a variant of it, on a study; an error of its own breaks the property `prop`.
+        """Run the method, or a variant of it, on a study; an error of the method violates the property `prop`.
 
-        What was computed in this process is remembered, unless it is to be done `again`.
+        Results in this process are cached, unless `again` requests a repetition.
         """
         key = (study.name, *sorted(changes.items()))
         if workers == 1 and not again and key in self.nodes:
@@ -68,7 +68,7 @@ class PropagatorUnderTest:
 
     @contextmanager
     def unbroken(self, study: Study, prop: str) -> Iterator[None]:
-        """Turn an error into a broken property."""
+        """Convert an error in the context to a violated property."""
         try:
             yield
         except Exception as error:
@@ -91,7 +91,7 @@ def described(propagator: Propagator) -> str:
 
 @contextmanager
 def quiet() -> Iterator[list[warnings.WarningMessage]]:
-    """Collect warnings: methods may warn of what they find."""
+    """Collect warnings in the context, because methods may issue warnings."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         yield told

@@ -132,7 +132,8 @@ def test_failure_keeps_the_other_results(tmp_path: Path) -> None:
     """A warning, a note in the report, and all else as ever."""
     one = study(convergence={"propagators": Breaking(), "order": [1, 2]})
     with pytest.warns(
-        UserWarning, match="no curves of error against cost: .* Reason of the first failure: RuntimeError: out of paper"
+        UserWarning,
+        match="the curves of error against cost could not be computed: .* Reason of the first failure: RuntimeError: out of paper",
     ):
         tree = one.run()
     validate(tree)
@@ -180,10 +181,10 @@ def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
     ("given", "message"),
     [
         ([1, 2], "expected the arguments of study.converge"),
-        ({"order": [1]}, "has no 'propagators'"),
-        ({"propagators": Collocation}, "give the levels"),
-        ({"propagators": Collocation, "order": [1], "reference": "galerkin"}, "is no propagator of this study"),
-        ({"propagators": Collocation, "order": {"plain": [1]}}, "is given no levels of it"),
+        ({"order": [1]}, "has no key 'propagators'"),
+        ({"propagators": Collocation}, "no levels are given"),
+        ({"propagators": Collocation, "order": [1], "reference": "galerkin"}, "expected a propagator of this study"),
+        ({"propagators": Collocation, "order": {"plain": [1]}}, "or no levels are given for it"),
         ({"propagators": Collocation, "order": [1], "samples": {"mc": [3]}}, "levels are given for 'mc'"),
         ({"propagators": Collocation, "order": []}, "expected a list of levels"),
     ],
@@ -197,8 +198,8 @@ def test_bad_input(given: object, message: str) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda data: data.drop_vars("std"), "needs 'std'"),
-        (lambda data: data.isel(time=slice(2)), "expected \\(1, 4\\)"),
+        (lambda data: data.drop_vars("std"), "the reference has no variable 'std'"),
+        (lambda data: data.isel(time=slice(2)), "has the shape \\(1, 2\\); expected .* \\(1, 4\\)"),
         (lambda data: data.assign_coords(output=["other"]), "expected \\['growth'\\]"),
     ],
 )

@@ -154,9 +154,7 @@ class UnscentedTransform(uqmbd.extend.Propagator):
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         size = len(problem.inputs)
         kappa = 3.0 - size if self.kappa is None else self.kappa
-        space = problem.germ_space()
-        drawn = space.to_inputs(uqmbd.extend.monte_carlo_rule(space, 4096, 0, "sobol").nodes)
-        root = np.linalg.cholesky(np.atleast_2d(np.cov(drawn.T)))
+        root = np.linalg.cholesky(problem.inputs.covariance)
         steps = np.sqrt(size + kappa) * root.T
         found = problem.realise(problem.inputs.means + np.concatenate([np.zeros((1, size)), steps, -steps]))
         if found.failures:

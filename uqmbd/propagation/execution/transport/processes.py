@@ -1,11 +1,12 @@
-"""Worker processes that may die separately: the task of a dead process is known, and the others continue.
+"""Worker processes that may die separately: the executor identifies the failed task, and other processes continue.
 
-A `concurrent.futures.ProcessPoolExecutor` of several processes breaks as a whole when one of them dies, and does not
-identify the task.  Here each process is the only one of its pool, and runs one call at a time.
+If one process of a `concurrent.futures.ProcessPoolExecutor` dies, the whole executor breaks, and it does not identify
+the task. Here each pool has one process, which runs one call at a time.
 
-`pebble.ProcessPool` also confines a death to its own call, and cancelling ends a running process.  It takes the place
-of this module only (200 lines): Dask, MPI and executors of users need all that is next to it. It neither chooses nor
-reports the process that runs a call. So a large object, such as a model, would be sent with every call.
+With `pebble.ProcessPool`, the death of a process also affects only its own call, and a cancelled call ends its process.
+`pebble` could replace only this module (200 lines), because Dask, MPI and executors of users need the neighbouring
+modules. `pebble` neither chooses nor reports the process that runs a call. It would therefore send a large object, such
+as a model, with every call.
 """
 
 from __future__ import annotations
@@ -34,18 +35,18 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 StartProcess = Callable[[], "tuple[ProcessPoolExecutor, Any]"]
-"""Makes a pool of one process, and a shared integer that becomes the number of that process when it has started."""
+"""Function that makes a pool of one process, and a shared integer: the process number after the start."""
 
 
 class WorkerDied(BrokenExecutor):
-    """The process that ran a task has ended; others are running."""
+    """Error if the process of a task has ended; other processes continue."""
 
 
 class Processes(Executor):
     """Executor of at most `count` processes that start when tasks arrive, and are replaced when they die.
 
-    The future of the call that a process was running when it died raises `WorkerDied`. Cancelling a running future ends
-    its process, which is replaced. Packed arguments are sent to each process once. `start` makes a pool of one process,
+    If a process dies, the future of its running call raises `WorkerDied`. Cancelling a running future ends its process,
+    and a new process replaces it. Packed arguments are sent to each process once. `start` makes a pool of one process,
     and a shared integer that becomes the number of that process when it has started.
     """
 
@@ -73,7 +74,7 @@ class Processes(Executor):
         return task
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all processes after running and waiting tasks have finished; `cancel_futures` cancels waiting ones."""
+        """End all processes after running and waiting tasks have finished; `cancel_futures` cancels waiting tasks."""
         with self._lock:
             self._closed = True
             waiting = list(self._waiting) if cancel_futures else []
@@ -127,7 +128,7 @@ class Processes(Executor):
         self._dispatch()
 
     def _finish(self, worker: _PoolProcess, task: _Task, error: BaseException | None, result: Any) -> None:
-        """Set the result or error of a task; a process that died is replaced when the next task arrives."""
+        """Set the result or error of a task; the next task replaces a dead process."""
         began = worker.process() > 0
         with self._lock:
             self.started |= began
@@ -140,11 +141,11 @@ class Processes(Executor):
         if isinstance(error, BrokenProcessPool):
             worker.pool.shutdown(wait=False)
             if self.started:
-                error = WorkerDied("a worker process ended unexpectedly; perhaps it ran out of memory or was killed")
+                error = WorkerDied("a worker process ended unexpectedly; it may have run out of memory or been killed")
             else:
                 error = StudyError(
-                    "The worker processes cannot start: what they say is above. With workers=1 this process does the "
-                    "work."
+                    "The worker processes cannot start; the output above states the reason. Run with workers=1 to "
+                    "compute in this process."
                 )
         if error is not None:
             task.set_exception(error)
@@ -177,7 +178,7 @@ class _Task(Future[Any]):
 
 
 class _PoolProcess:
-    """Process, and the task that it runs."""
+    """Process with its running task."""
 
     def __init__(self, pool: ProcessPoolExecutor, started: Any) -> None:
         self.pool, self._started = pool, started
@@ -196,7 +197,7 @@ class _PoolProcess:
         return argument
 
     def clear(self) -> None:
-        """Clear the list of sent objects: they are sent again."""
+        """Clear the list of sent objects, so that they are sent again."""
         self._has.clear()
 
     def process(self) -> int:

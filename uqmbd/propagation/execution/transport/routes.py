@@ -23,31 +23,32 @@ class Route(Protocol):
 
     @property
     def names_the_dead(self) -> bool:
-        """Whether a death is reported for the piece that the worker was running only; else for other pieces, too."""
+        """Return whether a death is reported only for the task that the worker was running."""
 
     @property
     def apart(self) -> bool:
-        """Whether one worker may be slow, or stop, while others continue."""
+        """Return whether one worker may be slow, or stop, while others continue."""
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
     ) -> Future[Reply]:
         """Send a call, with packed arguments entirely (`whole`) or in the usual form.
 
-        `late`: futures of the same call that are overdue. Their workers may have stopped, and so may workers that
-        store packed objects: the call goes to other workers, and does not depend on any.
+        `late` contains overdue futures of the same call. The workers of these futures may have stopped; workers that
+        store packed objects may have stopped, too. The call is therefore sent to other workers, and requires no stored
+        object.
         """
 
     def renew(self) -> None:
-        """Assume that no worker stores packed objects: the worker that had them may have died."""
+        """Assume that no worker stores packed objects, because the worker that stored them may have died."""
 
     def refused(self, worker: Worker) -> None:
-        """Send pieces that this worker refused to others, if the executor allows that choice."""
+        """Send the tasks that `worker` refused to other workers, if the executor allows the choice of workers."""
 
 
 @dataclass(frozen=True)
 class _DirectRoute:
-    """Threads, and `Processes`, which pack arguments themselves: arguments pass unchanged."""
+    """Route to threads or `Processes`, with unchanged arguments; `Processes` itself replaces packed arguments."""
 
     executor: Executor
     apart: bool
@@ -68,7 +69,7 @@ class _DirectRoute:
 
 @dataclass(frozen=True)
 class _HashRoute:
-    """Any other executor: the hash is sent, and the bytes go to workers that request them."""
+    """Route to any other executor: calls contain the hash, and workers that lack the object receive its bytes."""
 
     executor: Executor
     names_the_dead: bool = False
@@ -89,16 +90,16 @@ class _HashRoute:
 
 
 def _shown(packed: Packed) -> Packed:
-    """Return the hash, and store the object here: workers that run in this process then find it."""
+    """Return the hash, and store the object in this process for workers that are threads of this process."""
     packed.value()
     return packed.ticket
 
 
 @dataclass(frozen=True)
 class _DaskRoute:
-    """Workers of a Dask cluster, which send packed objects to each other on request.
+    """Route to the workers of a Dask cluster, which send packed objects to each other on request.
 
-    Packed objects are results of tasks, not scattered: the scheduler recomputes those that are lost with a worker.
+    Packed objects are results of tasks instead of scattered data: the scheduler then recomputes lost objects.
     """
 
     executor: Executor
@@ -107,7 +108,7 @@ class _DaskRoute:
     generation: Any = field(default_factory=count)
     avoided: set[str] = field(default_factory=set)
     keys: WeakKeyDictionary[Future[Any], str] = field(default_factory=WeakKeyDictionary)
-    """Dask's names of running tasks."""
+    """Names of running tasks in Dask."""
     names_the_dead: bool = False
     apart: bool = True
     asked: CallTerms = field(default_factory=terms)
@@ -120,18 +121,18 @@ class _DaskRoute:
             sent = list(arguments)
         else:
             sent = [(self._held(x) if whole else x.ticket) if isinstance(x, Packed) else x for x in arguments]
-        key = f"uqmbd-{uuid4()}"  # the same call once more is another task
+        key = f"uqmbd-{uuid4()}"  # a repeated call is another task
         more: Any = {"key": key, "pure": False}
         away = self.avoided | self._doing({self.keys[future] for future in late if future in self.keys})
         if away and (others := sorted(self.client.nthreads().keys() - away)):
-            # if all these workers leave, any new worker may run it
+            # if all these workers leave, any new worker may run the task
             more |= {"workers": others, "allow_other_workers": True}
         future = self.executor.submit(answer, self.asked, function, *sent, **more)
         self.keys[future] = key
         return future
 
     def _doing(self, keys: set[str]) -> set[str]:
-        """Return the addresses of the workers that have some tasks."""
+        """Return the addresses of the workers that process at least one of the tasks."""
         if not keys:
             return set()
         return {where for where, tasks in self.client.processing().items() if not keys.isdisjoint(tasks)}
@@ -140,7 +141,7 @@ class _DaskRoute:
         self.held.clear()
 
     def refused(self, worker: Worker) -> None:
-        # a worker that refuses is free, so that the scheduler would choose it again and again
+        # a refusing worker is free, so the scheduler would choose it repeatedly
         self.avoided.add(worker.address)
 
     def _held(self, packed: Packed) -> Any:
@@ -171,5 +172,5 @@ def death(error: BaseException) -> str:
     ('a process has ended', '')
     """
     if type(error).__module__.startswith("distributed.") and type(error).__name__ == "KilledWorker":
-        return "Dask has seen its workers die while they ran it; their logs may say why"
+        return "Dask lost the workers that ran this task; their logs may state the reason"
     return str(error) or type(error).__name__ if isinstance(error, BrokenExecutor) else ""

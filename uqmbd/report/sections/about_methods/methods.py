@@ -1,4 +1,4 @@
-"""Methods, their cost, and the provenance of the results."""
+"""Section on methods, their cost, and the provenance of the results."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from uqmbd.report.sections.about_results import input_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
-from uqmbd.results.assessment import STILL, worst_integration_share
-from uqmbd.wording import format_count, format_duration, format_integer, format_number, format_percent
+from uqmbd.results.assessment import STILL, coupled_systems, worst_integration_share
+from uqmbd.wording import format_count, format_duration, format_integer, format_number, format_part
 
 __all__ = ["COST", "METHODS", "PROVENANCE"]
 
 
 def content(result: StudyResult) -> Content:
-    """Return what the section says."""
+    """Return the content of the section."""
     return {
         "agreement": agreement(result),
         "sentences": _sentences(result),
@@ -33,7 +33,7 @@ def _sentences(result: StudyResult) -> list[str]:
     """Describe the study in a few sentences."""
     rows, methods = input_rows(result), result.methods
     count, limits = len(result.histories) + len(result.scalar_names), len(answers(result.nodes))
-    limits -= limits > 1  # that any is violated is no further one
+    limits -= limits > 1  # the violation of any limit is not a further limit
     where = [format_count(count, "output")] if count else []
     where += [format_count(limits, "requirement")] if limits else []
     what = "the uncertainty of " + format_count(len(rows), "input") if rows else "the uncertainty of the inputs"
@@ -62,7 +62,7 @@ def _sentences(result: StudyResult) -> list[str]:
 
 
 def _populations(result: StudyResult) -> list[str]:
-    """Say which methods have inputs of other distributions than the study."""
+    """List the methods with input distributions that differ from the study."""
     found = {label: method.population for label, method in result.methods.items()}
     beside = "; it is not compared with the other methods" if len(set(found.values())) > 1 else ""
     return [
@@ -73,13 +73,13 @@ def _populations(result: StudyResult) -> list[str]:
 
 
 def _outcome(method: Method, compared: bool) -> list[str]:
-    """Say how many realisations succeeded, and what statistics and results leave out."""
+    """State the number of successful realisations, and the realisations that statistics and results omit."""
     label, total, failed = method.label, method.realisations, method.failures
     text = []
     outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
     if failed and method.fit:
         outcome = f"{failed} failed, and the surrogate was fitted without them: {method.fit}"
-    if failed or not compared:  # else the table of methods has it
+    if failed or not compared:  # otherwise the table of methods shows the number
         seconds = format_duration(method.wall_time)
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
     kept, counted = total if method.samples is None else method.samples.sizes["sample"], method.counted
@@ -99,9 +99,9 @@ def _outcome(method: Method, compared: bool) -> list[str]:
 
 
 def _describe_stored(method: Method, total: int, kept: int) -> str:
-    """Say of which realisations statistics and figures are, where the results do not hold all."""
+    """State the realisations that statistics and figures use, if the results do not contain all realisations."""
     every, first = format_integer(total), f"the first {format_integer(kept)}, which are stored"
-    if "smallest" not in method.statistics:  # of an earlier version
+    if "smallest" not in method.statistics:  # results of an earlier version
         return (
             f"Means and standard deviations of {method.label} use all {every} samples. Quantiles, histograms and "
             f"densities use {first}."
@@ -110,7 +110,7 @@ def _describe_stored(method: Method, total: int, kept: int) -> str:
     if "quantile_error" in method.statistics:
         error, std = (method.statistics[name] for name in ("quantile_error", "std"))
         worst = float((error.max("probability") / std.where(std > 0)).max())
-        share = f"{format_percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
+        share = format_part(worst, "the standard deviation") if math.isfinite(worst) else "rounding"
         text += f" Quantiles are computed from counts between edges; their error is at most {share}."
     return text
 
@@ -135,12 +135,13 @@ _COUNTERS = {
 
 
 FITTING = 0.01
-"""Part of the wall time from which on the time for fitting is stated."""
+"""Minimum share of fitting in the wall time for which the report states the fitting time."""
 
 
 def cost(result: StudyResult) -> Content:
-    """Return what each method cost."""
+    """Return the cost of each method."""
     return {
+        "coupled": coupled_systems(result.nodes),
         "methods": [
             {
                 "label": label,
@@ -156,7 +157,7 @@ def cost(result: StudyResult) -> Content:
                 ],
             }
             for label, method in result.methods.items()
-        ]
+        ],
     }
 
 
@@ -164,13 +165,13 @@ COST = TemplateSection("Cost", "cost", cost, "about_methods.html.j2")
 
 
 def _fitting(method: Method) -> str:
-    """Return how long a method fitted its surrogate; empty where that is less than a hundredth of its wall time."""
+    """Return the time to fit a surrogate as text; empty if it is below one hundredth of the wall time."""
     seconds = float(method.node.attrs.get("wall_time_fitting", 0.0))
     return format_duration(seconds) if seconds >= FITTING * method.wall_time > 0 else ""
 
 
 def _integration(method: Method) -> list[tuple[str, str]]:
-    """Return the largest error of the time integration, and how it was found."""
+    """Return the largest error of the time integration, and the procedure of its estimate."""
     worst = worst_integration_share(method.node)
     if worst is None:
         return []
@@ -181,7 +182,7 @@ def _integration(method: Method) -> list[tuple[str, str]]:
 
 
 def _nothing(value: str) -> bool:
-    """Return whether a counter has counted nothing: what did not happen needs no line."""
+    """Return whether a counter is zero, so that the report omits it."""
     try:
         return float(value) == 0.0
     except ValueError:
@@ -189,7 +190,7 @@ def _nothing(value: str) -> bool:
 
 
 def _counter(name: str, value: str) -> tuple[str, str]:
-    """Return a solver's counter with a name for reading."""
+    """Return a readable name and the value of a solver counter."""
     shown = _COUNTERS.get(name, name.replace("_", " "))
     try:
         number = float(value)
@@ -222,7 +223,7 @@ _KNOWN = {
     "propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters", "wall_time",
     "realisations", "failures", "warnings", "budget_summary", "refused",
 }  # fmt: skip
-"""Attributes of a method that are shown by another name, or elsewhere."""
+"""Attributes of a method that the report shows under another name, or elsewhere."""
 
 
 def provenance(result: StudyResult) -> Content:
@@ -250,12 +251,12 @@ def _facts(method: Method) -> list[tuple[str, str]]:
         *((f"option {name}", value) for name, value in method.pairs("options")),
         *((_ATTRIBUTES.get(str(k), str(k)), str(v)) for k, v in attrs.items() if k not in _KNOWN),
     ]
-    # what is not set is not worth a row
+    # options without a value have no row
     return [(name, value) for name, value in found if value not in ("null", "None", "")]
 
 
 def _versions(result: StudyResult) -> list[Content]:
-    """Return the versions of packages: once, where all methods have the same."""
+    """Return the versions of packages; if all methods have the same versions, return them once."""
     found = {label: method.pairs("versions") for label, method in result.methods.items()}
     found = {label: pairs for label, pairs in found.items() if pairs}
     if len({json.dumps(pairs) for pairs in found.values()}) == 1:
@@ -264,7 +265,7 @@ def _versions(result: StudyResult) -> list[Content]:
 
 
 def _mechanism(result: StudyResult) -> Content:
-    """Return rows of bodies and of components; of results of earlier versions their names."""
+    """Return rows of bodies and components; results of earlier versions contain only their names."""
     parts, model = (_object(result.tree.attrs.get(name)) for name in ("parts", "model"))
     known, joined = (_object(model.get(name)) for name in ("bodies", "components"))
     bodies = parts.get("bodies") if isinstance(parts.get("bodies"), list) else []
@@ -288,7 +289,7 @@ def _constants(values: object) -> str:
 
 
 def _object(value: object) -> Mapping[str, Any]:
-    """Return a JSON object, or its text, as a mapping; anything else is empty."""
+    """Return a JSON object, or its text, as a mapping; return an empty mapping for any other value."""
     try:
         found = json.loads(value) if isinstance(value, str) else value
     except ValueError:

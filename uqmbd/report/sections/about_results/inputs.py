@@ -1,4 +1,4 @@
-"""The inputs: how they were sampled, which of them matter, and sliders for other values."""
+"""Sections on the inputs: their distributions, their influence, and sliders for other values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uqmbd.report.sections.about_results.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
 from uqmbd.results.assessment import STILL
-from uqmbd.wording import format_share, typeset_units
+from uqmbd.wording import format_percent, format_share, typeset_units
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermSpace
@@ -24,7 +24,7 @@ __all__ = ["EXPLORE", "INFLUENCE", "INPUTS", "input_rows"]
 
 
 def describe_inputs(result: StudyResult) -> Content:
-    """Return what the section says and shows."""
+    """Return the content of the section."""
     return {"rows": input_rows(result), "figure": _figure(result.methods) or _figure(result.scalars)}
 
 
@@ -32,7 +32,7 @@ INPUTS = TemplateSection("Uncertain inputs", "inputs", describe_inputs)
 
 
 def input_rows(result: StudyResult) -> list[dict[str, str]]:
-    """Return the table of inputs: name, distribution and units, from the first method that tells."""
+    """Return the table of inputs with name, distribution and units, from the first method that states them."""
     for method in result.methods.values():
         for child in ("samples", "statistics", "chaos"):
             data = dataset_of(method.node, child)
@@ -66,7 +66,7 @@ def _figure(methods: Mapping[str, Method]) -> Content | None:
 
 
 def _space(sampled: Method, methods: Sequence[Method]) -> GermSpace | None:
-    """Return the germs and distributions of the inputs, from a surrogate of the same population that stores them."""
+    """Return the germs and distributions of the inputs from a surrogate of the same population."""
     from uqmbd.randomness import GermSpace
 
     population = sampled.node.attrs.get("population")
@@ -84,7 +84,7 @@ _MINOR = 0.01
 
 
 def influence(result: StudyResult) -> Content | None:
-    """Return what the section says and shows; None if no method knows."""
+    """Return the content of the section; None if no method states influences."""
     nodes = result.nodes
     if not any(has_indices(node) for node in nodes.values()):
         return None
@@ -158,17 +158,18 @@ def _in_words(name: str, one: Indices) -> str:
 
 
 def explore(result: StudyResult) -> Content | None:
-    """Return the data of the sliders, or why there are none; None where the results hold no inputs.
+    """Return the data of the sliders, or the reason why they are missing; None if the results contain no inputs.
 
-    Return ``explorer``, JSON, or None; ``nearest``: how many realisations stand for a surrogate, or 0; ``moving``,
-    whether there is a mechanism to draw; ``notes``, what does not follow the inputs, and why.
+    ``explorer`` is JSON, or None. ``nearest`` is the number of realisations that replace a surrogate, or 0. ``fitted``
+    is true if polynomials replace the model of a plugin, and ``moving`` if the page draws a mechanism. ``notes`` lists
+    quantities that do not depend on the sliders, with reasons.
     """
     if not live.live_method(result.tree) and not _sampled(result):
         return None
     moving = result.motion is not None
     try:
         found = live.collect_explorer_data(result.tree, result.limits)
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
+    except Exception as error:  # noqa: BLE001 - results of other packages may be invalid in any way; the report must remain
         found = {"reason": f"{type(error).__name__}: {error}"}
     reason = str(found.get("reason", ""))
     if reason:
@@ -176,18 +177,35 @@ def explore(result: StudyResult) -> Content | None:
     if "reason" in found:
         notes = [f"This report has no sliders for the inputs: {found['reason']}"]
         return {"explorer": None, "nearest": 0, "moving": moving, "notes": notes}
-    notes = [f"Some outputs are not evaluated at the chosen inputs: {one}" for one in found["missing"]]
+    fitted = [] if found.get("nearest") else _fitted(found)
+    notes = [*fitted, *(f"Some outputs are not evaluated at the chosen inputs: {one}" for one in found["missing"])]
     if reason and reason != live.NO_SURROGATE:
         notes.insert(0, f"The page evaluates no surrogate: {reason}")
     if found["still"]:
         names = ", ".join(found["still"])
         why = f"{found['method']} has no surrogate of their margins"
         notes.append(f"These requirements are not evaluated at the chosen inputs: {names}; {why}.")
-    return {"explorer": json_script(found), "nearest": found.get("nearest", 0), "moving": moving, "notes": notes}
+    about = {"nearest": found.get("nearest", 0), "fitted": bool(fitted), "moving": moving, "notes": notes}
+    return {"explorer": json_script(found), **about}
+
+
+def _fitted(found: Content) -> list[str]:
+    """Return a sentence on the polynomials that replace the model of a plugin; empty without such polynomials."""
+    parts = [found[kind]["surrogate"]["fitted"] for kind in ("histories", "scalars", "margins") if found[kind]]
+    known = [one for one in parts if one]
+    if not known:
+        return []
+    orders, largest = sorted({one["order"] for one in known}), max(one["difference"] for one in known)
+    order = f"order {orders[0]}" if len(orders) == 1 else f"orders {orders[0]} to {orders[-1]}"
+    return [
+        f"A page cannot evaluate the model {known[0]['model']!r}. The sliders evaluate polynomials of {order} that are "
+        f"fitted to it. Their root mean square difference from it is at most {format_percent(largest)} of the standard "
+        "deviation; the stated errors contain it."
+    ]
 
 
 def _nearest(result: StudyResult) -> Content | None:
-    """Return stored realisations of the first method with samples of inputs; None if there is none."""
+    """Return stored realisations of the first method with samples of inputs; None without such a method."""
     for label, method in result.methods.items():
         names = [name for name in most_uncertain(result) if name in method.names]
         with contextlib.suppress(StudyError, ValueError):
@@ -199,7 +217,7 @@ def _nearest(result: StudyResult) -> Content | None:
 
 
 def _sampled(result: StudyResult) -> bool:
-    """Return whether outputs are known by samples of inputs, of which a surrogate could be made."""
+    """Return whether results contain outputs at samples of inputs, so that a surrogate could be fitted."""
     held = [one for method in result.methods.values() for one in (method, method.scalars) if one is not None]
     return any(one.samples is not None and one.samples.sizes.get("input", 0) and one.names for one in held)
 

@@ -1,4 +1,4 @@
-"""An output over time in words and numbers: its end, its largest spread, and how well both are known."""
+"""Describe an output over time in words and numbers: final value, largest spread, and precision."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from uqmbd.wording import (
     typeset_units,
 )
 
-__all__ = ["in_words", "integration", "numbers", "output_rows", "precision"]
+__all__ = ["in_words", "integration", "numbers", "output_rows", "precision", "quantile_interval"]
 
 
 _UNKNOWN = Cell("unknown", "")
 
 
 def in_words(method: Method, name: str) -> str:
-    """Describe an output's end and its largest spread in a sentence or two."""
+    """Describe the final value and the largest spread of an output in one or two sentences."""
     (row,) = output_rows([method], name)
     return (
         f"At {row['end']} the mean is {row['mean']} and the standard deviation {row['std']}; "
@@ -36,9 +36,9 @@ def in_words(method: Method, name: str) -> str:
 
 
 def precision(result: StudyResult, method: Method, name: str) -> str:
-    """Say in words how well the standard deviation of an output is known; empty if the method cannot tell.
+    """State the precision of the standard deviation of an output; empty if it is unknown.
 
-    What is to be done about it is in the section on methods.
+    The section on methods gives advice to improve the precision.
     """
     one, data = result.assessment.judgement(method.label, name), method.of(name)
     if method.samples is None or "std_error_std" not in data or not one.varies or not 0 < one.error < math.inf:
@@ -55,14 +55,14 @@ def precision(result: StudyResult, method: Method, name: str) -> str:
 
 
 def integration(method: Method, name: str) -> str:
-    """Say how large the error of the time integration of an output is; empty if the results do not state it."""
+    """State the error of the time integration of an output; empty if the results do not state it."""
     return method.integration_shares[name].sentence() if name in method.integration_shares else ""
 
 
 def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
-    """Return the rows of an output, one a method: its end with the 95 % interval, and its largest deviation.
+    """Return the rows of an output, one for each method: final value with 95 % interval, and largest std.
 
-    Numbers of all methods have the same digits, and are in two parts, to be aligned at both; ``end`` is a text.
+    Numbers of all methods have the same number of digits, and two parts that are aligned separately; ``end`` is a text.
     """
     some = list(methods)
     units = some[0].units(name)
@@ -100,23 +100,35 @@ def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
 
 
 def _interval(end: xr.Dataset) -> tuple[float, float]:
-    """Return the ends of what holds 95 % of the realisations; NaN where these quantiles are not stored."""
+    """Return the ends of the interval with 95 % of the realisations; NaN if the quantiles are not stored."""
     found = end["quantile"].sel(probability=[0.025, 0.975], method="nearest")
     known = np.allclose(found["probability"].values, (0.025, 0.975), rtol=0, atol=1e-6)
     low, high = found.values.tolist() if known else (math.nan, math.nan)
     return (low, high) if math.isfinite(low) and math.isfinite(high) else (math.nan, math.nan)
 
 
-def numbers(method: Method, name: str) -> list[dict[str, str]]:
-    """Return the numbers of an output at chosen times: mean, deviation, quantiles and shape.
+def quantile_interval(data: xr.Dataset, level: float) -> xr.DataArray | None:
+    """Return the 95 % interval (bound, ...) of a quantile; None if it is not stored."""
+    if "quantile_interval" not in data:
+        return None
+    found = data["quantile_interval"].sel(probability=level, method="nearest")
+    known = abs(float(found["probability"]) - level) < 1e-6 and not bool(found.isnull().all())
+    return found.transpose("bound", ...) if known else None
 
-    Very large and very small ones are in units of a power of ten, so that columns are narrow.
+
+def numbers(method: Method, name: str) -> list[dict[str, str]]:
+    """Return the numbers of an output at chosen times: mean, standard deviation, quantiles and shape.
+
+    Next to a quantile, with the key ``within`` and its level, is its 95 % interval; empty if it is not stored.
+
+    Very large and very small numbers are in units of a power of ten, so that columns are narrow.
     """
     data = method.of(name)
     some = data.isel(time=automatic_times(data["time"].values, data["std"].values))
     sizes = [np.fmax.reduce(np.abs(some[key].values), axis=None, initial=0.0) for key in ("mean", "std", "quantile")]
     power = power_of_ten(float(max(sizes)))
-    some = some.assign({key: some[key] / 10.0**power for key in ("mean", "std", "quantile")})
+    scaled = [key for key in ("mean", "std", "quantile", "quantile_interval") if key in some]
+    some = some.assign({key: some[key] / 10.0**power for key in scaled})
     scale = float(np.fmax.reduce(some["std"].values, axis=None, initial=0.0))
     times = some["time"].values.tolist()
     columns = {
@@ -128,6 +140,9 @@ def numbers(method: Method, name: str) -> list[dict[str, str]]:
         at = some["quantile"].sel(probability=p, method="nearest")
         known = abs(float(at["probability"]) - p) < 1e-6
         columns[f"q{p}"] = _column(at, scale) if known else ["–"] * len(times)
+        ends = quantile_interval(some, p)
+        within = [] if ends is None else zip(*(_column(one, scale) for one in ends), strict=True)
+        columns[f"within{p}"] = [f"{low} to {high}" for low, high in within] or [""] * len(times)
     shape = some["skewness"].values.tolist()
     columns["skewness"] = [minus(f"{round(one, 2) + 0.0:.2f}") if math.isfinite(one) else "–" for one in shape]
     units = " ".join(filter(None, (format_power(power), typeset_units(method.units(name)))))
@@ -136,5 +151,13 @@ def numbers(method: Method, name: str) -> list[dict[str, str]]:
 
 
 def _column(values: xr.DataArray, scale: float = 0.0) -> list[str]:
-    """Write numbers of one column; those that are not known are dashes."""
-    return [str(cell) if cell != _UNKNOWN else "–" for cell in format_cells(values.values.tolist(), scale=scale)]
+    """Return the numbers of one column as texts, with a tenth of `scale` in at most six digits; unknown: dashes."""
+    known = values.values.tolist()
+    texts = [str(cell) if cell != _UNKNOWN else "–" for cell in format_cells(known, scale=scale)]
+    largest = max((abs(one) for one in known if math.isfinite(one)), default=0.0)
+    if scale <= 0 or largest <= 0 or any("×" in text for text in texts):
+        return texts
+    places = min(1 - math.floor(math.log10(scale)), 5 - math.floor(math.log10(largest)))
+    if places <= max(len(text.partition(".")[2]) for text in texts):
+        return texts
+    return [minus(f"{one:.{places}f}") if math.isfinite(one) else text for one, text in zip(known, texts, strict=True)]

@@ -1,8 +1,9 @@
-"""The report's section on outputs over time: figures, words and numbers of each, the most uncertain ones in full."""
+"""Section on outputs over time: figures, texts and numbers, complete for the most uncertain outputs."""
 
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,25 +18,31 @@ from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import choose_reference
 from uqmbd.results.assessment import STILL
-from uqmbd.wording import format_count
+from uqmbd.wording import format_count, typeset_units
 
 __all__ = ["FULL", "OUTPUTS", "bands_chart", "bands_of", "most_uncertain", "only_density", "over_chart", "ranked"]
 
 DENSITIES = 6
-"""Most methods whose densities are drawn in one figure."""
+"""Maximum number of methods in a figure of densities."""
 
 FEW_ROWS = 6
-"""Most rows of a table that is shown in full; of a longer one, the rows of one method are shown and all are folded."""
+"""Maximum number of rows of a complete table; a longer table shows the rows of one method, and all rows folded."""
+
+FEW_OUTPUTS = 12
+"""Maximum number of outputs for which folded outputs are not grouped; `search.js` finds outputs in longer lists."""
 
 FULL = 6
-"""Outputs of which all figures are drawn; of those beyond, the bands, folded.  A browser takes some 15 ms an image."""
+"""Maximum number of outputs with all figures; other outputs have only folded bands.
+
+A browser takes about 15 ms per image.
+"""
 
 
 def describe_outputs(result: StudyResult) -> Content | None:
-    """Return what the section says and shows; None where no output is a history over time.
+    """Return the content of the section; None if no output is a function of time.
 
-    Return ``outputs``, in the order of the study or, of more than :data:`FULL`, the most uncertain first; ``note``:
-    what is not drawn, or empty; ``statistics``: a table of all.
+    The keys are ``outputs``, ``note`` (omitted figures, or empty) and ``statistics`` (a table of all outputs).
+    ``outputs`` has the order of the study, or, for more than :data:`FULL` outputs, the most uncertain output first.
     """
     names = result.histories
     if not names:
@@ -43,8 +50,10 @@ def describe_outputs(result: StudyResult) -> Content | None:
     full = most_uncertain(result)
     found = [_output(result, name, name in full) for name in sorted(names, key=lambda n: n not in full)]
     if len(full) == len(names):
+        _group(result, found, ())
         return {"outputs": found, "note": "", "statistics": statistics(result)}
     found.sort(key=lambda one: full.index(one["name"]) if one["name"] in full else len(full))
+    _group(result, found, full)
     return {
         "outputs": found,
         "statistics": statistics(result),
@@ -54,11 +63,24 @@ def describe_outputs(result: StudyResult) -> Content | None:
     }
 
 
-def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most: int = FULL) -> list[str]:
-    """Return the names of the outputs that are shown in full: all of a few, of many the most uncertain ones.
+def _group(result: StudyResult, found: list[Content], full: Sequence[str]) -> None:
+    """Assign folded outputs with the same units to a named group if there are more than `FEW_OUTPUTS` outputs."""
+    known = {one["name"]: next(iter(result.holders(one["name"]).values())).units(one["name"]) for one in found}
+    folded = [units for name, units in known.items() if name not in full] if len(found) > FEW_OUTPUTS else []
+    counts = Counter(folded)
+    for one in found:
+        units = known[one["name"]]
+        named = f"in {typeset_units(units)}" if typeset_units(units) else "without units"
+        count = format_count(counts[units], "further output")
+        one["group"] = "" if one["name"] in full or not counts else f"{count} {named}"
+    found.sort(key=lambda one: list(counts).index(known[one["name"]]) if one["group"] else -1)
 
-    `names`: among which; default: all outputs over time. Return in the order of ``names`` if these are all, else the
-    most uncertain first: by the largest standard deviation over time, over the largest mean.
+
+def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most: int = FULL) -> list[str]:
+    """Return the names of the outputs with all figures: all of few outputs, otherwise the most uncertain ones.
+
+    `names` are the candidates; default: all outputs over time. All outputs are in the order of ``names``. A selection
+    is sorted by the ratio of the largest standard deviation over time to the largest mean, in descending order.
     """
     known = list(result.histories if names is None else names)
     return known if len(known) <= most else ranked(result, known)[:most]
@@ -79,7 +101,7 @@ def _uncertainty(result: StudyResult, name: str) -> float:
 
 
 def _output(result: StudyResult, name: str, whole: bool) -> Content:
-    """Return the figures, words and numbers of an output: all of them, or the most important."""
+    """Return all figures, texts and numbers of an output, or only the most important ones."""
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
     shown = [result.methods[label] for label in holders]
@@ -114,7 +136,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     if sampled and whole:
         method = next(iter(sampled.values()))
         from_label = f" (samples of {method.label})" if result.several else ""
-        # the page says the same by bands over time, and by densities at chosen times
+        # the page shows the same data as bands over time, and as densities at chosen times
         histogram = functools.partial(figures.time_history_histogram, method.node, name)
         files.append({"name": f"{name}-time-history-histogram", "draw": histogram})
         drawn += [
@@ -151,18 +173,18 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
 
 
 def over_time(result: StudyResult, name: str) -> bool:
-    """Return whether an output has two times, between which lines can be drawn."""
+    """Return whether an output has at least two times, as required for a line."""
     return max(method.of(name).sizes["time"] for method in result.holders(name).values()) > 1
 
 
 def bands_of(result: StudyResult, name: str) -> Chart:
-    """Return the chart of an output over time; of a surrogate with several orders, the highest only."""
+    """Return the chart of an output over time; for a surrogate of several orders, only the highest order."""
     holders = shown_methods({label: method.node for label, method in result.holders(name).items()})
     return figures.bands_chart(holders, name, limits=result.limits_of(name))
 
 
 def bands_chart(result: StudyResult, name: str) -> Content:
-    """Return the chart of an output over time, with its words."""
+    """Return the chart of an output over time, with its text."""
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
     lower = " Only the highest order of a surrogate is shown." if len(holders) < len(every) else ""
@@ -176,7 +198,7 @@ def bands_chart(result: StudyResult, name: str) -> Content:
 
 
 def _differences(result: StudyResult, holders: Mapping[str, xr.DataTree], name: str) -> list[Content]:
-    """Return how far methods agree: charts of means and of standard deviations, if there are times."""
+    """Return charts of differences between methods in mean and standard deviation, if the output has times."""
     reference = result.assessment.reference
     reference = reference if reference in holders else choose_reference(holders)
     charts = [figures.difference_chart(holders, name, reference, statistic) for statistic in ("mean", "std")]
@@ -194,7 +216,7 @@ def _differences(result: StudyResult, holders: Mapping[str, xr.DataTree], name: 
 
 
 def over_chart(result: StudyResult, name: str) -> Content | None:
-    """Return the chart of an output over the one that the study names for it; None where there is none."""
+    """Return the chart of an output over another output that the study names; None without such an output."""
     holders = shown_methods({label: method.node for label, method in result.holders(name).items()})
     over = result.over.get(name, "")
     if not over or not all(over in result.methods[label].histories for label in holders):
@@ -218,7 +240,7 @@ def over_chart(result: StudyResult, name: str) -> Content | None:
 
 
 def only_density(holders: Mapping[str, xr.DataTree], name: str) -> tuple[Chart, str] | None:
-    """Return chart and words of an output's density where there is one time; None where there is nothing to draw."""
+    """Return chart and text of the density of an output at a single time; None without a density."""
     try:
         chart = figures.densities_chart(holders, name).charts[0]
     except StudyError:
@@ -257,10 +279,9 @@ def _convergence_caption(method: Method) -> str:
 
 
 def statistics(result: StudyResult) -> Content:
-    """Return the table of outputs: of few rows all, of many those of one method, and all of them apart.
+    """Return the table of outputs: all rows if few, otherwise the rows of one method, and all rows separately.
 
-    Return ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not
-    all.
+    The keys are ``rows``, ``of`` (the method of the rows, or empty), and ``all`` (all rows, if ``rows`` is incomplete).
     """
     rows = [row for name in result.histories for row in output_rows(result.holders(name).values(), name)]
     if not result.several or len(rows) <= FEW_ROWS:

@@ -1,4 +1,4 @@
-"""Scalar outputs and event times: statistics of all methods, and densities."""
+"""Sections on scalar outputs and event times: statistics of all methods, and densities."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ import xarray as xr
 from uqmbd.report import figures
 from uqmbd.report.charts import Views, charted
 from uqmbd.report.figures import MOST_SCALARS, events_in_words, failure_reasons, has_events
+from uqmbd.report.sections.about_results.output_words import quantile_interval
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results.assessment import worst_integration_share
-from uqmbd.wording import format_at_most, format_cells, format_count, format_percent, format_share
+from uqmbd.wording import Cell, format_at_most, format_cells, format_count, format_percent, format_share
 
 __all__ = ["EVENTS", "SCALARS"]
 
 
 def describe_scalars(result: StudyResult) -> Content | None:
-    """Return what the section says and shows; None if there are no such outputs."""
+    """Return the content of the section; None if there are no such outputs."""
     names, inner = result.scalar_names, result.scalars.values()
     if not names:
         return None
@@ -46,6 +47,7 @@ def describe_scalars(result: StudyResult) -> Content | None:
         "rows": rows,
         "influence": any(row["influence"] for row in rows),
         "stated": any(row["error"] for row in rows),
+        "within": any("quantile_interval" in method.statistics for method in inner),
         "figures": drawn,
     }
 
@@ -54,7 +56,7 @@ SCALARS = TemplateSection("Scalar outputs", "scalars", describe_scalars)
 
 
 def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
-    """Return the rows of an output, one a method, with the same digits in all of them."""
+    """Return the rows of an output, one for each method, with the same number of digits."""
     some = [method for method in methods if name in method.names]
     data, units = [method.of(name) for method in some], some[0].units(name)
     scale = float(np.fmax.reduce([float(one["std"]) for one in data], initial=0.0))
@@ -66,7 +68,8 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     for level in (0.05, 0.95):
         found = [one["quantile"].sel(probability=level, method="nearest") for one in data]
         known = [float(one) if abs(float(one["probability"]) - level) < 1e-6 else math.nan for one in found]
-        columns[f"q{level}"] = format_cells(known, units, scale=scale)
+        cells = format_cells(known, units, scale=scale)
+        columns[f"q{level}"] = [_within(cell, one, level, scale) for cell, one in zip(cells, data, strict=True)]
     return [
         {"output": name, "method": method.label, "influence": _influence(one), "error": _error(one)}
         | {key: cells[k] for key, cells in columns.items()}
@@ -74,8 +77,17 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     ]
 
 
+def _within(cell: Cell, data: xr.Dataset, level: float, scale: float) -> Cell:
+    """Return the number of a quantile with its 95 % interval in brackets, if the interval is stored."""
+    ends = quantile_interval(data, level)
+    if ends is None:
+        return cell
+    low, high = format_cells(ends.values.tolist(), scale=scale)
+    return Cell(cell.number, f"{cell.rest} ({low} to {high})".strip())
+
+
 def _influence(data: xr.Dataset) -> str:
-    """Say which input takes part in most of the variance."""
+    """Name the input with the largest share in the variance."""
     for name, dim in (("sobol_total", "input"), ("sobol_total_germ", "germ")):
         if name in data and float(data["std"]) > 0:
             values = data[name].values
@@ -85,7 +97,7 @@ def _influence(data: xr.Dataset) -> str:
 
 
 def _bounds(methods: Iterable[Method]) -> list[str]:
-    """Say of outputs that happen in all realisations how often they may not happen elsewhere: each method once."""
+    """State upper bounds of the probability that an event does not occur, if it occurred in all realisations."""
     said = []
     for method in methods:
         if "censored_bound" not in method.statistics:
@@ -103,18 +115,18 @@ def _bounds(methods: Iterable[Method]) -> list[str]:
 
 
 def _integration(methods: Iterable[Method]) -> list[str]:
-    """Say how large the error of the time integration is, with the method that has the largest."""
+    """State the largest error of the time integration, with its method."""
     found = [(one, m.label) for m in methods if (one := worst_integration_share(m.node)) is not None]
     known = [(one, label) for one, label in found if math.isfinite(one.share)]
     if not known:
         return []
     worst, label = max(known, key=lambda pair: pair[0].share)
     where = f"{worst.output}, with {label}" if len(known) > 1 else worst.output
-    return [f"The integration error is {format_at_most(worst.share)} {worst.of_what} (of {where})."]
+    return [f"The integration error is {format_at_most(worst.share, worst.whole)} (of {where})."]
 
 
 def _error(data: xr.Dataset) -> str:
-    """Say the stated error of a surrogate."""
+    """Return the stated error of a surrogate as text."""
     share = float(data.get("verification_error", math.nan))
     return format_percent(share) if math.isfinite(share) else ""
 
@@ -148,14 +160,14 @@ def _words(method: Method) -> list[str]:
 
 
 def events(result: StudyResult) -> Content | None:
-    """Return what the section says and shows of each method that followed events; None if none did."""
+    """Return the content of the section for each method that followed events; None without such a method."""
     drawn = []
     for label, node in result.nodes.items():
         if not has_events(node):
             continue
         try:
             words = events_in_words(node)
-        except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the rest must stand
+        except Exception as error:  # noqa: BLE001 - results of other packages may be invalid in any way; the rest must remain
             words = f"The event times cannot be read: {type(error).__name__}: {error}"
         drawn.append(
             charted(

@@ -1,9 +1,10 @@
-"""A surrogate whose outputs are those of a model of a plugin."""
+"""Provide a surrogate that evaluates a model of a plugin."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import xarray as xr
@@ -11,10 +12,11 @@ import xarray as xr
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import checked_weights, read_surrogate, verification_of
-from uqmbd.results.chaos.custom.models import SurrogateModel, made, model_class, model_problem
+from uqmbd.results.chaos.custom.models import SurrogateModel, model_problem
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.readouts import Readout, SampleBlocks
 from uqmbd.results.schema import Labels
+from uqmbd.results.storage import made_model, model_class, source_of_model
 from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
@@ -23,17 +25,27 @@ if TYPE_CHECKING:
 __all__ = ["Custom", "CustomSurrogate"]
 
 ROWS = 2048
-"""Points at which a model is evaluated at once."""
+"""Number of points at which a model is evaluated at once."""
 
 PREFIX = "model_"
-"""Begin of the names of a model's arrays in a dataset, and of their dimensions."""
+"""Prefix of the names of model arrays in a dataset; names of their dimensions end in a hyphen and a number.
+
+Names of arrays are identifiers without hyphens, because a variable with the name of a dimension would be a coordinate.
+"""
 
 ROWS_OF = {"output": "row_of_output", "time": "row_of_time"}
-"""Variables that hold which outputs and times of the model a stored surrogate has, by dimension."""
+"""Names of variables with indices of the model's outputs and times in a stored surrogate, by dimension."""
+
+NO_TERMS = "A CustomSurrogate has no polynomial terms."
+
+UNVERIFIED = (
+    "This surrogate has no verification realisations, so it cannot state its error; pass verification_germs and "
+    "verification_response to CustomSurrogate."
+)
 
 
 class Custom(Readout):
-    """Outputs are those of a model that a plugin made."""
+    """Readout of outputs from a model of a plugin."""
 
     name = "surrogate"
 
@@ -41,23 +53,23 @@ class Custom(Readout):
 @typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class CustomSurrogate(Surrogate):
-    """Outputs from a model of a plugin, with the interface of every surrogate: samples, statistics, stated errors.
+    """Outputs from a model of a plugin, with the interface of all surrogates: samples, statistics, stated errors.
 
-    Its `statistics` and `to_datasets` are what a propagator gives to `uqmbd.extend.Problem.node`.
+    A propagator passes the results of `statistics` and `to_datasets` to `uqmbd.extend.Problem.node`.
 
     Parameters
     ----------
     model : SurrogateModel
-        Evaluates inputs, and consists of arrays.
+        Model that evaluates the outputs and consists of arrays.
     space : GermSpace
-        Of the inputs, from ``problem.germ_space()``.
+        Germ space of the inputs, from ``problem.germ_space()``.
     labels : Labels
-        Meaning of the axes, with O outputs, I inputs and T times.
+        Labels of the axes, with O outputs, I inputs and T times.
     verification_germs, verification_response : array, shapes (V, d) and (V, O, T), optional
-        Realisations that did not enter the model, from which its error is stated. Without them requirements have
-        intervals from 0 to 1.
+        Verification realisations, which did not affect the model; the stated error is computed from them. Without them,
+        requirements have intervals from 0 to 1.
     verification_weights : array, shape (V,), optional
-        Of these. Default: all alike.
+        Weights of the verification realisations. Default: equal weights.
 
     Raises
     ------
@@ -66,11 +78,12 @@ class CustomSurrogate(Surrogate):
 
     Examples
     --------
+    >>> from typing import ClassVar
     >>> import chaospy, uqmbd
     >>> import numpy as np
     >>> from uqmbd.extend import CustomSurrogate, GermSpace, labels
     >>> class Square:
-    ...     name = "square"
+    ...     name: ClassVar[str] = "square"
     ...     def evaluate(self, inputs):
     ...         return inputs[:, :, None] ** 2
     ...     def arrays(self):
@@ -94,7 +107,7 @@ class CustomSurrogate(Surrogate):
     verification_response: Array | None = None
     verification_weights: Array | None = None
     rows: tuple[tuple[int, ...], tuple[int, ...]] | None = None
-    """Outputs and times of the model that this surrogate has, by their numbers; None: all."""
+    """Indices of the outputs and times of the model in this surrogate; None for all."""
     multi_index: Index = field(init=False)
     elements: tuple[Any, ...] = field(init=False, default=())
 
@@ -106,8 +119,10 @@ class CustomSurrogate(Surrogate):
         if problem := model_problem(kind):
             raise StudyError(f"CustomSurrogate: model is a {kind.__qualname__}, {problem}.")
         if not isinstance(name, str) or not name.strip():
-            raise StudyError(f"CustomSurrogate: the name of {kind.__qualname__} is {name!r}; expected a text.")
-        made[name] = kind
+            raise StudyError(
+                f"CustomSurrogate: the name of {kind.__qualname__} is {name!r}; expected a non-empty string."
+            )
+        made_model(name, kind)
         object.__setattr__(self, "multi_index", np.zeros((0, self.space.dimension), dtype=np.int64))
         weights = checked_weights(self.verification_weights, self.verification_germs)
         object.__setattr__(self, "verification_weights", weights)
@@ -129,6 +144,26 @@ class CustomSurrogate(Surrogate):
     @property
     def _remedy(self) -> str:
         return str(getattr(self.model, "remedy", ""))
+
+    @property
+    def _advice(self) -> str:
+        return "pass more verification_germs and verification_response"
+
+    @property
+    def _verified(self) -> tuple[Array, Array, Array]:
+        if self.verification_germs is None:
+            raise StudyError(UNVERIFIED)
+        return super()._verified
+
+    @property
+    def top_energy(self) -> Array:
+        """Not known: the model has no terms."""
+        raise StudyError(NO_TERMS)
+
+    @property
+    def top_energy_germ(self) -> Array:
+        """Not known: the model has no terms."""
+        raise StudyError(NO_TERMS)
 
     @property
     def _reader(self) -> Any:
@@ -164,13 +199,13 @@ class CustomSurrogate(Surrogate):
         return self._own(made_by(points), points.shape, "gradient")
 
     def _derivative(self, germs: Array, germ: int) -> Array:
-        raise StudyError("A surrogate of a plugin has derivatives with respect to inputs only; use gradient.")
+        raise StudyError("A CustomSurrogate has derivatives with respect to inputs only; use gradient.")
 
     def _own(self, values: Any, begin: tuple[int, ...], method: str) -> Array:
-        """Return the outputs and times of this surrogate from those of the model, (K, ..., O, T)."""
+        """Check values of the model, and return the outputs and times of this surrogate, (K, ..., O, T)."""
         found = np.asarray(values)
         rows, size = self.rows, len(begin)
-        # of the model's outputs and times, this surrogate may have fewer
+        # this surrogate may have fewer outputs and times than its model
         known = found.ndim == size + 2 and found.shape[:size] == begin and found.dtype.kind in "fiu"
         whole = len(self.labels.outputs), len(self.labels.times) if self.labels.times is not None else 1
         fits = known and (found.shape[size:] == whole if rows is None else _reaches(found.shape[size:], rows))
@@ -198,7 +233,10 @@ class CustomSurrogate(Surrogate):
         return SampleBlocks(columns, lambda part: np.ascontiguousarray(columns(part).T))
 
     def _without(self, terms: Mask, germs: Array) -> Array:
-        raise StudyError("A surrogate of a plugin has no terms.")
+        raise StudyError(NO_TERMS)
+
+    def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
+        raise StudyError(UNVERIFIED)
 
     def _variables(self, stated: bool) -> dict[str, Any]:
         whole = (range(len(self.labels.outputs)), range(len(self.labels.times) if self.labels.times is not None else 1))
@@ -213,33 +251,34 @@ class CustomSurrogate(Surrogate):
                     f"arrays of the model {self.model.name!r} contain {name!r} of the type {array.dtype}; expected "
                     "real numbers by names that are identifiers."
                 )
-            found[f"{PREFIX}{name}"] = (tuple(f"{PREFIX}{name}_{k}" for k in range(array.ndim)), array)
+            found[f"{PREFIX}{name}"] = (tuple(f"{PREFIX}{name}-{k}" for k in range(array.ndim)), array)
         return found
 
     def _dataset(self, *, stated: bool) -> xr.Dataset:
-        about = {"model": self.model.name, "remedy": self._remedy}
+        name = self.model.name
+        about = {"model": name, "model_source": source_of_model(name, type(self.model)), "remedy": self._remedy}
         return super()._dataset(stated=stated).assign_attrs(about)
+
+    def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
+        # reuse the model, because another class may have the same name now
+        return type(self)(**self._rest(self._dataset(stated=False).isel(dict(fewer))), model=self.model)
 
     @classmethod
     def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+        kind: Any = model_class(dataset)
+        named = {str(name): values.values for name, values in dataset.variables.items()}
+        arrays = {name.removeprefix(PREFIX): values for name, values in named.items() if name.startswith(PREFIX)}
+        return {"model": kind.from_arrays(arrays), **cls._rest(dataset)}
+
+    @classmethod
+    def _rest(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+        """Return the arguments of the constructor from a dataset, without the model."""
         data, labels, space = read_surrogate(dataset, cls._kind.name, tuple(ROWS_OF.values()))
-        kind: Any = model_class(str(data.attrs.get("model", "")))
-        arrays = {
-            str(name).removeprefix(PREFIX): values.values
-            for name, values in data.data_vars.items()
-            if str(name).startswith(PREFIX)
-        }
         found = [np.atleast_1d(data[name].values).tolist() for name in ROWS_OF.values()]
         rows = tuple(found[0]), tuple(found[1])
-        return {
-            "model": kind.from_arrays(arrays),
-            "space": space,
-            "labels": labels,
-            "rows": rows,
-            **verification_of(data),
-        }
+        return {"space": space, "labels": labels, "rows": rows, **verification_of(data)}
 
 
 def _reaches(shape: tuple[int, ...], rows: tuple[tuple[int, ...], tuple[int, ...]]) -> bool:
-    """Return whether a model has the outputs and times of these numbers."""
+    """Return whether indices of outputs and times are within the shape of a model."""
     return all(min(own) >= 0 and max(own) < size for own, size in zip(rows, shape, strict=True) if own)

@@ -1,4 +1,4 @@
-"""Points at which a surrogate is evaluated, from data with names of inputs."""
+"""Convert data with names of inputs to points at which a surrogate is evaluated."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from uqmbd.typing import Array
 __all__ = ["TableLike", "Named", "Points", "points_of"]
 
 POINT = "point"
-"""Dimension of points without a named one."""
+"""Name of the dimension of points if the data have none."""
 
 _TAKEN = frozenset({"output", "output_units", "output_angle", "time", "input", "input_units", "input_description"})
-"""Names of dimensions and coordinates that results have themselves."""
+"""Names of dimensions and coordinates that results use."""
 
 
 class TableLike(Protocol):
-    """A table with named columns, as of pandas."""
+    """Table with named columns, such as a data frame of pandas."""
 
     @property
     def columns(self) -> Any:
@@ -47,18 +47,18 @@ class Points:
     """Points with named dimensions."""
 
     values: Array  # (K, d) inputs, in their order and units
-    sizes: Mapping[str, int]  # dimensions of the points, whose product is K
-    coords: Mapping[str, Any]  # along these, and values of the inputs, as of `xarray.DataArray`
+    sizes: Mapping[str, int]  # sizes of the dimensions of the points; their product is K
+    coords: Mapping[str, Any]  # coordinates of `xarray.DataArray` along the dimensions, and values of the inputs
 
 
 def points_of(
     inputs: ArrayLike | Named | xr.DataArray | None, values: Mapping[str, Any], infos: Sequence[InputInfo]
 ) -> Points | None:
-    """Return points from inputs by name; None: a plain array was given.
+    """Return points from inputs by name, or None for a plain array.
 
-    `inputs`: none: keywords were given; `values`: keywords: numbers, lists of one length, or arrays of xarray with
-    dimensions of their own; `infos`: of the surrogate. Raise StudyError if an input is missing, unknown, given twice,
-    has another unit or shapes do not fit.
+    `inputs`: None if keywords are given; `values`: keywords with numbers, lists of equal length, or xarray arrays with
+    separate dimensions; `infos`: inputs of the surrogate. Raise StudyError if an input is missing, unknown, given twice
+    or has another unit, or if shapes do not match.
 
     >>> infos = (InputInfo("k", "N/m"), InputInfo("c"))
     >>> points = points_of(None, {"c": 0.5, "k": [1.0, 2.0]}, infos)
@@ -66,7 +66,10 @@ def points_of(
     ([[1.0, 0.5], [2.0, 0.5]], {'point': 2})
     """
     if inputs is not None and values:
-        raise StudyError(f"Inputs are given twice, as a whole and by name ({', '.join(values)}); expected one of both.")
+        raise StudyError(
+            f"Inputs are given twice, as an array and by name ({', '.join(values)}); expected only one "
+            "of the two forms."
+        )
     names = [info.name for info in infos]
     given: dict[str, Any]
     beside: dict[str, Any] = {}
@@ -94,17 +97,18 @@ def _check_names(given: Iterable[str], names: Sequence[str]) -> None:
     for name in given:
         if name not in names:
             raise StudyError(
-                f"There is no input {name!r}; the inputs are: {', '.join(names)}{did_you_mean(str(name), names)}."
+                f"The surrogate has no input {name!r}; the inputs are: "
+                f"{', '.join(names)}{did_you_mean(str(name), names)}."
             )
     if missing := [name for name in names if name not in set(given)]:
         raise StudyError(
             f"Values of {', '.join(missing)} are missing; expected one for each input: {', '.join(names)}. Inputs "
-            "have no default: to fix an input, give its value, such as its mean."
+            "have no default value; to fix an input, pass a value such as its mean."
         )
 
 
 def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
-    """Split an array with a dimension ``input``; without names it has the order of the inputs."""
+    """Split an array along its dimension ``input``; entries without names are in the order of the inputs."""
     if "input" not in inputs.coords:
         if inputs.sizes["input"] != len(names):
             raise StudyError(
@@ -114,7 +118,9 @@ def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
         inputs = inputs.assign_coords(input=list(names))
     known = [str(name) for name in inputs["input"].values]
     if len(set(known)) < len(known):
-        raise StudyError(f"The coordinate 'input' names an input twice: {', '.join(known)}.")
+        raise StudyError(
+            f"The coordinate 'input' contains an input twice: {', '.join(known)}; expected each input once."
+        )
     found = {}
     for k, name in enumerate(known):
         one = inputs.isel(input=k)
@@ -126,10 +132,10 @@ def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _of_frame(frame: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split a table; rows are points, whose index is a coordinate if it has a name."""
+    """Split a table into columns; rows are points, and a named index becomes a coordinate."""
     columns = [str(name) for name in frame.columns]
     if len(set(columns)) < len(columns):
-        raise StudyError(f"The table has a column twice: {', '.join(columns)}.")
+        raise StudyError(f"The table contains a column twice: {', '.join(columns)}; expected each column once.")
     index = frame.index
     named = getattr(index, "nlevels", 1) == 1 and index.name is not None
     dim = str(index.name) if named else POINT
@@ -146,12 +152,15 @@ def _array(value: Any, info: InputInfo) -> xr.DataArray:
         units = str(found.attrs.get("units", ""))
         if units and info.units and units.strip() != info.units.strip():
             raise StudyError(
-                f"Input {info.name!r} is given in {units!r}; expected {info.units!r}. Convert it, or leave the "
-                "attribute 'units' out."
+                f"Input {info.name!r} has the units {units!r}; expected {info.units!r}. Convert its values, or "
+                "delete the attribute 'units'."
             )
         for dim in map(str, found.dims):
             if dim in _TAKEN:
-                raise StudyError(f"Input {info.name!r} has a dimension {dim!r}, which results have; rename it.")
+                raise StudyError(
+                    f"Input {info.name!r} has the dimension {dim!r}, whose name is reserved for "
+                    "results; rename the dimension."
+                )
         try:
             return found.astype(float)
         except (TypeError, ValueError):
@@ -162,21 +171,21 @@ def _array(value: Any, info: InputInfo) -> xr.DataArray:
         raise StudyError(f"Input {info.name!r} is {value!r}; expected a number, or a list of numbers.") from None
     if numbers.ndim > 1:
         raise StudyError(
-            f"Input {info.name!r} has the shape {numbers.shape}; expected a number, a list, or an xarray.DataArray, "
-            "whose dimensions have names."
+            f"Input {info.name!r} has the shape {numbers.shape}; expected a number, a list, or an xarray.DataArray "
+            "with named dimensions."
         )
     return xr.DataArray(numbers, dims=(POINT,)[: numbers.ndim])
 
 
 def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], beside: Mapping[str, Any]) -> Points:
-    """Broadcast inputs to common dimensions, with their coordinates and values."""
+    """Broadcast inputs to common dimensions, and merge their coordinates."""
     for dim in dict.fromkeys(str(dim) for one in arrays for dim in one.dims):
         sizes = {info.name: one.sizes[dim] for one, info in zip(arrays, infos, strict=True) if dim in one.dims}
         if len(set(sizes.values())) > 1:
             said = ", ".join(f"{name}: {size}" for name, size in sizes.items())
             raise StudyError(
-                f"Inputs have different numbers of values along {dim!r} ({said}); expected the same, single numbers, "
-                "or arrays of xarray with different dimensions, of which all combinations are taken."
+                f"Inputs have different numbers of values along {dim!r} ({said}). Expected equal numbers, single "
+                "values, or xarray arrays with different dimensions, whose combinations are evaluated."
             )
     try:
         aligned = xr.align(*arrays, join="exact")

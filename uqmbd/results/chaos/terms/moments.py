@@ -1,4 +1,4 @@
-"""Moments of a polynomial chaos, straight from its coefficients."""
+"""Compute moments of a polynomial chaos from its coefficients."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ __all__ = ["column_blocks", "constant_columns", "shape_route", "skewness_kurtosi
 
 
 BLOCK_NUMBERS = 1_000_000
-"""Numbers (8 bytes each) of the largest array of a block; three such arrays exist at once: 24 MB."""
+"""Size of the largest array of a block, in numbers of 8 bytes; three such arrays (24 MB) exist at once."""
 
 MAX_NODES = 4_000_000
-"""Nodes of a tensor grid beyond which it is not used: one column of values would exceed 32 MB."""
+"""Maximum number of nodes of a tensor grid; above it, one column of values would exceed 32 MB."""
 
 MAX_PRODUCTS = 5_000_000
-"""Non-zero linearisation coefficients beyond which they are not tabulated: 140 bytes each while the table is made."""
+"""Maximum number of non-zero linearisation coefficients in a table, which needs 140 bytes each during construction."""
 
-# Relative costs, measured with one thread: a flop of a small matrix product, a node's powers and sums, a non-zero of
-# a sparse product, a pair of terms, and the making of a non-zero for each input.
+# Relative costs, measured with one thread: a flop of a small matrix product, powers and sums of a node, a non-zero of
+# a sparse product, a pair of terms, and the construction of a non-zero for each input.
 _FLOP, _NODE, _NONZERO, _PAIR, _MAKING = 0.1, 6.0, 1.2, 6.0, 60.0
 
 
 def standard_deviation(coefficients: Array) -> Array:
-    """Return the standard deviation (C,) of coefficients (P, C), whose row 0 is the mean: the norm of the others."""
+    """Return the standard deviation (C,) of coefficients (P, C): the norm of the rows after row 0, the mean."""
     rest = coefficients[1:]
     found = np.zeros(coefficients.shape[1])
     for part in column_blocks(coefficients.shape[1], len(coefficients)):
         block = rest[:, part]
-        # scaled, so that a spread of 1e-200 does not vanish in its square
+        # scale, so that the square of a spread of 1e-200 does not underflow
         scale = np.abs(block).max(axis=0, initial=0.0)
         unit = block / divisor(scale)
         found[part] = scale * np.sqrt(np.einsum("pc,pc->c", unit, unit))
@@ -47,12 +47,12 @@ def standard_deviation(coefficients: Array) -> Array:
 
 
 def constant_columns(mean: Array, std: Array, terms: int = 1) -> Mask:
-    """Return which outputs do not vary: a deviation, from so many terms, that is zero or rounding of the mean."""
+    """Return a mask of constant outputs: their deviation, from `terms` terms, is zero or rounding of the mean."""
     return np.asarray(std <= 32.0 * np.finfo(float).eps * np.sqrt(terms) * np.abs(mean))
 
 
 def column_blocks(columns: int, rows: int) -> Iterator[slice]:
-    """Cut columns into blocks of a bounded number of numbers."""
+    """Divide columns into slices, with a bounded number of elements in each block."""
     size = max(1, BLOCK_NUMBERS // max(rows, 1))
     return (slice(start, min(start + size, columns)) for start in range(0, columns, size))
 
@@ -60,12 +60,11 @@ def column_blocks(columns: int, rows: int) -> Iterator[slice]:
 def skewness_kurtosis(
     coefficients: Array, multi_index: Index, germs: Sequence[Germ], route: str = "auto"
 ) -> tuple[Array, Array]:
-    """Compute skewness and kurtosis (C,) of coefficients (P, C), exactly but for rounding; 0 and 3 of a constant."""
-    # Two routes give the same numbers, and "auto" takes the cheaper one.  "grid": values on a tensor Gauss grid that
-    # integrates the fourth power exactly (2 q + 1 nodes for an input of degree q), by sum factorisation, for few
-    # inputs.  "products": with the coefficients g of the square of the chaos, E f^3 = sum f_k g_k and
-    # E f^4 = sum g_k^2, through the table of the non-zero E[psi_i psi_j psi_k]; for many inputs.  Where both are too
-    # large, a StudyError.
+    """Compute exact skewness and kurtosis (C,) of coefficients (P, C); 0 and 3 for constant outputs."""
+    # Two algorithms give the same numbers, and "auto" chooses the faster one. "grid", for few inputs: evaluate on a
+    # tensor Gauss grid by sum factorisation; the grid integrates the fourth power exactly (2 q + 1 nodes for an input
+    # of degree q). "products", for many inputs: E f^3 = sum f_k g_k and E f^4 = sum g_k^2, with the coefficients g of
+    # the square of the chaos from the table of non-zero E[psi_i psi_j psi_k]. If both are too large, StudyError.
     std = standard_deviation(coefficients)
     varies = np.flatnonzero(~constant_columns(coefficients[0], std, len(coefficients)))
     skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
@@ -77,8 +76,8 @@ def skewness_kurtosis(
     if chosen == "samples":
         raise StudyError(
             f"Skewness and kurtosis of {len(index)} terms in {len(involved)} inputs need too many nodes, or too many "
-            "products of three polynomials. Take them from samples: uqmbd.results.sample_statistics of the responses "
-            "that 'sample' returns."
+            "products of three polynomials. Compute them from samples with uqmbd.results.sample_statistics, applied "
+            "to the responses of 'sample'."
         )
     table = product_table(index, involved) if chosen == "products" else None
     rows = int(np.prod(_node_counts(index, involved))) if table is None else max(len(table.pairs), table.terms)
@@ -94,7 +93,7 @@ def skewness_kurtosis(
 
 
 def shape_route(coefficients: Array, multi_index: Index, germs: Sequence[Germ]) -> str:
-    """Return how skewness and kurtosis are found: by "grid" or "products"; by "samples" where these are too large."""
+    """Choose the algorithm for skewness and kurtosis: "grid" or "products", or "samples" if both are too large."""
     std = standard_deviation(coefficients)
     varies = int(np.count_nonzero(~constant_columns(coefficients[0], std, len(coefficients))))
     used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0).tolist()
@@ -109,7 +108,7 @@ def _cheaper(index: Index, germs: Sequence[Germ], columns: int) -> str:
     grid = columns * (_FLOP * flops + _NODE * nodes) if nodes <= MAX_NODES else np.inf
     if grid <= columns * _NODE * len(index):
         return "grid"
-    # every pair has a product that is not zero
+    # every pair has at least one non-zero product
     most = len(index) * (len(index) - 1) // 2
     products = np.inf
     if most <= MAX_PRODUCTS:
@@ -122,13 +121,13 @@ def _cheaper(index: Index, germs: Sequence[Germ], columns: int) -> str:
 
 
 def _node_counts(index: Index, germs: Sequence[Germ]) -> list[int]:
-    """Nodes of the rules that are exact for the fourth power; a discrete germ needs at most its number of values."""
+    """Return node counts of rules that integrate the fourth power exactly; at most the values of a discrete germ."""
     tops = zip(index.max(axis=0).tolist(), germs, strict=True)
     return [min(2 * q + 1, len(g.alpha)) if g.family == "discrete" else 2 * q + 1 for q, g in tops]
 
 
 def _by_grid(unit: Array, index: Index, germs: Sequence[Germ]) -> tuple[Array, Array]:
-    """E f^3 and E f^4 (C,) of coefficients (P, C), one input after another."""
+    """Return E f^3 and E f^4 (C,) of coefficients (P, C), by sum factorisation over the inputs."""
     degrees = index.max(axis=0)
     values = np.zeros((int(np.prod(degrees + 1)), unit.shape[1]))
     values[np.ravel_multi_index(tuple(index.T), tuple(degrees + 1))] = unit
@@ -147,7 +146,7 @@ def _by_grid(unit: Array, index: Index, germs: Sequence[Germ]) -> tuple[Array, A
 
 
 def _by_products(unit: Array, table: ProductTable) -> tuple[Array, Array]:
-    """E f^3 and E f^4 (C,) of coefficients (P, C), through the coefficients of f^2."""
+    """Return E f^3 and E f^4 (C,) of coefficients (P, C), from the coefficients of f^2."""
     pairs = table.pairs
     square = table.matrix @ (unit[pairs[:, 0]] * unit[pairs[:, 1]])
     third = np.einsum("pc,pc->c", unit, square[table.position])

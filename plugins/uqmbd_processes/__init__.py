@@ -1,0 +1,40 @@
+"""Random processes: roads, gusts, motions of the ground, and the stationary response of linearised mechanisms."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_processes.checks import UnusedProcesses
+from uqmbd_processes.densities import PowerSpectralDensity
+from uqmbd_processes.filters import exponential_covariance
+from uqmbd_processes.process import RandomProcess
+from uqmbd_processes.spectra import davenport_coherence, iso8608, kaimal, kanai_tajimi, von_karman, white_noise
+from uqmbd_processes.stationary import (
+    crossing_rate,
+    expected_maximum,
+    fatigue_damage,
+    stationary_psd,
+    stationary_std,
+)
+
+__all__ = [
+    "PowerSpectralDensity",
+    "RandomProcess",
+    "crossing_rate",
+    "davenport_coherence",
+    "expected_maximum",
+    "exponential_covariance",
+    "fatigue_damage",
+    "iso8608",
+    "kaimal",
+    "kanai_tajimi",
+    "stationary_psd",
+    "stationary_std",
+    "von_karman",
+    "white_noise",
+]
+
+
+@uqmbd.hookimpl
+def uqmbd_checks() -> list[type]:
+    """Return the checks of this package."""
+    return [UnusedProcesses]

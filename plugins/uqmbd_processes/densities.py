@@ -1,0 +1,196 @@
+"""Power spectral densities, which state their sides and their frequency by name."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import types
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd_processes.filters import ShapingFilter
+
+__all__ = ["UNBOUNDED", "Per", "PowerSpectralDensity", "Sided", "check_band", "describe_function"]
+
+Array = NDArray[np.float64]
+Per = Literal["rad/s", "Hz", "rad/m", "cycle/m"]
+Sided = Literal["one", "two"]
+
+FACTORS: dict[str, float] = {"rad/s": 1.0, "Hz": 2 * math.pi, "rad/m": 1.0, "cycle/m": 2 * math.pi}
+"""Angular frequency of a unit of each frequency."""
+
+UNBOUNDED = (0.0, math.inf)
+
+MOST_PANELS = 4096
+"""Largest number of panels of the integral of a density."""
+
+
+@dataclass(frozen=True)
+class PowerSpectralDensity:
+    """Power spectral density of a stationary random process.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(frequency)`` returns the density for an array of positive frequencies. The integral of a one-sided
+        density over positive frequencies is the variance; so is that of a two-sided density over all frequencies.
+    sided : {"one", "two"}
+        Sides of the density.
+    per : {"rad/s", "Hz", "rad/m", "cycle/m"}
+        Unit of the frequency; the density is in the squared units of the process per this unit.
+    band : tuple of float
+        Lowest and highest frequency, in the unit `per`; the density is zero elsewhere. Default: unbounded.
+    units : str
+        Units of a process with this density, such as ``"m"``; `RandomProcess` compares its units. Default: unknown.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument is invalid, or the density is negative or not finite in its band.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> swell = PowerSpectralDensity(lambda f: 0.1 * np.exp(-((f - 0.1) / 0.02) ** 2), sided="one", per="Hz")
+    >>> round(swell.variance, 6)
+    0.003545
+    """
+
+    function: Callable[[Array], Array]
+    sided: Sided
+    per: Per
+    band: tuple[float, float] = UNBOUNDED
+    filter: ShapingFilter | None = field(default=None, repr=False)
+    """Shaping filter with this density, if it is rational."""
+    units: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        where = "PowerSpectralDensity"
+        if not callable(self.function):
+            raise uqmbd.StudyError(f"{where}: function is {self.function!r}; expected a function of the frequency.")
+        if self.sided not in ("one", "two"):
+            raise uqmbd.StudyError(
+                f"{where}: sided is {self.sided!r}; expected 'one', whose integral over positive frequencies is the "
+                "variance, or 'two', whose integral over all frequencies is."
+            )
+        if self.per not in FACTORS:
+            listed = ", ".join(map(repr, FACTORS))
+            raise uqmbd.StudyError(f"{where}: per is {self.per!r}; expected the unit of the frequency: {listed}.")
+        check_band(where, self.band)
+        object.__setattr__(self, "band", (float(self.band[0]), float(self.band[1])))
+        if self.filter is None:
+            try:
+                found = np.asarray(self.function(self._samples()), dtype=float)
+            except (TypeError, ValueError) as error:
+                raise uqmbd.StudyError(
+                    f"{where}: function failed for an array of frequencies ({error}); expected a function of NumPy "
+                    "arrays, such as one written with numpy.exp."
+                ) from None
+            if found.shape != self._samples().shape or not np.isfinite(found).all() or (found < 0).any():
+                raise uqmbd.StudyError(
+                    f"{where}: function returned {found!r} for the frequencies {self._samples()!r} {self.per}; "
+                    "expected a density for each, finite and not negative."
+                )
+
+    def _samples(self) -> Array:
+        low, high = self.band
+        low = low if low > 0 else min(1e-2, high / 100)
+        high = high if math.isfinite(high) else max(1e2, 100 * low)
+        return np.geomspace(low, high, 5)
+
+    @property
+    def over(self) -> str:
+        """Argument of the process: ``distance`` or ``time``."""
+        return "distance" if self.per in ("rad/m", "cycle/m") else "time"
+
+    @property
+    def angular_band(self) -> tuple[float, float]:
+        """Band in rad per unit of the argument."""
+        factor = FACTORS[self.per]
+        return self.band[0] * factor, self.band[1] * factor
+
+    def two_sided(self, frequency: Array) -> Array:
+        """Return the two-sided density per rad at positive angular frequencies; zero outside the band.
+
+        Parameters
+        ----------
+        frequency : array
+            Angular frequencies, rad per unit of the argument.
+
+        Returns
+        -------
+        array
+            Densities, of the same shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> flat = PowerSpectralDensity(np.ones_like, sided="one", per="Hz", band=(1, 2))
+        >>> (flat.two_sided(np.array([0.5, 1.5]) * 2 * np.pi) * 4 * np.pi).tolist()
+        [0.0, 1.0]
+        """
+        factor = FACTORS[self.per]
+        low, high = self.angular_band
+        inside = (frequency >= low * (1 - 1e-12)) & (frequency <= high * (1 + 1e-12))
+        given = np.where(inside, frequency, max(low, min(1.0, high))) / factor
+        found = np.where(inside, np.asarray(self.function(given), dtype=float), 0.0)
+        return np.asarray(found / factor / (2.0 if self.sided == "one" else 1.0))
+
+    @property
+    def variance(self) -> float:
+        """Variance of the process in the band; infinite if it has none."""
+        if self.filter is not None and self.band == UNBOUNDED:
+            return self.filter.variance
+        low, high = self.angular_band
+
+        def value(x: Array) -> Array:
+            return np.asarray(2 * self.two_sided(np.exp(x)) * np.exp(x))
+
+        ends = (math.log(low) if low > 0 else -40.0, math.log(high) if math.isfinite(high) else 40.0)
+        nodes, weights = np.polynomial.legendre.leggauss(16)
+        total, panels = math.nan, 32
+        while panels <= MOST_PANELS:
+            bounds = np.linspace(*ends, panels + 1)
+            half = (bounds[1] - bounds[0]) / 2
+            before, total = total, float(value(bounds[:-1, None] + half * (nodes + 1)).sum(axis=0) @ weights * half)
+            if abs(total - before) <= 1e-9 * total:
+                break
+            panels *= 2
+        edges = [
+            float(value(np.array([x]))[0])
+            for x, open_end in zip(ends, (low == 0, high == math.inf), strict=True)
+            if open_end
+        ]
+        return math.inf if any(x > 1e-6 * total for x in edges) else total
+
+    def __repr__(self) -> str:
+        shape = "" if self.filter is None else f", filter={self.filter!r}"
+        named = describe_function(self.function)
+        return f"PowerSpectralDensity({named}, sided={self.sided!r}, per={self.per!r}, band={self.band}{shape})"
+
+
+def describe_function(function: Any) -> str:
+    """Return a text that identifies a function by its name and code, also in other processes."""
+    if not isinstance(function, types.FunctionType):
+        return repr(function)
+    code = function.__code__
+    cells = [repr(cell.cell_contents) for cell in function.__closure__ or ()]
+    text = repr((code.co_code, code.co_names, [repr(x) for x in code.co_consts if not hasattr(x, "co_code")], cells))
+    return f"{function.__module__}.{function.__qualname__}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def check_band(where: str, band: Any) -> None:
+    """Raise unless a band is two increasing numbers."""
+    try:
+        low, high = (float(x) for x in band)
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if not 0 <= low < high:
+        raise uqmbd.StudyError(
+            f"{where}: band is {band!r}; expected the lowest and the highest frequency, such as (0.01, 10.0)."
+        )

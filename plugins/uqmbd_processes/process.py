@@ -1,0 +1,335 @@
+"""Stationary random processes over time or distance, for expressions of mechanisms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd.laws import distance
+from uqmbd_processes.densities import PowerSpectralDensity, describe_function
+from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
+from uqmbd_processes.filters import ExponentialCovariance, ShapingFilter, shaping_filter
+
+__all__ = ["RandomProcess"]
+
+Array = NDArray[np.float64]
+
+GIVEN = ("psd", "covariance", "filter", "record")
+
+
+@dataclass(frozen=True, repr=False)
+class RandomProcess:
+    """Stationary random process of the time or of a distance: a road, a gust, the motion of the ground.
+
+    A process is given by one of its spectrum, covariance, shaping filter or a record.  A call with a linear function of
+    time returns an expression for forces, drivers and roads: ``road(20 * uqmbd.t)``.  Calls of one process with
+    different offsets are the same path with a delay, as for two wheels on one track.  Different processes are
+    independent.  Outputs such as `stationary_std` read the response to all processes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the process in messages, unique in a mechanism.
+    psd : PowerSpectralDensity, optional
+        Power spectral density, for example ``iso8608("C", band=(0.01, 10.0))``.
+    covariance : callable, optional
+        Covariance as a function of the lag, m or s, for example ``exponential_covariance(0.01, 5.0)``. Other functions
+        must take arrays of positive lags and decay to zero.
+    filter : tuple of three arrays, optional
+        Shaping filter ``(A, B, C)``: ``w = C s``, ``ds/dx = A s + B n`` with white noise ``n`` of unit intensity.
+    record : tuple, optional
+        ``(step, values)``: samples at a constant step, m or s. Welch's method estimates the density.
+    over : {"distance", "time"}
+        Argument of the process; `uqmbd.laws.distance` and `uqmbd.t` are accepted, too.
+    units : str
+        Units of the process; by default those of `psd`. Ready-made spectra state theirs.
+    mean : float
+        Mean of the process, in its units.
+    coherence : callable, optional
+        Root coherence of the process at two points, ``coherence(frequency, separation)`` with an array of frequencies,
+        Hz or cycle/m, and the separation of the points, m; for example ``davenport_coherence(decay, speed)``. `at`
+        returns the process at a point.
+    point : tuple of float
+        Point of the process, m, set by `at`.
+    field : str
+        Name of the process at all points, set by `at`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If not exactly one description is given, the units differ from those of `psd`, or an argument is invalid.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_processes import exponential_covariance
+    >>> road = RandomProcess("road", covariance=exponential_covariance(0.01, 5.0), over="distance", units="m")
+    >>> road(20 * uqmbd.t), round(road.variance, 12)
+    (road(20*t), 0.0001)
+    """
+
+    name: str
+    psd: PowerSpectralDensity | None = None
+    covariance: Callable[[Array], Array] | None = None
+    filter: ShapingFilter | tuple[Any, Any, Any] | None = None
+    record: tuple[float, Any] | None = None
+    over: Literal["distance", "time"] | sympy.Symbol = "time"
+    units: str = ""
+    mean: float = 0.0
+    coherence: Callable[[Array, float], Array] | None = None
+    point: tuple[float, ...] = ()
+    field: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip() or "/" in self.name:
+            raise uqmbd.StudyError(f"RandomProcess: the name is {self.name!r}; expected a text without '/'.")
+        where = f"random process {self.name!r}"
+        given = [name for name in GIVEN if getattr(self, name) is not None]
+        if len(given) != 1:
+            what = " and ".join(given) if given else "no description"
+            raise uqmbd.StudyError(f"{where}: {what} given; expected one of psd=, covariance=, filter= and record=.")
+        over = {distance: "distance", uqmbd.t: "time"}.get(self.over, self.over)
+        if over not in ("distance", "time"):
+            raise uqmbd.StudyError(f"{where}: over is {self.over!r}; expected 'distance' or 'time'.")
+        object.__setattr__(self, "over", over)
+        if not isinstance(self.units, str):
+            raise uqmbd.StudyError(f"{where}: units is {self.units!r}; expected a text such as 'm'.")
+        mean = self.mean
+        if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
+            raise uqmbd.StudyError(f"{where}: mean is {mean!r}; expected a finite number.")
+        object.__setattr__(self, "mean", float(mean))
+        if self.coherence is not None and not callable(self.coherence):
+            raise uqmbd.StudyError(
+                f"{where}: coherence is {self.coherence!r}; expected a function of the frequency and the separation."
+            )
+        density: PowerSpectralDensity | None = None
+        shape: ShapingFilter | None = None
+        if self.psd is not None:
+            if not isinstance(self.psd, PowerSpectralDensity):
+                raise uqmbd.StudyError(
+                    f"{where}: psd is {self.psd!r}; expected PowerSpectralDensity(function, sided=..., per=...), which "
+                    "states its sides and its frequency, or a spectrum such as iso8608('C', band=(0.01, 10.0))."
+                )
+            if self.psd.over != over:
+                raise uqmbd.StudyError(
+                    f"{where}: psd is a density per {self.psd.per} over {self.psd.over}, but over is {over!r}; state "
+                    f"over={self.psd.over!r}, or a density over {over}."
+                )
+            self._check_units(where, self.psd.units)
+            density, shape = self.psd, self.psd.filter
+        elif isinstance(self.covariance, ExponentialCovariance):
+            shape = self.covariance.filter
+        elif self.covariance is not None:
+            density = covariance_density(where, self.covariance, over)
+        elif self.filter is not None:
+            shape = self.filter if isinstance(self.filter, ShapingFilter) else shaping_filter(where, self.filter)
+            object.__setattr__(self, "filter", shape)
+        else:
+            density, record = welch_density(where, self.record, over)
+            object.__setattr__(self, "record", record)
+        object.__setattr__(self, "_density", density)
+        object.__setattr__(self, "_shape", shape)
+
+    def _check_units(self, where: str, known: str) -> None:
+        """Adopt the units of the spectral density, and refuse others."""
+        if not self.units:
+            object.__setattr__(self, "units", known)
+        elif known and not uqmbd.extend.same_units(self.units, known):
+            raise uqmbd.StudyError(
+                f"{where}: units is {self.units!r}, but psd is the density of a process in {known}. Write "
+                f"units={known!r}, and multiply the process in expressions by a factor for other units."
+            )
+
+    @property
+    def shape(self) -> ShapingFilter | None:
+        """Shaping filter of a rational spectrum, else None."""
+        found: ShapingFilter | None = vars(self)["_shape"]
+        return found
+
+    @property
+    def density(self) -> PowerSpectralDensity | None:
+        """Power spectral density, if the process has one that is not given by a filter alone."""
+        found: PowerSpectralDensity | None = vars(self)["_density"]
+        return found
+
+    @property
+    def variance(self) -> float:
+        """Variance of the process, in squared units; infinite if it has none."""
+        if self.density is not None:
+            return self.density.variance
+        return math.inf if self.shape is None else self.shape.variance
+
+    @property
+    def density_error(self) -> float:
+        """Relative standard error of each value of a density that is estimated from a record; otherwise zero.
+
+        It is that of Welch's method with Hann's window and segments that overlap by half (Welch 1967).
+        """
+        return 0.0 if self.record is None else welch_error(len(self.record[1]))
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest angular frequency, rad per unit of the argument."""
+        return (0.0, math.inf) if self.density is None else self.density.angular_band
+
+    @property
+    def corner(self) -> float:
+        """Angular frequency at which the process has most of its power per octave; NaN at an end of its band."""
+        return self._peak[0]
+
+    @property
+    def corner_width(self) -> float:
+        """Half width at half of the power per octave, relative to the corner; at most 1/2."""
+        return self._peak[1]
+
+    @cached_property
+    def _peak(self) -> tuple[float, float]:
+        low, high = max(self.band[0], 1e-9), min(self.band[1], 1e9)
+        frequency = np.geomspace(low, high, 721)
+        most = int(np.argmax(self._power(frequency)))
+        if not 0 < most < len(frequency) - 1:
+            return math.nan, math.nan
+        for _ in range(12):  # narrow peaks are between the frequencies
+            frequency = np.linspace(frequency[max(most - 1, 0)], frequency[min(most + 1, len(frequency) - 1)], 41)
+            most = int(np.argmax(self._power(frequency)))
+        corner = float(frequency[most])
+        distance = np.geomspace(1e-9, 0.5, 271)
+        half = self._power(np.array([corner])) / 2
+        below = [self._power(corner * (1 + sign * distance)) < half for sign in (1, -1)]
+        narrow = np.flatnonzero(below[0] & below[1])
+        return corner, float(distance[narrow[0]]) if len(narrow) else 0.5
+
+    def _power(self, frequency: Array) -> Array:
+        with np.errstate(all="ignore"):
+            return np.asarray(np.nan_to_num(frequency * self.two_sided(frequency)))
+
+    def two_sided(self, frequency: Array) -> Array:
+        """Return the two-sided spectral density per rad at positive angular frequencies.
+
+        Parameters
+        ----------
+        frequency : array
+            Angular frequencies, rad per unit of the argument.
+
+        Returns
+        -------
+        array
+            Densities, of the same shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> noise = RandomProcess("noise", filter=([[-2.0]], [1.0], [1.0]), over="time")
+        >>> round(float(noise.two_sided(np.array([0.0]))[0] * 2 * np.pi), 12)
+        0.25
+        """
+        if self.density is not None:
+            return self.density.two_sided(frequency)
+        assert self.shape is not None
+        return self.shape.two_sided(frequency)
+
+    def at(self, *point: float) -> RandomProcess:
+        """Return the process at a point, which is coherent with the process at other points.
+
+        Parameters
+        ----------
+        *point : float
+            Coordinates of the point, m, as many at all points.
+
+        Returns
+        -------
+        RandomProcess
+            The process at the point.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the process has no coherence, or a coordinate is not finite.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_processes import RandomProcess, davenport_coherence, kaimal
+        >>> gust, coherence = kaimal(1.5, 340.2, 12.0), davenport_coherence(10, 12)
+        >>> wind = RandomProcess("wind", psd=gust, units="m/s", coherence=coherence)
+        >>> wind.at(0, 20)(), wind.at(0, 30)()
+        (wind at 0, 20(t), wind at 0, 30(t))
+        """
+        where = f"random process {self.name!r}"
+        if self.coherence is None:
+            raise uqmbd.StudyError(
+                f"{where}: it has no coherence, so that its values at different points are unknown; give coherence=, "
+                "such as davenport_coherence(decay, speed)."
+            )
+        numbers = [isinstance(x, (int, float, np.number)) and math.isfinite(x) for x in point]
+        if not point or not all(numbers) or self.point:
+            raise uqmbd.StudyError(f"{where}: at was given {point!r}; expected the finite coordinates of one point.")
+        text = ", ".join(f"{x:g}" for x in point)
+        where_at = tuple(float(x) for x in point)
+        return replace(self, name=f"{self.name} at {text}", point=where_at, field=self.name)
+
+    def coherence_with(self, other: RandomProcess, frequency: Array) -> Array | float:
+        """Return the root coherence with the process at another point, at angular frequencies.
+
+        Parameters
+        ----------
+        other : RandomProcess
+            The process at another point.
+        frequency : array
+            Angular frequencies, rad per unit of the argument.
+
+        Returns
+        -------
+        array
+            Values between 0 and 1; 1 at the same point.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the points have different numbers of coordinates.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from uqmbd_processes import RandomProcess, davenport_coherence, kaimal
+        >>> gust, coherence = kaimal(1.5, 340.2, 12.0), davenport_coherence(10, 12)
+        >>> wind = RandomProcess("wind", psd=gust, units="m/s", coherence=coherence)
+        >>> value = wind.at(0, 20).coherence_with(wind.at(0, 26), 2 * np.pi * np.array([0.2]))
+        >>> bool(np.isclose(value[0], np.exp(-10 * 0.2 * 6 / 12)))
+        True
+        """
+        if self.point == other.point or self.coherence is None:
+            return 1.0
+        if len(self.point) != len(other.point):
+            raise uqmbd.StudyError(
+                f"random process {self.field!r}: the points {self.point} and {other.point} have different numbers of "
+                "coordinates; expected equal numbers."
+            )
+        found = np.asarray(self.coherence(frequency / (2 * math.pi), math.dist(self.point, other.point)), dtype=float)
+        return np.asarray(np.clip(found, 0.0, 1.0))
+
+    def __call__(self, argument: Any = None) -> sympy.Expr:
+        """Return the process at a linear function of time, for expressions of a mechanism."""
+        if argument is None and self.over == "distance":
+            raise uqmbd.StudyError(
+                f"random process {self.name!r}: it is a function of the distance; call it with the distance over time, "
+                f"such as {self.name}(20 * uqmbd.t) at 20 m/s."
+            )
+        value = uqmbd.extend.excitation(self, uqmbd.t if argument is None else argument)
+        return value + sympy.Float(self.mean) if self.mean else value
+
+    def __repr__(self) -> str:
+        key = next(name for name in GIVEN if getattr(self, name) is not None)
+        value = getattr(self, key)
+        text = describe_function(value) if key == "covariance" else repr(value)
+        mean = f", mean={self.mean!r}" if self.mean else ""
+        field = "" if self.coherence is None else f", coherence={describe_function(self.coherence)}, point={self.point}"
+        return f"RandomProcess({self.name!r}, {key}={text}, over={self.over!r}, units={self.units!r}{mean}{field})"

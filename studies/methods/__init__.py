@@ -1,0 +1,1 @@
+"""Which method when: error against cost of every method, for forty mechanisms with converged references."""

@@ -1,0 +1,90 @@
+"""The cost of a method over that of the best one, for each mechanism, question and accuracy."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .recommendations import ACCURACIES, Recommendation
+from .runs import Row
+
+__all__ = ["Best", "Regret", "best_methods", "costs_of", "regrets"]
+
+KNOWN = 1 / 3
+"""Largest error of the reference over the accuracy at which a question is judged."""
+
+Task = tuple[str, str, float]
+"""Mechanism, question, accuracy."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """The method that reaches an accuracy with the fewest realisations."""
+
+    mechanism: str
+    kind: str
+    question: str
+    accuracy: float
+    method: str
+    size: str
+    error: float
+    realisations: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Regret:
+    """Realisations of the recommended method over those of the best one; NaN: no method reaches the accuracy."""
+
+    mechanism: str
+    accuracy: float
+    method: str
+    best: str
+    regret: float
+    error: float
+
+
+def costs_of(rows: Iterable[Row]) -> dict[Task, dict[str, Best]]:
+    """Return, for each task, the least costly size of each method whose error is at most the accuracy at every seed."""
+    sizes: dict[tuple[str, str, str, str], list[Row]] = defaultdict(list)
+    for row in rows:
+        if row.question and not row.failure:
+            sizes[row.mechanism, row.question, row.method, row.size].append(row)
+    found: dict[Task, dict[str, Best]] = defaultdict(dict)
+    for (mechanism, question, method, size), own in sizes.items():
+        error = max(row.error for row in own)
+        cost, seconds = (float(np.mean([getattr(row, name) for row in own])) for name in ("realisations", "seconds"))
+        for accuracy in ACCURACIES:
+            if error <= accuracy and max(row.truth_error for row in own) <= KNOWN * accuracy:
+                known = found[mechanism, question, accuracy].get(method)
+                if known is None or cost < known.realisations:
+                    best = Best(mechanism, own[0].kind, question, accuracy, method, size, error, round(cost), seconds)
+                    found[mechanism, question, accuracy][method] = best
+    return found
+
+
+def best_methods(rows: Iterable[Row]) -> list[Best]:
+    """Return the best method of each task that some method solves."""
+    return [min(own.values(), key=lambda one: one.realisations) for own in costs_of(rows).values()]
+
+
+def moments(costs: Mapping[Task, Mapping[str, Best]], mechanism: str, accuracy: float) -> Mapping[str, Best]:
+    """Return the methods that reach an accuracy of both moments, with the larger cost of the two."""
+    both = [costs.get((mechanism, question, accuracy), {}) for question in ("mean", "std")]
+    return {name: max((one[name] for one in both), key=lambda b: b.realisations) for name in both[0] if name in both[1]}
+
+
+def regrets(rows: Sequence[Row], recommended: Iterable[Recommendation]) -> list[Regret]:
+    """Return the regret of each recommendation, by realisations of the recommended method."""
+    costs, found = costs_of(rows), []
+    for one in recommended:
+        reached = moments(costs, one.mechanism, one.accuracy)
+        best = min(reached.values(), key=lambda b: b.realisations, default=None)
+        known = best is not None and one.method
+        ratio = one.realisations / best.realisations if best is not None and known else np.nan
+        title = f"{best.method}, {best.size}" if best else ""
+        found.append(Regret(one.mechanism, one.accuracy, one.method, title, ratio, one.error))
+    return found

@@ -1,0 +1,7 @@
+"""What plugins need that add excitations, such as random processes, and outputs of the linearised mechanism."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism import excitation as excitation
+from uqmbd.mechanism import linear_output as linear_output
+from uqmbd.units import same_units as same_units
