@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd_processes.filters import ShapingFilter
 
-__all__ = ["UNBOUNDED", "Per", "PowerSpectralDensity", "Sided", "check_band", "describe_function"]
+__all__ = [
+    "UNBOUNDED",
+    "Per",
+    "PowerSpectralDensity",
+    "Sided",
+    "check_band",
+    "check_density",
+    "describe_function",
+    "largest_power",
+]
 
 Array = NDArray[np.float64]
 Per = Literal["rad/s", "Hz", "rad/m", "cycle/m"]
@@ -182,6 +191,42 @@ def describe_function(function: Any) -> str:
     cells = [repr(cell.cell_contents) for cell in function.__closure__ or ()]
     text = repr((code.co_code, code.co_names, [repr(x) for x in code.co_consts if not hasattr(x, "co_code")], cells))
     return f"{function.__module__}.{function.__qualname__}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def largest_power(density: Callable[[Array], Array], band: tuple[float, float]) -> tuple[float, float]:
+    """Return the frequency of most power per octave, and the relative half width; NaN at an end of the band."""
+
+    def power(frequency: Array) -> Array:
+        with np.errstate(all="ignore"):
+            return np.asarray(np.nan_to_num(frequency * density(frequency)))
+
+    frequency = np.geomspace(max(band[0], 1e-9), min(band[1], 1e9), 721)
+    most = int(np.argmax(power(frequency)))
+    if not 0 < most < len(frequency) - 1:
+        return math.nan, math.nan
+    for _ in range(12):  # narrow peaks are between the frequencies
+        frequency = np.linspace(frequency[max(most - 1, 0)], frequency[min(most + 1, len(frequency) - 1)], 41)
+        most = int(np.argmax(power(frequency)))
+    corner = float(frequency[most])
+    distance = np.geomspace(1e-9, 0.5, 271)
+    half = power(np.array([corner])) / 2
+    below = [power(corner * (1 + sign * distance)) < half for sign in (1, -1)]
+    narrow = np.flatnonzero(below[0] & below[1])
+    return corner, float(distance[narrow[0]]) if len(narrow) else 0.5
+
+
+def check_density(where: str, psd: Any, over: str) -> None:
+    """Raise unless a density is one over the argument of the process."""
+    if not isinstance(psd, PowerSpectralDensity):
+        raise uqmbd.StudyError(
+            f"{where}: psd is {psd!r}; expected PowerSpectralDensity(function, sided=..., per=...), which "
+            "states its sides and its frequency, or a spectrum such as iso8608('C', band=(0.01, 10.0))."
+        )
+    if psd.over != over:
+        raise uqmbd.StudyError(
+            f"{where}: psd is a density per {psd.per} over {psd.over}, but over is {over!r}; state "
+            f"over={psd.over!r}, or a density over {over}."
+        )
 
 
 def check_band(where: str, band: Any) -> None:

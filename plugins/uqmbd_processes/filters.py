@@ -47,6 +47,12 @@ class ShapingFilter:
         return np.array(self.a, dtype=float).reshape(n, n), np.array(self.b, dtype=float), np.array(self.c, dtype=float)
 
     @property
+    def resonances(self) -> list[tuple[float, float]]:
+        """Angular frequencies and decay rates of the oscillations of the filter."""
+        found = np.linalg.eigvals(self.matrices[0]) if self.b else np.zeros(0)
+        return [(abs(float(x.imag)), abs(float(x.real))) for x in found if x.imag]
+
+    @property
     def variance(self) -> float:
         """Variance of the filtered noise; infinite for white noise."""
         from scipy.linalg import solve_continuous_lyapunov

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.laws import distance
-from uqmbd_processes.densities import PowerSpectralDensity, describe_function
+from uqmbd_processes.densities import PowerSpectralDensity, check_density, describe_function, largest_power
 from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
-from uqmbd_processes.filters import ExponentialCovariance, ShapingFilter, shaping_filter
+from uqmbd_processes.filters import ExponentialCovariance, ShapingFilter, check_positive, shaping_filter
+from uqmbd_processes.paths import LineSpectrum, draw_splines, line_powers, line_spectrum
 
 __all__ = ["RandomProcess"]
 
 Array = NDArray[np.float64]
 
 GIVEN = ("psd", "covariance", "filter", "record")
+
+CACHED = ("_peak", "marks", "_lines", "_line_powers")
+"""Values that are computed when they are needed."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,6 +65,13 @@ class RandomProcess:
         Point of the process, m, set by `at`.
     field : str
         Name of the process at all points, set by `at`.
+    length : float, optional
+        Period P of sampled paths, m or s, which repeat after it. By default the longer of 16,384 shortest wavelengths
+        and ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest
+        wavelengths of a road of ISO 8608, and 64 correlation lengths of an exponential covariance.
+    cutoff : float, optional
+        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Default: the end of the band;
+        for a spectrum without an end, the frequency below which 99.9 % of the variance is.
 
     Raises
     ------
@@ -87,6 +98,8 @@ class RandomProcess:
     coherence: Callable[[Array, float], Array] | None = None
     point: tuple[float, ...] = ()
     field: str = ""
+    length: float | None = None
+    cutoff: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip() or "/" in self.name:
@@ -110,19 +123,14 @@ class RandomProcess:
             raise uqmbd.StudyError(
                 f"{where}: coherence is {self.coherence!r}; expected a function of the frequency and the separation."
             )
+        for key in ("length", "cutoff"):
+            if getattr(self, key) is not None:
+                check_positive(where, **{key: getattr(self, key)})
+                object.__setattr__(self, key, float(getattr(self, key)))
         density: PowerSpectralDensity | None = None
         shape: ShapingFilter | None = None
         if self.psd is not None:
-            if not isinstance(self.psd, PowerSpectralDensity):
-                raise uqmbd.StudyError(
-                    f"{where}: psd is {self.psd!r}; expected PowerSpectralDensity(function, sided=..., per=...), which "
-                    "states its sides and its frequency, or a spectrum such as iso8608('C', band=(0.01, 10.0))."
-                )
-            if self.psd.over != over:
-                raise uqmbd.StudyError(
-                    f"{where}: psd is a density per {self.psd.per} over {self.psd.over}, but over is {over!r}; state "
-                    f"over={self.psd.over!r}, or a density over {over}."
-                )
+            check_density(where, self.psd, over)
             self._check_units(where, self.psd.units)
             density, shape = self.psd, self.psd.filter
         elif isinstance(self.covariance, ExponentialCovariance):
@@ -192,24 +200,7 @@ class RandomProcess:
 
     @cached_property
     def _peak(self) -> tuple[float, float]:
-        low, high = max(self.band[0], 1e-9), min(self.band[1], 1e9)
-        frequency = np.geomspace(low, high, 721)
-        most = int(np.argmax(self._power(frequency)))
-        if not 0 < most < len(frequency) - 1:
-            return math.nan, math.nan
-        for _ in range(12):  # narrow peaks are between the frequencies
-            frequency = np.linspace(frequency[max(most - 1, 0)], frequency[min(most + 1, len(frequency) - 1)], 41)
-            most = int(np.argmax(self._power(frequency)))
-        corner = float(frequency[most])
-        distance = np.geomspace(1e-9, 0.5, 271)
-        half = self._power(np.array([corner])) / 2
-        below = [self._power(corner * (1 + sign * distance)) < half for sign in (1, -1)]
-        narrow = np.flatnonzero(below[0] & below[1])
-        return corner, float(distance[narrow[0]]) if len(narrow) else 0.5
-
-    def _power(self, frequency: Array) -> Array:
-        with np.errstate(all="ignore"):
-            return np.asarray(np.nan_to_num(frequency * self.two_sided(frequency)))
+        return largest_power(self.two_sided, self.band)
 
     def two_sided(self, frequency: Array) -> Array:
         """Return the two-sided spectral density per rad at positive angular frequencies.
@@ -235,6 +226,91 @@ class RandomProcess:
             return self.density.two_sided(frequency)
         assert self.shape is not None
         return self.shape.two_sided(frequency)
+
+    @property
+    def family(self) -> str:
+        """Name of the process, or of the process at all points of a coherent field."""
+        return self.field or self.name
+
+    @property
+    def sampled_period(self) -> float:
+        """Period after which sampled paths repeat, m or s."""
+        return self._lines.period
+
+    @property
+    def sampled_band(self) -> tuple[float, float]:
+        """Lowest and highest angular frequency of sampled paths, rad per unit of the argument."""
+        return self._lines.band
+
+    @property
+    def lost_variance(self) -> float:
+        """Fraction of the variance above the highest frequency of sampled paths."""
+        return self._lines.lost
+
+    @cached_property
+    def marks(self) -> tuple[float, ...]:
+        """Angular frequencies at peaks of the density, and next to them."""
+        peaks = [] if math.isnan(self.corner) else [(self.corner, self.corner * self.corner_width)]
+        peaks += [] if self.shape is None else self.shape.resonances
+        return tuple(float(x + y * i) for x, y in peaks for i in range(-4, 5) if x + y * i > 0)
+
+    @cached_property
+    def _lines(self) -> LineSpectrum:
+        return line_spectrum(self)
+
+    @cached_property
+    def _line_powers(self) -> Array:
+        return line_powers(self, self._lines)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields without cached values."""
+        return {key: value for key, value in vars(self).items() if key not in CACHED}
+
+    def sample_paths(
+        self, sources: Sequence[RandomProcess], keys: Array, begin: float, end: float
+    ) -> tuple[float, float, Array]:
+        """Return sampled paths without the mean, as uniform cubic B-splines.
+
+        Parameters
+        ----------
+        sources : sequence of RandomProcess
+            The process, or the process at points of a coherent field.
+        keys : array
+            A number for each of K realisations, which determines its path on the whole axis.
+        begin, end : float
+            Interval of the argument, m or s.
+
+        Returns
+        -------
+        first : float
+            Argument at the first knot, m or s.
+        step : float
+            Distance of the knots, m or s.
+        coefficients : array
+            Coefficients ``c`` (K, sources, n). The value at the knot ``first + i step`` is
+            ``(c[i] + 4 c[i + 1] + c[i + 2]) / 6``. There are at least 8 knots beyond both ends.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the process has no variance, the interval is longer than 0.9 periods, a period has more than 4,000,000
+            knots, or the coherences of the points are contradictory.
+
+        Notes
+        -----
+        Processes of one name with different spectra have the same random numbers, which reduces the sampling error of
+        comparisons. Paths at several points are correlated in the order of the coordinates.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from uqmbd_processes import iso8608
+        >>> road = RandomProcess("road", psd=iso8608("C", band=(0.01, 10.0)), over="distance")
+        >>> first, step, c = road.sample_paths([road], np.array([0.3, 0.7]), 0.0, 50.0)
+        >>> heights = (c[..., :-2] + 4 * c[..., 1:-1] + c[..., 2:]) / 6
+        >>> c.shape, round(step, 4)
+        """
+        return draw_splines(self._lines, self._line_powers, sources, np.asarray(keys, dtype=float), begin, end)
 
     def at(self, *point: float) -> RandomProcess:
         """Return the process at a point, which is coherent with the process at other points.
@@ -310,7 +386,7 @@ class RandomProcess:
             return 1.0
         if len(self.point) != len(other.point):
             raise uqmbd.StudyError(
-                f"random process {self.field!r}: the points {self.point} and {other.point} have different numbers of "
+                f"random process {self.family!r}: the points {self.point} and {other.point} have different numbers of "
                 "coordinates; expected equal numbers."
             )
         found = np.asarray(self.coherence(frequency / (2 * math.pi), math.dist(self.point, other.point)), dtype=float)
@@ -331,5 +407,6 @@ class RandomProcess:
         value = getattr(self, key)
         text = describe_function(value) if key == "covariance" else repr(value)
         mean = f", mean={self.mean!r}" if self.mean else ""
-        field = "" if self.coherence is None else f", coherence={describe_function(self.coherence)}, point={self.point}"
-        return f"RandomProcess({self.name!r}, {key}={text}, over={self.over!r}, units={self.units!r}{mean}{field})"
+        more = "" if self.coherence is None else f", coherence={describe_function(self.coherence)}, point={self.point}"
+        more += "".join(f", {x}={getattr(self, x)!r}" for x in ("length", "cutoff") if getattr(self, x) is not None)
+        return f"RandomProcess({self.name!r}, {key}={text}, over={self.over!r}, units={self.units!r}{mean}{more})"
