@@ -293,8 +293,8 @@ class RandomProcess:
         Raises
         ------
         uqmbd.StudyError
-            If the process has no variance, the interval is longer than 0.9 periods, a period has more than 4,000,000
-            knots, or the coherences of the points are contradictory.
+            If the process has no variance, or the interval is longer than 0.9 periods. Also if a period has more than
+            4,000,000 knots, or the coherences of the points are contradictory.
 
         Notes
         -----
@@ -309,6 +309,7 @@ class RandomProcess:
         >>> first, step, c = road.sample_paths([road], np.array([0.3, 0.7]), 0.0, 50.0)
         >>> heights = (c[..., :-2] + 4 * c[..., 1:-1] + c[..., 2:]) / 6
         >>> c.shape, round(step, 4)
+        ((2, 1, 4022), 0.0125)
         """
         return draw_splines(self._lines, self._line_powers, sources, np.asarray(keys, dtype=float), begin, end)
 
