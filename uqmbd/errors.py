@@ -288,8 +288,10 @@ class UnusedInputWarning(UserWarning):
 class SurrogateWarning(UserWarning):
     """A surrogate is unreliable: its stated error is large, or its mean is outside the range of its realisations.
 
-    The message states the outputs, the times, the deviations and a remedy.  It reports a stated error
-    above 10 % of the standard deviation and above three times the integration error.
+    A stated error is large if it exceeds both 10 % of the standard deviation and three times the integration error.  A
+    mean is outside the range if its distance from the range exceeds both 1 % of the standard deviation and three times
+    the integration error.  The message states at most five outputs with their times and largest deviations, relative to
+    the standard deviation, and a remedy.
 
     Examples
     --------

@@ -1,8 +1,11 @@
-"""Linear algebra on one thread.
+"""Limit of the thread pools of linear algebra libraries (BLAS, OpenMP) to one thread.
 
-:func:`threadpoolctl.threadpool_limits` reads the list of loaded libraries at each call, which takes 1 to 3 ms. Some
-chunks of realisations take less time. This module reads the list only after a library has been loaded. Limits for the
-whole process remain until the last thread leaves its context.
+:func:`threadpoolctl.threadpool_limits` reads the list of loaded libraries at each call, which takes 1 to 3 ms, longer
+than the computation of some chunks of realisations. This module reads the list again only if libraries have been loaded
+since the last reading. On systems other than Linux, the sign of loaded libraries is the number of imported modules.
+
+Some libraries have one number of threads for the whole process, others one number for each calling thread. The former
+number is restored when the last thread leaves its context, the latter when its own thread does.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ class _ProcessLibraries:
         self.before: dict[str, int] = {}
 
     def enter(self) -> None:
-        """Limit all loaded libraries to one thread."""
+        """Limit all libraries that are now loaded to one thread."""
         with self.lock:
             loads = _loads()()
             if loads != self.loads:
@@ -82,8 +85,8 @@ _PROCESS = _ProcessLibraries()
 def one_thread() -> Iterator[None]:
     """Limit linear algebra to one thread, so that results are bitwise independent of the number of processors.
 
-    Contexts can be nested, and several threads can use them at the same time.  A context also limits libraries that
-    were loaded since the previous context.
+    Contexts can be nested, and several threads can use them at the same time.  A context limits the libraries that are
+    loaded when it begins, not those that are loaded inside it.
     """
     _PROCESS.enter()
     try:
@@ -117,7 +120,7 @@ class _Object(ctypes.Structure):
 
 @cache
 def _loads() -> Callable[[], int]:
-    """Return a function of the number of library loads, or of Python modules on systems other than Linux."""
+    """Return a function that counts loads of libraries, or imported modules on systems other than Linux."""
     if not sys.platform.startswith("linux"):
         return lambda: len(sys.modules)
     found = [0]

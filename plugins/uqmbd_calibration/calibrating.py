@@ -62,8 +62,9 @@ def calibrate(
     individual : sequence of str
         Inputs with a separate value for each machine. All other inputs are common to all machines.
     on : {"surrogate", "mechanism"}
-        Evaluation of the likelihood: by a surrogate that is compared with realisations, or by the mechanism in stacks
-        of 32 realisations. The mechanism needs ten thousand realisations or more, which `realisations` must allow.
+        Evaluation of the likelihood: by a surrogate that is compared with realisations, or by the mechanism itself.
+        With four chains, ``mechanism`` needs at least 10,000 realisations, and usually 20,000 to 30,000 until the
+        chains have converged. `realisations` must allow them; the default does not.
     seed : int
         Seed of the random numbers. The same seed gives the same bits for any number of workers.
     workers : int or concurrent.futures.Executor

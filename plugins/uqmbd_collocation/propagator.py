@@ -32,8 +32,8 @@ FEW = 40
 """Number of stored values for each output and time in addition to coefficients: statistics and errors."""
 
 BOUND = 10.0
-"""Ratio of the stated error to the tolerance of a refinement. The ratio exceeds 1, because the error bound from few
-verification realisations is larger than the change that ends the refinement."""
+"""Ratio of a requested accuracy to the tolerance of the refinement that has to reach it. The ratio exceeds 1, because
+the error bound from few verification realisations is larger than the change that ends the refinement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,18 +57,21 @@ class Collocation(uqmbd.extend.Propagator):
         ``regression`` is least squares on samples. ``omp`` and ``lars`` are sparse regression, which selects few terms
         by orthogonal matching pursuit or least-angle regression.
     rule : str, optional
-        Rule that chooses the nodes. For a projection: ``gauss`` (tensor product, the default), ``smolyak``,
-        ``clenshaw-curtis``, or a sampling design. For a regression: ``sobol`` (the default), ``latin-hypercube``,
-        ``halton``, ``random``, or a design of a plugin.
+        Rule that chooses the nodes. For a projection: ``gauss`` (the default), ``smolyak``, ``clenshaw-curtis``, or a
+        sampling design. ``gauss`` is a tensor product and ``smolyak`` a sparse grid of Gauss rules. ``clenshaw-curtis``
+        is a tensor product of nested rules, see `uqmbd.extend.clenshaw_curtis`. For a regression: ``sobol`` (the
+        default), ``latin-hypercube``, ``halton``, ``random``, or a design of a plugin.
     nodes : tuple of int, optional
         Number of Gauss nodes of each input, in the order of the input names, or one number for all inputs. Default: one
         more than the highest degree in the input. With `expansion`, `nodes` contains the values of the inputs: an array
         of shape (input, K).
     level : int, optional
-        Level of a sparse grid. For ``smolyak``, the grid combines all levels of the inputs whose sum is at most
-        `level`. At level l, an input has ``2 l + 1`` Gauss nodes and degrees up to ``2 l``. By default, the grid
-        contains the levels that the terms of the order need, and one more level of each single input. For
-        ``clenshaw-curtis``, the default is the lowest level that resolves the order.
+        Level of the rule ``smolyak`` or ``clenshaw-curtis``. For ``smolyak``, the sparse grid combines all levels of
+        the inputs whose sum is at most `level`. At level l, an input has ``2l + 1`` Gauss nodes and degrees up to
+        ``2l``. By default, the grid contains the levels that the terms of the order need, and one more level of each
+        single input. For ``clenshaw-curtis``, every input has the same level l. Its number of nodes is ``2^l + 1``
+        (level 0: one node), or ``2^(l+1) - 1`` if its distribution is unbounded. By default, each input has the lowest
+        level that is exact for products of two terms of uniform inputs.
     samples : int, optional
         Number of points of a sampling design. Default: twice the number of terms. For sparse regression, the default is
         limited to 100, or to the number of terms if there are more than 100 terms.

@@ -28,7 +28,7 @@ _MEAN_TARGETS, _ALL_TARGETS = (_D, _I), (_D, _W, _I)
 
 @dataclass(frozen=True)
 class Controlled:
-    """Estimates with a control, each of shape (C,), in the units of `variables`; variances in squared units."""
+    """Estimates with a control, each of shape (C,): means and errors of u as in `variables`, and variances of u."""
 
     mean: Array  # mean of the responses minus the shift
     variance: Array  # variance of the responses
@@ -49,11 +49,11 @@ def fold_of(index: ArrayLike, samples: int) -> NDArray[np.int64]:
 def variables(response: Array, surrogate: Array, fine: NDArray[np.bool_]) -> Array:
     """Return I u - z, I u^2 - z^2, I, and the controls z and z^2 - 1 of samples, shape (S, 5, C).
 
-    Both arguments are standardised by the caller. u is `response` (S, C): each response minus a shift is divided by the
-    standard deviation of the surrogate. The shift is a number near the mean response, and is the same for all samples.
-    Values of u at failed samples have no effect. z is `surrogate` (S, C): each value minus the expectation of the
-    surrogate is divided by its standard deviation. I is 1 for a successful sample (`fine`), otherwise 0. The
-    expectations of the controls over all samples, including failed ones, are zero.
+    I is 1 for a successful sample (`fine`), otherwise 0. `response` contains u, and `surrogate` contains z, of shape
+    (S, C) each. The caller computes both: ``z = (value of the surrogate - m) / s`` and ``u = (response - shift) / s``.
+    m and s are expectation and standard deviation of the surrogate over all inputs, or estimates of them. The shift is
+    a number near the mean response. Values of u at failed samples have no effect. With exact m and s, the expectations
+    of the controls over all inputs are zero, also if some realisations fail.
     """
     found = np.empty((len(fine), 5, response.shape[1]))
     good = fine[:, None]

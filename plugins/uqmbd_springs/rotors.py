@@ -15,9 +15,12 @@ __all__ = ["RotorInertia", "SlidingInertia"]
 class RotorInertia(uqmbd.Component):
     """Inertia of a rotor about the common axis of two bodies, reduced to the joint: energy ``inertia w^2 / 2``.
 
-    The angular velocity ``w`` is the velocity of body j relative to body i. If the rotor turns n times as fast as the
-    joint, `inertia` is n^2 times the inertia of the rotor. The motion of the rotor together with its carrier body is
-    neglected, as usual.
+    The angular velocity ``w`` of the joint is that of body j relative to body i, about `axis_i`. If the gear ratio is
+    ``n = rotor speed / w``, `inertia` is n^2 times the inertia of the rotor about its own axis. The sign of n has no
+    effect.
+
+    The component contains no other energy of the rotor. Add the mass and the inertia of the rotor to the body that
+    carries it. The coupling of the rotor speed with the rotation of this body is neglected.
 
     Examples
     --------
@@ -27,7 +30,7 @@ class RotorInertia(uqmbd.Component):
 
     symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    inertia = uqmbd.Parameter("kg m^2", "inertia at the joint: of the rotor, times the gear ratio squared", minimum=0)
+    inertia = uqmbd.Parameter("kg m^2", "inertia of the rotor, times (rotor speed / joint speed)^2", minimum=0)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
 
     if TYPE_CHECKING:

@@ -56,12 +56,17 @@ class RoadFollower(uqmbd.extend.TypedComponent):
 
 
 class RadialTyre(uqmbd.extend.TypedComponent):
-    """A vertical spring and damper between a wheel centre (a point of body j) and the road below the point.
+    """A spring and damper between a wheel centre (a point of body j) and the road vertically below the centre.
 
-    The road is defined as for `RoadFollower`. With the compression ``c = road + radius - height``, the load is
-    ``f = stiffness c + damping c' (1 + c / sqrt(c^2 + e^2)) / 2``, where ``e`` is `transition`. The load is smoothly
-    limited to positive values: ``(f + sqrt(f^2 + (stiffness e)^2)) / 2``. On an inclined road, the force acts along the
-    normal of the profile, so that rolling dissipates no energy. The limited load is the vertical part of this force.
+    The road is defined as for `RoadFollower`. Let ``z`` be the vertical coordinate of the wheel centre in body i. The
+    compression is ``c = road + radius - z``, and its rate is ``c'``. With ``e`` for `transition`, the load of the
+    spring and the damper is ``f = stiffness c + damping c' (1 + c / sqrt(c^2 + e^2)) / 2``. The factor
+    ``(1 + c / sqrt(c^2 + e^2)) / 2`` rises from 0 without contact to 1 in contact.
+
+    The road only pushes: the vertical force on the wheel is ``(f + sqrt(f^2 + (stiffness e)^2)) / 2``, which is
+    positive. It is about ``f`` in contact, ``stiffness e / 2`` at ``f = 0``, and tends to 0 without contact. On an
+    inclined road, the force also has a horizontal component, so that it is normal to the profile. Its power is zero at
+    constant compression.
 
     Examples
     --------

@@ -52,23 +52,27 @@ class Controller:
     commands. Commands are constant from one sample to the next (zero-order hold), so they are constants in the
     equations of motion.
 
-    uqmbd calls ``function(time, measured, state)`` once per sample for a group of realisations, without `state` if the
-    controller has no states. The arguments are
+    The states of a controller are the numbers that it keeps from one sample to the next, such as the integral of a PI
+    controller. Each realisation has separate states. At each sample, uqmbd calls ``function(time, measured, state)``
+    for a group of realisations, without `state` if the controller has no states. The arguments are
 
     - `time`: time of the sample, s, a float. Samples are at the start of the study and then every ``1 / rate``, up to
       and including the last output time.
     - `measured`: array, shape (realisation, measured), in the order of the parameter `measured`, with the values right
       before the sample.
-    - `state`: array, shape (realisation, state), in the order of the parameter `state`.
+    - `state`: array, shape (realisation, state), in the order of the parameter `state`: the states from the previous
+      sample, or the initial values at the first sample.
 
     The function returns the commands, an array of shape (realisation, commanded). A controller with states returns the
-    pair (commands, new states), and the new states have the shape (realisation, state). For a single command, an array
-    of shape (realisation,) or one number for all realisations is also valid. The same rules apply to states.
+    pair (commands, new states), and the new states have the shape (realisation, state). The new states replace the
+    states right at the sample. Commands act after `delay`; `limits` apply to commands only. For a single command, an
+    array of shape (realisation,) or one number for all realisations is also valid. The same rules apply to states.
 
     The grouping of realisations is unspecified. Each row of the result must therefore depend only on the same row of
     the arguments, and on no other changing data. The function must not store data outside the `state`. uqmbd tests this
-    requirement: at each sample, it calls the function again with single rows of the group. A function that mixes
-    realisations, draws random numbers or stores data outside the `state` is an error.
+    requirement: it calls the function again with single rows and other parts of the group. Different results end the
+    method with an error. In a group of one realisation, the second call is at the samples 0, 1, 2, 4, 8 and so on;
+    otherwise it is at each sample.
 
     Parameters
     ----------
@@ -86,7 +90,6 @@ class Controller:
         a function of a module or a script is suitable.
     state : sequence, or mapping of str to number, optional
         Initial values of the states, as numbers or expressions in random variables. A mapping also names the states.
-        Each realisation has separate states.
     delay : float
         Time from a sample until its commands act, s. The delay may be longer than a sampling period.
     limits : pair, or mapping of str to pair, optional
@@ -204,7 +207,7 @@ class Controller:
         return self._symbol(name, names, 0, "command")
 
     def state(self, name: str | int) -> sympy.Symbol:
-        """Return the symbol of a state, for outputs.
+        """Return the symbol of a state, for outputs; its value changes at samples only.
 
         Parameters
         ----------

@@ -199,15 +199,15 @@ class Mechanism:
 
     @checked
     def output(self, name: str, expression: Any, units: str = "", angle: bool = False, over: str | None = None) -> None:
-        """Record a scalar expression at every time of a study.
+        """Record a scalar expression, at every time of a study or once in each realisation.
 
         An angle known only up to whole turns, such as ``sympy.atan2(...)``, jumps by one turn.  If realisations are on
         both sides of the jump, the arithmetic mean has no meaning.  ``angle=True`` adds whole turns to the angle of
         every realisation, so that this unwrapped angle is continuous over the output times.  The first value of the
-        unwrapped angle is within half a turn of the angle of the mechanism at the means of its inputs.  All statistics
-        in results and reports then refer to the unwrapped angle, including quantiles and Sobol' indices.  Results also
-        contain the circular statistics ``circular_mean`` and ``circular_std``.  Circular statistics refer to the
-        direction and are independent of whole turns.
+        unwrapped angle is within half a turn of the angle of the mechanism at the means of its inputs.  The statistics
+        in results and reports then refer to the unwrapped angle: mean, standard deviation, variance, skewness,
+        kurtosis, quantiles, their errors and Sobol' indices.  Results also contain the circular statistics
+        ``circular_mean`` and ``circular_std``, which refer to the direction and are independent of whole turns.
 
         Unwrapping compares successive output times.  If an angle changes by half a turn or more between two output
         times, turns are lost without a warning; use more output times.  The integration itself counts the turns of
@@ -219,10 +219,10 @@ class Mechanism:
         name : str
             Name of the output in data, plots and messages.
         expression : SymPy expression
-            Expression in positions, velocities, accelerations, reactions, random variables and `uqmbd.t`. A scalar
-            output has one value for each realisation and no time. A scalar output contains quantities such as
-            `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`, `uqmbd.at_equilibrium` or `uqmbd.at_steady`, and random
-            variables.
+            Expression in positions, velocities, accelerations, reactions, random variables and `uqmbd.t`. An expression
+            in quantities that do not depend on time is a scalar output, with one value in each realisation. Such
+            quantities are `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`, `uqmbd.at_equilibrium`, `uqmbd.at_steady`,
+            summaries of the motion such as `uqmbd.maximum`, event times, and random variables.
         units : str
             Units of the output, such as ``m`` or ``deg``; ``1`` for a pure number. Units that do not fit the expression
             give a `uqmbd.UnitsWarning`.

@@ -298,7 +298,9 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int)
 def _scale(known: uqmbd.extend.Verification, times: Array) -> Array:
     """Return the scales (1 + O,) of the errors of time and outputs.
 
-    The scale of the time is derived from the output with the largest ratio of rate to standard deviation.
+    The scale of an output is its largest standard deviation over time, or infinity if that is 0. An error of marker
+    times equal to the scale of the time changes no output by more than its scale: it is the smallest ratio of standard
+    deviation to largest rate.
     """
     std = known.std.max(axis=-1, initial=0.0)
     rate = np.abs(np.gradient(known.response, times, axis=-1)).max(axis=(0, 2), initial=0.0)

@@ -55,10 +55,11 @@ class _TwoFrequencyElements(ElementFits):
         return FittedElement(chaos, fit, runs, verified, refinement)
 
     def _scale(self, known: uqmbd.extend.Verification) -> Array:
-        """Return the scales of errors of frequencies and outputs (1 + O,).
+        """Return the scales of errors of frequencies, rad/s, and outputs (1 + O,).
 
-        A frequency error of this scale gives a phase error, at the last time, equal to the smallest relative standard
-        deviation of an output.
+        The scale of an output is its largest standard deviation over time, or infinity if that is 0. A frequency error
+        equal to the scale of the frequencies gives a phase error at the last time. This phase error, rad, is the
+        smallest ratio of standard deviation to root mean square of an output, at most 1.
         """
         std = known.std.max(axis=-1, initial=0.0)
         moving = std > 0

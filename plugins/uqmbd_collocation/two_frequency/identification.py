@@ -40,10 +40,15 @@ USEFUL = 0.7
 """Largest ratio of new to old residual for which a higher order is useful."""
 
 CROWDED = 0.25
-"""Largest ratio of unknowns to degrees of freedom; these follow from length and highest frequency of a signal."""
+"""Largest ratio of unknowns, two amplitudes for each harmonic, to the degrees of freedom ``2 L f`` of a signal.
+
+L is its length, s, and f the highest frequency of the harmonics, Hz. Series of a higher order are not tried."""
 
 ALIKE = 30.0
-"""Other frequencies are tried if a residual exceeds the largest known residual by more than this factor."""
+"""Ratio to the largest residual of the fitted realisations above which other frequencies are tried.
+
+`GOAL` is the least residual of fitted realisations in this comparison. Above the residual `QUASI_PERIODIC`, other
+frequencies are always tried."""
 
 LINES = 10
 """Number of spectral lines that determine the base."""
@@ -188,7 +193,7 @@ def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
         lattice = np.unique(np.concatenate([_one_sign(least), ball(order, len(frequencies))]), axis=0)
         values = np.abs(lattice @ series.frequencies)
         lattice = lattice[(values < 0.8 * nyquist) & (values > 0)]
-        # number of lines that the window resolves up to the highest frequency of the series
+        # degrees of freedom of the window up to the highest frequency of the series
         held = 2 * signals.length * float(np.abs(lattice @ series.frequencies).max(initial=0.0)) / (2 * np.pi)
         if 2 * len(lattice) > CROWDED * held or len(lattice) > MANY:
             break

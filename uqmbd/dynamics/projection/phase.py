@@ -1,25 +1,26 @@
 """Projected ensemble with a phase as the independent variable, instead of the time.
 
 Realisations are compared at equal phases of a clock instead of equal times. Let ``w(q, v, t) > 0`` be the rate of the
-phase, ``p = 1 / w`` the time per phase, and a prime the derivative by the phase. The equations of a realisation are::
+clock, rad/s, and ``p = 1 / w`` the time per phase, s/rad. A prime is the derivative with respect to the phase. The
+equations of a realisation are::
 
     q' = p v,   M v' + D^T (p lambda) = p (Q - h),   D v' = p gamma,   t' = p
 
-and the time is a state. States and multipliers ``p lambda`` are expanded in the basis. The same nodes and weights as
-for the projection in time, ``Psi^T W r``, project each equation. The projected constraints are ``E[Phi psi_j] = 0`` for
-``Phi(q, t)`` and its rate. Each step is projected onto these constraints.
+The time is a state. States and multipliers ``p lambda`` are expanded in the basis. Each equation is projected by the
+same nodes and weights as the equations in time, ``Psi^T W r``. The projected constraints are ``E[Phi psi_j] = 0`` for
+``Phi(q, t)`` and its rate. The result of each step is projected onto these constraints.
 
-The phase is zero at the start, but realisations may start at different phases of the clock. At first, the rate ``w`` of
-each realisation is multiplied by a constant. This adjustment ends when realisations with equal phases also have equal
-phases of the clock. Afterwards the phase and the phase of the clock change equally.
+The phase is zero at the start, but the clocks of the realisations may start at different phases. In a first interval,
+``p`` is ``c / w`` with a constant ``c`` for each realisation. The constants are such that all clocks have the same
+phase at the end of the interval. After it, ``c`` is 1.
 
-SciPy's DOP853 makes the steps, because the clock is an output, and Python, not the driver, evaluates outputs.
+SciPy's DOP853 makes the steps, because the clock is an output, and the compiled integrator cannot evaluate outputs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,25 +30,22 @@ from uqmbd.dynamics.projection.ensemble import ProjectedEquations
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.typing import Array
 
-if TYPE_CHECKING:
-    pass
-
 __all__ = ["PhaseMotion", "PhaseRates", "require_phase"]
 
 PhaseRates = Callable[[Array, Array], Array]
 """Function of times (K,) and states (K, width) of the nodes that returns the rates (K,) of their phases, rad/s."""
 
 STEADY = 0.02
-"""Ratio of the phase's rate at a node to the mean rate of this node, below which the clock counts as stopped."""
+"""Ratio of the clock's rate at a node to its mean rate since the start, below which the clock counts as stopped."""
 
 SETTLED = np.pi / 2
-"""Least phase, rad, at which the mean rate is known."""
+"""Phase, rad, above which the mean rate since the start is meaningful."""
 
 EXCESS = 1e-3
-"""Relative accuracy of the violation of constraints by a step."""
+"""Relative accuracy of the projection of a step onto the constraints."""
 
 OWN = 1e-13
-"""Relative tolerance of the time; it is so small that the absolute tolerance determines the error of this state."""
+"""Relative tolerance of the time, so small that the absolute tolerance determines the error of this state."""
 
 
 class PhaseMotion:

@@ -29,7 +29,10 @@ BOUND = 0.99
 """Ratio of the verified lower bound of all eigenvalues to the computed one: 0.5 % of the singular value."""
 
 SINGLE = 1e-3
-"""Least ratio of the bound to the largest eigenvalue for single precision, with an error of at most 1e-5."""
+"""Single precision verifies a bound that exceeds this ratio of the largest absolute column sum of ``A A^T``.
+
+The column sum is an upper limit of the eigenvalues. For random matrices of up to 1050 rows, single precision changes
+the largest bound that passes by at most 1.1e-5 of its value."""
 
 STEPS = 60
 """Largest number of steps; unconverged values are computed from the full matrix."""

@@ -368,13 +368,15 @@ class Component:
             Label of the `Event`, such as ``impact``. An impact also has ``rest`` (bodies stay in contact),
             ``lift-off``, ``stick`` and ``slip``.
         number : int
-            Number of the occurrence of the event, from 1. If the motion contains fewer occurrences, the value is
-            censored, as for `uqmbd.first_time`. Results count censored values, and statistics exclude them.
+            Number of the occurrence of the event, from 1.
 
         Returns
         -------
         symbol
-            Symbol of the time, s.
+            Symbol of the time, s. In a realisation with fewer occurrences until the last output time, the value is
+            censored, as for `uqmbd.first_time`: the realisation has not failed, but has no value. Statistics of samples
+            exclude censored realisations, and contain their share (``censored``). A surrogate of the time is fitted
+            only if none of its realisations is censored. `uqmbd.simulate` returns NaN.
 
         Raises
         ------

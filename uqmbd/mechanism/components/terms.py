@@ -315,9 +315,10 @@ class Impact:
 @typechecked
 @dataclass(frozen=True)
 class Event:
-    """Event at a falling zero crossing of an expression.
+    """Event at a zero crossing of an expression from positive to negative values.
 
-    The integrator locates the time of the event. `Component.event_time` returns the symbol of this time for outputs.
+    The integrator locates the time of the event. `Component.event_time` returns the symbol of this time for outputs. An
+    event that does not occur is no failure: the motion continues without a jump, and the time is censored.
 
     Parameters
     ----------

@@ -24,7 +24,8 @@ NO_NUMBERS = (sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I)
 def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str = "") -> dict[str, sympy.Symbol]:
     """Return the quantities in a user-defined law other than its arguments, for `uqmbd.Component.prepare`.
 
-    Random variables and the time in a law become numbers in each realisation, like parameters of the component.
+    These quantities, such as random variables and the time, become parameters of the component. Their values differ
+    between realisations, and those of the time and of commands also change during the motion.
 
     Parameters
     ----------
@@ -33,19 +34,26 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     *symbols : sympy.Symbol
         Arguments of the law, such as the length of a spring.
     what : str
-        Name of the parameter, for messages; laws of the same component have different names.
+        Name of the law: the beginning of the returned names, and the name in messages. Laws of the same component have
+        different names, and `law_at` needs the same name.
     package : str
         Package that provides the symbols, for messages.
+
+    Returns
+    -------
+    dict of str to sympy.Symbol
+        The other quantities, sorted by name, under the names ``law_0``, ``law_1`` and so on for ``what="law"``.
 
     Raises
     ------
     uqmbd.StudyError
-        If the law is not a finite expression, or contains an unknown symbol.
+        If the law is not a finite real expression, or contains a plain symbol that is neither in `symbols` nor
+        `uqmbd.t`.
 
     Warns
     -----
     uqmbd.StudyWarning
-        If the law is a spline over time and contains none of `symbols`: the spline should probably be called with one.
+        If the law contains a spline over time and none of `symbols`: the spline should probably be called with one.
 
     Examples
     --------
@@ -106,7 +114,7 @@ def law_at(
     values : mapping
         Expression for each symbol of the law.
     what : str
-        Name of the parameter, as for `law_values`.
+        Name of the law, equal to `what` in the call of `law_values`.
     by : sympy.Symbol, optional
         Symbol with respect to which the function differentiates the law. Default: no differentiation.
 

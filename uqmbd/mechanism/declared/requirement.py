@@ -51,8 +51,10 @@ class Requirement:
     at_the_end : bool
         Whether the condition is evaluated only at the end of the motion, as for an integral.
     open : {-1, 0, 1}
-        Bound of the margin if its first time or event does not occur during the motion. The margin is then above (1) or
-        below (-1) the margin for an occurrence at the end of the motion.
+        Sign of the derivative of the margin with respect to the first time or event time in it; 0 if the margin
+        contains several such times or none, or if the sign is not fixed. A time that does not occur until the end of
+        the motion is later than the end. The margin is then larger (1) or smaller (-1) than the margin with the end as
+        the time. If this bound does not decide whether the requirement is met, the realisation fails.
 
     Examples
     --------
@@ -153,9 +155,9 @@ def _over_time(margin: sympy.Expr) -> sympy.Expr:
 
 
 def _bounds(margin: sympy.Expr) -> int:
-    """Return the bound of a margin if its first time or event does not occur: 1 (margin above) or -1 (below).
+    """Return the sign of the derivative of a margin with respect to its only first time or event time.
 
-    Returns 0 if the margin contains several times, or is not linear in its only time.
+    Return 0 if the margin contains several such times or none, or if the derivative is not a number.
     """
     firsts = sorted(margin.atoms(EventTime, FirstTime), key=str)
     slope = _linear(margin, firsts[0])[0] if len(firsts) == 1 else sympy.Integer(0)

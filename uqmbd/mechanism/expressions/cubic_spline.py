@@ -137,9 +137,9 @@ def spline(
 ) -> Spline:
     """Return the cubic spline through a table, as a function of `uqmbd.t`; a call replaces `uqmbd.t`.
 
-    The spline is twice continuously differentiable.  Every expression can contain it: prescribed motions, forces, laws
-    in a symbol, outputs.  The compilation time is independent of the number of knots, and the evaluation time is almost
-    independent of it.
+    The spline is twice continuously differentiable between its end knots.  Every expression can contain it: prescribed
+    motions, forces, laws in a symbol, outputs.  The compilation time is independent of the number of knots, and the
+    evaluation time is almost independent of it.
 
     Parameters
     ----------
@@ -151,8 +151,8 @@ def spline(
         Whether the table is one period of a periodic function; the first and last values must then be equal.
     ends : {"not-a-knot", "natural", "flat"}, optional
         End condition of a spline that is not periodic. ``not-a-knot`` (the default): one cubic for the first two
-        intervals, and one for the last two, so that the order of accuracy is the same at the ends. ``natural``: zero
-        curvature. ``flat``: zero slope.
+        intervals, and one for the last two, so that the order of accuracy is the same at the ends. Three knots give a
+        parabola, and two knots a straight line. ``natural``: zero curvature. ``flat``: zero slope.
     beyond : {"constant", "linear"}, optional
         Extrapolation of a spline that is not periodic. ``constant`` (the default): the first or the last value, with a
         corner at the end knot unless the ends are flat. ``linear``: straight lines with the slopes at the ends.
@@ -178,7 +178,10 @@ def spline(
     `rtol`, or ``integrator="ida"``, whose error estimate detects the jumps.
 
     The coefficients of a spline are linear in its values, so random values are little more expensive than numbers.
-    `scipy.interpolate.CubicSpline` [1]_ also has ``not-a-knot`` ends as its default.
+
+    Between the end knots, the spline is that of `scipy.interpolate.CubicSpline` [1]_ with the same end condition. The
+    ends ``flat`` are called ``clamped`` there. Beyond the end knots both differ: SciPy continues the cubics of the
+    first and the last interval.
 
     References
     ----------

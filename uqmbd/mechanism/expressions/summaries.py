@@ -321,8 +321,9 @@ def first_time(relation: Any) -> sympy.Expr:
     """Return the time at which a relation is first true in the motion of a realisation, in s, for use in an output.
 
     If the relation is false until the last output time, the value is *censored*: the realisation has not failed,
-    but has no value.  Statistics use the uncensored realisations, and the results contain the fraction of censored
-    realisations (`censored`). A surrogate is fitted only if none of its training realisations is censored.
+    but has no value.  Statistics of samples use the uncensored realisations, and contain the share of censored
+    realisations (``censored``).  A surrogate of the time is fitted only if none of its realisations is censored,
+    including those of the verification.  `uqmbd.simulate` returns NaN.
 
     Parameters
     ----------

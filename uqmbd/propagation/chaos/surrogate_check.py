@@ -100,7 +100,7 @@ def _outside(
 ) -> tuple[Array, Mask]:
     """Return the distance (O, T) of means from the range of realisations, over the std, and a mask of large distances.
 
-    A large distance exceeds one hundredth of the standard deviation, and the integration error.
+    A large distance exceeds both one hundredth of the standard deviation and three times the integration error.
 
     The range includes realisations of the surrogate and of its verification. If the former are unknown, the latter may
     miss a rare event that changes the mean. By Cantelli's inequality, this change is almost certainly at most some

@@ -33,7 +33,8 @@ def slopes(knots: Array, values: Array) -> Array:
 
     Five points give derivatives of fourth order, which are limited to three times the smaller neighbouring secant. This
     limit is the sufficient condition of Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238. The interpolation
-    error decreases with the fourth power of the distance between knots if the limit is not reached.
+    error decreases with the fourth power of the distance between knots where the limit is not reached. In the two cells
+    at each end, slopes and errors have a lower order.
     """
     secants = np.diff(values) / np.diff(knots)
     result = np.empty_like(values)
@@ -79,7 +80,11 @@ def slope_at(table: Array, where: Array) -> Array:
 
 
 def invert(table: Array, values_at: Array) -> Array:
-    """Return the points where a table takes the given values, by bisection; extrapolate linearly beyond its ends.
+    """Return points at which a table (2, M) of knots and non-decreasing values takes the given values, by bisection.
+
+    If the table takes a value in an interval, the result is the upper end of the interval. The exception is the largest
+    value: if the last cell is flat, the result is the lower end of this cell. Beyond its ends, the table continues
+    linearly; beyond a flat end, results are infinite.
 
     >>> invert(np.array([KNOTS, 2 * KNOTS]), np.array([0.246])).round(12).tolist()
     [0.123]

@@ -29,7 +29,8 @@ DEGREES = (2, 3, 4, 5)
 """Total degrees of the products of polynomials whose squares distribute the other points."""
 
 SINGLE = 0.5
-"""Fraction of the other points for polynomials of a single germ; the rest is for all products of the same degree."""
+"""Fraction of the other points for polynomials of a single germ; the rest is for all products of the same total degree,
+which include those of a single germ."""
 
 FARTHEST = 4.0
 """Largest probit at which the density is changed; beyond, at a probability of 6e-5, inputs may be meaningless."""

@@ -61,10 +61,11 @@ class Copula(Protocol):
 class Archimedean:
     """Copula psi(psi^-1(v_1) + ... + psi^-1(v_n)) of the family "clayton", "gumbel" or "joe".
 
+    psi^-1 is the generator: v^-theta - 1 for Clayton, (-log v)^theta for Gumbel, and -log(1 - (1 - v)^theta) for Joe.
     Given k earlier components, the next component has the distribution function psi^(k)(s + psi^-1(v)) / psi^(k)(s).
-    Here s is the sum of psi^-1 of the earlier components (Joe, Dependence Modeling with Copulas, 2014, section 3.4). In
-    a suitable variable of each family, the derivatives are polynomials. Raise StudyError, whose message is part of a
-    sentence, if the parameter is invalid.
+    Here s is the sum of the generators of the earlier components, and psi^(k) is the k-th derivative. See Joe,
+    Dependence Modeling with Copulas, 2014, section 3.4. Each derivative is a polynomial in a variable of the family,
+    times powers and exponentials. Raise StudyError, whose message is part of a sentence, if the parameter is invalid.
     """
 
     family: str
@@ -126,7 +127,7 @@ class Archimedean:
         return np.asarray(np.clip(scipy.special.expit(found), SMALLEST, LARGEST))
 
     def _sums(self, v: Array) -> Array:
-        """Return the sum of generators for one component, in the representation of the family, shape (m, N)."""
+        """Return the sum s of generators for one component, in the representation of the family, shape (m, N)."""
         theta = self.parameter
         if self.family == "clayton":  # logarithm of one plus the sum
             return -theta * np.log(v)[None, :]
@@ -145,7 +146,7 @@ class Archimedean:
         return np.stack([sums[0] * own[0], sums[1] + own[1] * sums[0]])
 
     def _derivative(self, sums: Array, k: int) -> Array:
-        """Return the logarithm of the absolute k-th derivative of psi, the inverse generator, up to a constant."""
+        """Return the logarithm of the absolute k-th derivative of psi at `sums`, k >= 1, up to a term without s."""
         alpha = 1 / self.parameter
         with np.errstate(all="ignore"):
             if self.family == "clayton":

@@ -127,11 +127,12 @@ def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) 
 
 
 def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
-    """Return, for each component of a ``chaospy.J``, the index in its distribution and the distribution.
+    """Return, for each component of a ``chaospy.J``, its index in the member that contains it, and this member.
 
-    chaospy loses components of vectors and of later members. Its arguments and the remaining entries still contain the
-    members. The order of members follows from the dependence of each component, which chaospy stores. Raise
-    NotUnderstood if a member is lost.
+    The members of a ``J`` are distributions of one or several components. The table of chaospy, ``_owners``, is
+    incomplete if members follow a vector. The missing members are then among the other entries of the table and the
+    arguments of the ``J``. The dependences of each component, which chaospy also stores, determine their order. Raise
+    NotUnderstood if they fit no member, or several.
     """
     import chaospy
 
@@ -140,7 +141,8 @@ def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
     if set(found) == set(range(count)):
         return found
     arguments = [x for name, x in sorted(distribution._parameters.items()) if name.startswith("_")]
-    # arguments of a binomial variable may replace it, and may have the dependence of another member
+    # search the table first: chaospy.Binomial is a J as well, so the arguments of a J contain its size and probability
+    # instead of the variable itself, and these may have the dependences of another member
     kinds = [{id(x): x for x in part} for part in ([owner for _, owner in found.values()], arguments)]
     rows: list[tuple[int, Any]] = []
     while len(rows) < count:

@@ -2,12 +2,13 @@
 
 A million samples of an inaccurate surrogate give a wrong probability with a small sampling error. Verification
 realisations, which did not enter the surrogate, measure its error. The error of polynomials grows with the distance of
-the margin from its median, and limits are far from the median. Residuals are therefore divided by a growth function:
-the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate. Here :math:`u` is the normal score of
-the margin in its own distribution. An error that consists of all polynomials up to that degree grows like this. The
-root mean square of the residuals is multiplied by the quantile of Student's t distribution with as many degrees of
-freedom as residuals. The result is a band about the limit. Residuals have the weights of the realisations or equal
-weights; the wider band is used. Samples within the band may be violations or not.
+the margin from its median, and limits are usually far from the median. Residuals are therefore divided by the root of a
+growth function: the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate, at most `HIGHEST`. Here
+:math:`u` is the normal score of the margin in its own distribution. An error that consists of all polynomials up to
+that degree grows like this. The root mean square of the divided residuals is multiplied by a quantile of Student's t
+distribution. Its degrees of freedom are the effective number of residuals. This product, times the root of the growth
+function, is the half-width of a band about the limit. Residuals have the weights of the realisations or equal weights;
+the wider band is used. Samples within the band may be violations or not.
 
 Residuals contain no information on a margin that the surrogate does not follow at all. Such a margin jumps, or its only
 change is between the realisations. This is assumed if residuals exceed `FOLLOWED` of the spread of the samples, or if
@@ -161,8 +162,8 @@ def margin_bands(chaos: Surrogate, margins: Array) -> Array:
         growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
         square = (real[:, k] - seen[:, k]) ** 2 / growth[rank]
         # use the weights, as for means, and equal weights, as for the tails
-        reach = max(_reach(square, w) for w in (weights, np.full(count, 1 / count)))
-        bands[order, k] = reach * np.sqrt(growth[:-1])
+        bound = max(_error_bound(square, w) for w in (weights, np.full(count, 1 / count)))
+        bands[order, k] = bound * np.sqrt(growth[:-1])
     return bands
 
 
@@ -190,11 +191,13 @@ def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray
     return np.append(down, down.sum()), np.append(up, up.sum()), np.append(followed, followed.all())
 
 
-def _reach(square: Array, weights: Array) -> float:
-    """Return the half-width of a band from squared errors at some points, with weights of sum 1.
+def _error_bound(square: Array, weights: Array) -> float:
+    """Return the root mean square of errors times a quantile of Student's t, from squares and weights of sum 1.
 
-    Near a jump, a few squares may be nearly all of the sum. The root mean square is then as uncertain as from so few
-    errors. Normal errors have an effective number of a third of the points, so this number is multiplied by 3.
+    The degrees of freedom are the effective number of the weights, ``1 / sum(weights^2)``, or fewer. Near a jump, a few
+    squares may be nearly all of the sum. The root mean square is then as uncertain as from so few errors. The
+    degrees of freedom are therefore at most three times the effective number of the weighted squares. This number is
+    about a third of the number of points for normal errors with equal weights, so these lose no degrees of freedom.
     """
     from scipy.special import stdtrit
 

@@ -160,16 +160,18 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
     normal distribution); `count`: number n of samples, two at least. The results are in the units of `std`; they are 0
     without variation.
 
-    The mean has the interval of Student's t with Johnson's term for a skewness g [1]_. The error is its longer side:
-    ``s / sqrt(n) (t + g (1 + 2 t^2) / (6 sqrt(n)))``.
+    Let s be `std`, g `skewness`, k `kurtosis`, and t the 97.5 % quantile of Student's t with n - 1 degrees of freedom.
 
-    The variance is approximated by a multiple of chi-square with ``2 / v`` degrees of freedom [2]_. Here v is the
-    relative variance of this estimate, from the kurtosis [3]_. With a kurtosis of 3 and without the increase below, the
-    interval is exact for normal samples. The error is the distance of the upper end from s, because the true deviation
-    is above s more often than below. Few samples of a long tail have too small a kurtosis, mostly if s is also too
-    small. Kurtosis minus one is therefore increased in proportion to three times the relative standard error of the
-    variance. This standard error also includes the square of the skewness. The factor of three comes from experiments:
-    with two, intervals of ``z^2`` and ``exp(z / 2)`` of 30 normal samples z contain the true value in less than 93 %.
+    The mean has the 95 % interval of Student's t with Johnson's term for the skewness [1]_. The error is the longer
+    side of the interval, divided by 1.96: ``s / sqrt(n) (t + |g| (1 + 2 t^2) / (6 sqrt(n))) / 1.96``.
+
+    The variance is approximated by a multiple of chi-square with ``2 / v`` degrees of freedom, at least one [2]_. Here
+    v is the relative variance of the estimated variance, from the kurtosis with the divisor of the variance [3]_. If
+    this kurtosis is 3, and without the increase below, the interval is exact for normal samples. The error is the upper
+    side of the 95 % interval of s, divided by 1.96. The true deviation is above s more often than below. Few samples of
+    a long tail have too small a kurtosis, mostly if s is also too small. Kurtosis minus one is therefore multiplied by
+    ``1 + 3 sqrt((k - 1 + g^2) / n)``. The factor of three comes from experiments: with two, intervals of ``z^2`` and
+    ``exp(z / 2)`` of 30 normal samples z contain the true value in less than 93 %.
 
     .. [1] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
     .. [2] G. E. P. Box, Biometrika 40 (1953) 318-335.
