@@ -243,7 +243,7 @@ def _amplitudes(spectrum: LineSpectrum, powers: Array) -> Array:
 def _normal(source: SampledProcess, key: float, count: int) -> Complex:
     """Return normal real and imaginary parts, which depend on the key, the family and the point alone."""
     digest = hashlib.sha256(repr((source.family, source.point)).encode()).digest()
-    words = np.frombuffer(np.float64(key).tobytes() + digest, dtype="<u4")
+    words = np.frombuffer(np.asarray(key, dtype="<f8").tobytes() + digest, dtype="<u4")
     generator = np.random.Generator(np.random.SFC64(np.random.SeedSequence(words.tolist())))
     return np.asarray(generator.standard_normal(2 * count).view(np.complex128))
 
