@@ -396,6 +396,7 @@ FAR = {"psd": iso8608("C", band=(0.01, 10.0)), "over": "distance"}
         ),
         (lambda: ROAD.sample_paths([ROAD], keys(1), 0, math.inf), "expected an interval"),
         (lambda: ROAD.sample_paths([ROAD], keys(1), 1, 0), "expected an interval"),
+        (lambda: ROAD.sample_paths([ROAD, SHORT], keys(1), 0, 1), "paths of 'road', 'short' .* points of one process"),
     ],
 )
 def test_wrong_arguments_are_refused_with_advice(make, message):
