@@ -164,6 +164,11 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
         period = _rounded_up(max(flat, waves, LINES * 2 * math.pi / high))
     else:
         period = float(length)
+        if 0 < period * low < 2 * math.pi * (1 - 1e-9):
+            raise uqmbd.StudyError(
+                f"{where}: length is {period:g} {units[0]}, shorter than the longest wavelength of the band, "
+                f"{2 * math.pi / low:g} {units[0]}; expected several times that."
+            )
     from scipy.fft import next_fast_len
 
     wanted = KNOTS_PER_WAVE * _last_line(high * period / (2 * math.pi))
@@ -224,7 +229,9 @@ def draw_splines(
         block = keys[begins : begins + each]
         harmonics = np.array([[_normal(x, key, len(numbers)) for _, x in points] for key in block])
         if len(points) > 1:
-            _correlate(where, harmonics, [x for _, x in points], numbers * (2 * math.pi / spectrum.period))
+            # the bin of the line at zero ends at half the spacing
+            frequency = np.where(numbers == 0, 0.25, numbers) * (2 * math.pi / spectrum.period)
+            _correlate(where, harmonics, [x for _, x in points], frequency)
         for k, paths in enumerate(harmonics):
             # one transform at a time: its rounding does not depend on the number of paths
             for place, path in enumerate(paths):
@@ -251,7 +258,7 @@ def _normal(source: SampledProcess, key: float, count: int) -> Complex:
     return np.asarray(generator.standard_normal(2 * count).view(np.complex128))
 
 
-def _correlate(where: str, harmonics: Complex, points: list[SampledProcess], frequency: NDArray[Any]) -> None:
+def _correlate(where: str, harmonics: Complex, points: list[SampledProcess], frequency: Array) -> None:
     """Replace independent harmonics (K, points, lines) by coherent ones: by Cholesky factors at each line.
 
     The loops over points use products of single numbers. Their rounding does not depend on the number of paths.
@@ -276,16 +283,23 @@ def _cholesky(where: str, points: list[SampledProcess], frequency: Array) -> Arr
         pivot = 1.0 - sum(factor[j, m] ** 2 for m in range(j))
         pivot = np.asarray(np.broadcast_to(pivot, frequency.shape))
         if pivot.min() < -1e-8:
-            line = frequency[int(np.argmin(pivot))]
+            line = frequency[int(np.argmin(pivot))] / (2 * math.pi)
             raise uqmbd.StudyError(
-                f"{where}: the matrix of coherences of {count} points at the angular frequency {line:g} has a negative "
-                "eigenvalue, so that no processes have it; give another coherence=."
+                f"{where}: the matrix of coherences of {count} points at {line:g} {UNITS[points[j].over][1]} has a "
+                "negative eigenvalue, so that no processes have it; give another coherence=."
             )
         regular = pivot > SINGULAR
         factor[j, j] = np.sqrt(np.where(regular, pivot, 0.0))
         divisor = np.where(regular, factor[j, j], 1.0)
         for i in range(j + 1, count):
-            rest = points[j].coherence_with(points[i], frequency) - sum(factor[i, m] * factor[j, m] for m in range(j))
+            value = points[j].coherence_with(points[i], frequency)
+            if not np.isfinite(value).all():
+                line = frequency[int(np.argmin(np.isfinite(value)))] / (2 * math.pi)
+                raise uqmbd.StudyError(
+                    f"{where}: coherence at the frequency {line:g} {UNITS[points[j].over][1]} is not finite; expected "
+                    "numbers between 0 and 1."
+                )
+            rest = value - sum(factor[i, m] * factor[j, m] for m in range(j))
             factor[i, j] = np.where(regular, rest / divisor, 0.0)
     return factor
 

@@ -325,6 +325,17 @@ def test_contradictory_coherences_are_refused():
         wrong.sample_paths([wrong.at(x) for x in (0.0, 1.0, 2.0)], keys(1), 0, 10)
 
 
+def test_a_coherence_is_not_evaluated_at_the_frequency_zero_and_must_be_finite():
+    def coherence(limit):
+        return lambda f, d: np.where(f < limit, np.exp(-d * f) * np.sin(f) / f, np.nan)
+
+    psd = white_noise(0.1, "one", "Hz", (0, 5))
+    good, bad = (RandomProcess("p", psd=psd, length=100, coherence=coherence(x)) for x in (9.0, 4.0))
+    assert np.isfinite(good.sample_paths([good.at(0.0), good.at(1.0)], keys(1), 0, 10)[2]).all()
+    with pytest.raises(uqmbd.StudyError, match="random process 'p': coherence at the frequency 4 Hz is not finite"):
+        bad.sample_paths([bad.at(0.0), bad.at(1.0)], keys(1), 0, 10)
+
+
 def test_a_record_has_paths():
     rng = np.random.default_rng(5)
     record = np.convolve(rng.normal(size=4000), np.exp(-np.arange(50) / 10), mode="valid")
