@@ -73,7 +73,7 @@ def tree() -> xr.DataTree:
 def test_a_page_shows_zero_as_zero(tree: xr.DataTree, tmp_path) -> None:
     text = text_of(report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8"))
     assert not re.search(r"1\.6\d* × 10⁻⁹|−0\.0+\b(?!\d)", text)
-    assert "below 0.0001 % of the standard deviation" in text and not re.search(r"at most below|or less", text)
+    assert "below 0.0001 % of the largest standard deviation" in text and not re.search(r"at most below|or less", text)
 
 
 def test_nothing_failed_is_one_sentence(tree: xr.DataTree, tmp_path) -> None:

@@ -12,7 +12,9 @@ from uqmbd.results.assessment import COARSE
 from uqmbd.results.chaos import (
     SPREAD_FLOOR,
     StoredSurrogate,
+    exceeds_locally,
     reference_spread,
+    spread_words,
     stored_surrogates,
     verified_range,
     verified_std,
@@ -62,8 +64,11 @@ def warn_of_surrogates(
     error, wrong = _stated(node, statistics, rtol)
     of = " of the surrogate" if stored_surrogates(node) else ""
     if found := [_words(name, error[k], wrong[k], times) for k, name in enumerate(names) if wrong[k].any()]:
+        bad = np.flatnonzero(wrong.any(axis=1))
+        std = over_time(statistics["std"].values)
+        whole = spread_words(timed and exceeds_locally(error[bad], std[bad], np.full(len(bad), COARSE)).any())
         warnings.warn(
-            f"{label}: the stated error{of} exceeds {COARSE:.0%} of the standard deviation: "
+            f"{label}: the stated error{of} exceeds {COARSE:.0%} of {whole}: "
             f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed, names, wrong)}",
             SurrogateWarning,
             stacklevel=5,

@@ -12,6 +12,7 @@ import xarray as xr
 from uqmbd.report.figures import has_indices, indices_of, label_of, node_with_indices
 from uqmbd.report.view import StudyResult
 from uqmbd.results.assessment import COARSE
+from uqmbd.results.chaos import exceeds_locally, spread_words
 from uqmbd.status import Status
 from uqmbd.typing import Array
 from uqmbd.wording import format_at_most, format_share, minus
@@ -94,10 +95,11 @@ def _of_poor_surrogate(node: xr.DataTree, name: str) -> str:
     data = node.children["statistics"].to_dataset()
     if "verification_error" not in data or name not in data["output"].values:
         return ""
-    error = float(data["verification_error"].sel(output=name).max())
+    errors, std = (np.atleast_1d(data[key].sel(output=name).values) for key in ("verification_error", "std"))
+    error = float(errors.max())
     if not error > COARSE:
         return ""
-    size = format_at_most(error, "the standard deviation")
+    size = format_at_most(error, spread_words(exceeds_locally(errors, std, error)))
     return f" Unreliable: the stated error of the surrogate is {size}."
 
 

@@ -18,6 +18,7 @@ from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
 from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, own_error, own_statements, replicates_of
 from uqmbd.results.assessment.recommendation import recommended, resort
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.results.chaos import spread_words
 from uqmbd.results.requirements import Answer, answers, differing, meets
 from uqmbd.results.schema import comparable, propagator_nodes
 from uqmbd.results.statistics import rtol_of, varying
@@ -245,7 +246,8 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
                 own = own_error(part, rtol_of(part), dependence=False)
                 times = statistics["time"].values if "time" in statistics["mean"].dims and not timeless else None
                 errors, at = (values.tolist() for values in own.largest(times))
-                ones = [replace(one, error=e, time=t) for one, e, t in zip(ones, errors, at, strict=True)]
+                known_errors = zip(ones, errors, at, own.floored().tolist(), strict=True)
+                ones = [replace(one, error=e, time=t, floored=f) for one, e, t, f in known_errors]
             moves = varying(statistics, rtol_of(part))
             found[label] += [replace(one, varies=_varies(one, bool(m))) for one, m in zip(ones, moves, strict=True)]
     return found
@@ -391,7 +393,7 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
     whose = f"The stated error of {label}" if methods > 1 else "The stated error"
     of_which = f"of {one.output}, " if len(stated) > 1 else ""
     return (
-        f"{whose} is {format_at_most(one.error, 'the standard deviation')} ({of_which}at {one.time:g} s, with 95 % "
+        f"{whose} is {format_at_most(one.error, spread_words(one.floored))} ({of_which}at {one.time:g} s, with 95 % "
         f"confidence). {verdict}; {better}."
     )
 

@@ -143,6 +143,9 @@ def compare(
         smallest difference of standard deviations that is detected. ``own_error``: bound of the stated error of the
         standard deviation, averaged over time. ``stated_error_max``: largest stated error over time, at
         ``stated_error_time`` (s). All three are relative to the standard deviation; infinite if no error is stated.
+        The denominator of the largest stated error is at least 1 % of the largest standard deviation over time.
+        ``stated_error_floored``: whether this limit makes an error smaller than the largest one, and ``verdict`` names
+        it.
 
         ``wasserstein`` (in units) and ``ks``, ``(method, output, comparison_time)``: distances of the distributions,
         from samples or from 4096 samples of a chaos; NaN without either. ``ks_by_chance (method)``: value of ``ks``
@@ -213,6 +216,7 @@ def compare(
         largest, at = errors[label].largest(times if timed else None)
         columns.setdefault("stated_error_max", []).append(largest)
         columns.setdefault("stated_error_time", []).append(at)
+        columns.setdefault("stated_error_floored", []).append(errors[label].floored())
         floor = np.maximum(
             tolerance * np.nan_to_num(_largest(other.std)),
             (10 * rtol + ROUNDING) * np.nan_to_num(_largest(np.abs(other.mean))),

@@ -23,7 +23,7 @@ class IntegrationShare:
     `varies`: whether the output varies by more than this error, see :func:`uqmbd.results.varying` (otherwise the output
     cannot be distinguished from a constant); `share`: error relative to the largest standard deviation of a varying
     output, or to the largest mean of other outputs (0 for 0/0); `reason`: source of the error, or reason why it is
-    unknown; may be empty.
+    unknown; may be empty; `timed`: whether the output has times, so that the largest values are over time.
 
     >>> from uqmbd.results.assessment import IntegrationShare
     >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
@@ -39,11 +39,13 @@ class IntegrationShare:
     varies: bool
     share: OrNaN | OrInfinite
     reason: str = ""
+    timed: bool = False
 
     @property
     def whole(self) -> str:
         """Quantity that the share refers to."""
-        return "the standard deviation" if self.varies else "the mean"
+        largest = "largest " if self.timed else ""
+        return f"the {largest}standard deviation" if self.varies else f"the {largest}mean"
 
     def words(self) -> str:
         """Return the share of the error as a short text.
@@ -78,7 +80,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
     >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
-    ['0.10 % of the standard deviation']
+    ['0.10 % of the largest standard deviation']
     """
     if "integration_error" not in statistics:
         return []
@@ -88,14 +90,14 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     if "output_units" in statistics.coords:
         units = [str(unit) for unit in statistics["output_units"].values]
     found = []
-    moves = varying(statistics)
+    moves, timed = varying(statistics), "time" in statistics["mean"].dims
     known = [statistics[key].values for key in ("integration_error", "std", "mean")]
     for k, name in enumerate(str(value) for value in statistics["output"].values):
         error, std, mean = (_largest(values[k]) for values in known)
         varies = bool(moves[k])
         scale = std if varies else mean
         share = error / scale if scale > 0 else (0.0 if error == 0 else np.nan)
-        found.append(IntegrationShare(name, units[k], error, varies, share, reason))
+        found.append(IntegrationShare(name, units[k], error, varies, share, reason, timed))
     return found
 
 

@@ -14,6 +14,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.assessment.limits import COARSE
 from uqmbd.results.assessment.own_errors import NO_SPREAD
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.results.chaos import spread_words
 from uqmbd.wording import format_at_most
 
 __all__ = ["Judgement", "MethodVerdict", "judgements_of", "largest_error", "method_verdicts", "worst"]
@@ -37,13 +38,18 @@ class Judgement:
     varies: bool = True  # whether the output varies
     error: float = math.inf  # largest stated error, over the standard deviation; infinite: none is stated
     time: float = math.nan  # time of the largest error, s; NaN for a scalar output
+    floored: bool = False  # whether the lower limit of the denominator reduces an error below the largest one
     # distance of mean and standard deviation from the reference, over the largest standard deviation of the reference
     difference: float = 0.0
 
     @property
     def stated(self) -> str:
         """Stated error in words."""
-        return _error_words(self.error, self.time) if math.isfinite(self.error) else "states no error"
+        return (
+            _error_words(self.error, self.time, floored=self.floored)
+            if math.isfinite(self.error)
+            else "states no error"
+        )
 
 
 def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str, list[Judgement]]:
@@ -66,6 +72,7 @@ def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str
     off = np.nan_to_num(off / np.where(scale > 0, scale, np.inf), nan=0.0)
     kinds, texts = read(f"{prefix}verdict_kind"), read(f"{prefix}verdict")
     errors, times = read(f"{prefix}stated_error_max"), read(f"{prefix}stated_error_time")
+    floored = read(f"{prefix}stated_error_floored") == 1
     return {
         label: found
         for m, label in enumerate(map(str, comparison["method"].values))
@@ -80,6 +87,7 @@ def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str
                     varies=str(kinds[m, o]) != NO_SPREAD,
                     error=math.inf if np.isnan(errors[m, o]) else float(errors[m, o]),
                     time=float(times[m, o]),
+                    floored=bool(floored[m, o]),
                     difference=float(off[m, o]),
                 )
                 for o, output in enumerate(outputs)
@@ -153,10 +161,10 @@ def largest_error(found: Sequence[Judgement]) -> str:
     if not found or not all(math.isfinite(one.error) for one in found):
         return ""
     one = max(found, key=lambda one: one.error)
-    return _error_words(one.error, one.time, one.output if len(found) > 1 else "")
+    return _error_words(one.error, one.time, one.output if len(found) > 1 else "", any(x.floored for x in found))
 
 
-def _error_words(share: float, time: float, output: str = "") -> str:
+def _error_words(share: float, time: float, output: str = "", floored: bool = False) -> str:
     """Return a text on the largest stated error, as a share of the standard deviation, with its output and time (s).
 
     >>> _error_words(0.02, 0.5), _error_words(0.02, math.nan, "x")
@@ -164,8 +172,10 @@ def _error_words(share: float, time: float, output: str = "") -> str:
      'stated error at most 2.0 % of the standard deviation (of x)')
     >>> _error_words(30.91, 5.55)
     'stated error larger than the standard deviation, up to 31 times as large (at 5.55 s)'
+    >>> _error_words(0.02, 0.5, floored=True)
+    'stated error at most 2.0 % of the standard deviation, taken as at least 1 % of its maximum (at 0.5 s)'
     """
     where = [f"of {output}"] if output else []
     where += [f"at {time:g} s"] if math.isfinite(time) else []
     whose = f" ({', '.join(where)})" if where else ""
-    return f"stated error {format_at_most(share, 'the standard deviation')}{whose}"
+    return f"stated error {format_at_most(share, spread_words(floored))}{whose}"

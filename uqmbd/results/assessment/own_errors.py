@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.results.assessment.limits import EXACT
-from uqmbd.results.chaos import StoredSurrogate, reference_spread, stated_words, stored_surrogates, verdict_of_decay
+from uqmbd.results.chaos import (
+    StoredSurrogate,
+    exceeds_locally,
+    reference_spread,
+    stated_words,
+    stored_surrogates,
+    verdict_of_decay,
+)
 from uqmbd.results.statistics import (
     divisor,
     independent_errors,
@@ -126,6 +133,14 @@ class OwnError:
         error = np.where(np.isnan(told).all(axis=1), np.inf, told[np.arange(len(told)), where])
         at = np.full(len(told), np.nan) if times is None else np.asarray(times, dtype=float)[where]
         return np.where(np.isfinite(error), error, np.inf), at
+
+    def floored(self) -> NDArray[np.bool_]:
+        """Return whether an output (O,) has a larger error at some time, relative to the standard deviation there.
+
+        This is possible where the standard deviation is below 1 % of its maximum, which replaces it in stated errors.
+        """
+        told = np.where(np.isfinite(self.std).all(axis=0), self.told, 0.0)
+        return exceeds_locally(told, self.std, np.nan_to_num(told).max(axis=-1, initial=0.0))
 
 
 def root_mean_square(values: Array, times: Array) -> Array:
@@ -369,11 +384,11 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
             said.append(_decay(node, name, o) or "states no error")
         elif found.drawn:
             at = None if times is None else times[known]
-            said.append(stated_words("samples", told, at, np.inf))
+            said.append(stated_words("samples", told, at, np.inf, std=found.std[o, known]))
         else:
             at = None if times is None else times[known]
             whose, remedy = found.words[o]
-            said.append(stated_words(whose, told, at, EXACT, remedy))
+            said.append(stated_words(whose, told, at, EXACT, remedy, found.std[o, known]))
     return said
 
 

@@ -79,7 +79,7 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
     if not shares:
         return ()
     worst, label = max(shares, key=lambda pair: pair[0].share)
-    size = format_at_most(worst.share, "the standard deviation")
+    size = format_at_most(worst.share, worst.whole)
     return (
         f"Reduce rtol first: the error of the time integration is {size} (of {worst.output}, with "
         f"{label}). Stated errors do not contain it.",

@@ -134,7 +134,7 @@ def _verdict(
 
 def _describe_error(found: OwnError, o: int, times: Array) -> str:
     """Return a text on the stated error of an under-resolved surrogate."""
-    return error_words(found.told[o], times if len(times) > 1 else None, EXACT)
+    return error_words(found.told[o], times if len(times) > 1 else None, EXACT, found.std[o])
 
 
 def _ratio(value: float, scale: float) -> float:

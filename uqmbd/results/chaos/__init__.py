@@ -14,7 +14,15 @@ from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos, QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 from uqmbd.results.chaos.segments import AlignedElement, Markers
-from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, error_words, reference_spread, stated_words, weighted_std
+from uqmbd.results.chaos.stated_error import (
+    SPREAD_FLOOR,
+    error_words,
+    exceeds_locally,
+    reference_spread,
+    spread_words,
+    stated_words,
+    weighted_std,
+)
 from uqmbd.results.chaos.surrogates import (
     StoredSurrogate,
     absent_surrogate,
@@ -47,6 +55,7 @@ __all__ = [
     "absent_surrogate",
     "chaos_from_dataset",
     "error_words",
+    "exceeds_locally",
     "least_squares",
     "model_problem",
     "project",
@@ -54,6 +63,7 @@ __all__ = [
     "reference_spread",
     "regress_on_nodes",
     "spread_germs",
+    "spread_words",
     "stated_words",
     "stored_as",
     "stored_surrogates",

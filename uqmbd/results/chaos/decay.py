@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.chaos.stated_error import first_above, reference_spread
+from uqmbd.results.chaos.stated_error import exceeds_locally, first_above, reference_spread, spread_words
 from uqmbd.results.chaos.terms import constant_columns, standard_deviation
 from uqmbd.results.schema import Labels, fixed_width, united
 from uqmbd.results.statistics import divisor
@@ -114,11 +114,12 @@ def verdict_of_decay(
     spread = reference_spread(std)
     share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / divisor(spread), 0.0)
     worst = int(share.argmax())
-    amount = format_part(float(share[worst]), "the standard deviation")
+    whole = spread_words(times is not None and exceeds_locally(share, std, float(share[worst])))
+    amount = format_part(float(share[worst]), whole)
     at = "" if times is None else f" at {times[worst]:g} s"
     if share[worst] <= tolerance:
         return (
-            f"{name}: order {order} carries {format_at_most(float(share[worst]), 'the standard deviation')}{at}: this "
+            f"{name}: order {order} carries {format_at_most(float(share[worst]), whole)}{at}: this "
             "indicates that the order is sufficient, but only verification realisations can prove it"
         )
     blame = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]

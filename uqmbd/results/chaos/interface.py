@@ -503,12 +503,13 @@ class Surrogate(SurrogateContainer):
             return self._verdicts_of_decay(tolerance)
         errors = self._stated_error
         factors, count = self.verification_factor().reshape(errors.shape), len(self.verification_germs)
-        rows = zip(self.labels.outputs, errors, factors, self._suspicions(), strict=True)
+        spread = self.std.reshape(errors.shape)
+        rows = zip(self.labels.outputs, errors, spread, factors, self._suspicions(), strict=True)
         return tuple(
-            f"{output.name}: {stated_words('surrogate', row, self.labels.times, tolerance, self._remedy)}"
+            f"{output.name}: {stated_words('surrogate', row, self.labels.times, tolerance, self._remedy, std)}"
             + factor_words(float(factor[np.nan_to_num(row, nan=-1.0).argmax()]), count, self._advice)
             + suspicion
-            for output, row, factor, suspicion in rows
+            for output, row, std, factor, suspicion in rows
         )
 
     def verification_error(self, output: str | None = None, time: float | None = None) -> Array:

@@ -29,7 +29,7 @@ from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.readouts import Piece, Plain
-from uqmbd.results.chaos.stated_error import reference_spread
+from uqmbd.results.chaos.stated_error import exceeds_locally, reference_spread, spread_words
 from uqmbd.results.chaos.surrogate_moments import MergedMoments
 from uqmbd.results.schema import Labels
 from uqmbd.results.statistics import divisor
@@ -292,9 +292,9 @@ class PiecewiseChaos(Surrogate):
         share = tops.reshape(shape) / divisor(spread)
         return tuple(
             f"{output.name}: within the {len(self.elements)} elements the top order carries "
-            + format_at_most(float(np.fmax.reduce(row)), "the standard deviation")
+            + format_at_most(float(np.fmax.reduce(row)), spread_words(exceeds_locally(row, std, np.fmax.reduce(row))))
             + (f"; {self._remedy}" if np.any(row > tolerance) else ", no proof without verification realisations")
-            for output, row in zip(self.labels.outputs, share, strict=True)
+            for output, row, std in zip(self.labels.outputs, share, self.std.reshape(shape), strict=True)
         )
 
     def _weighted(self, energies: Callable[[Array, Index], Array]) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,13 @@ from uqmbd.wording import FACTOR, format_at_most, format_part, format_percent
 __all__ = [
     "SPREAD_FLOOR",
     "error_words",
+    "exceeds_locally",
     "factor_words",
     "first_above",
     "reference_spread",
     "root_mean_square",
     "compute_stated_error",
+    "spread_words",
     "stated_words",
     "uncertainty_factor",
     "weighted_std",
@@ -31,7 +34,10 @@ MOST = 50.0
 """Maximum exponent in the uncertainty factor of an error."""
 
 SPREAD = "the standard deviation"
-"""Reference quantity of stated errors."""
+"""Denominator of stated errors, if they are at most the stated number at all times."""
+
+FLOORED = f"{SPREAD}, taken as at least {100 * SPREAD_FLOOR:g} % of its maximum"
+"""Denominator of stated errors, if an error is larger relative to the standard deviation at its time."""
 
 KNOWN = 2.0
 """Uncertainty factor up to which texts do not mention the uncertainty of a stated error."""
@@ -191,17 +197,48 @@ def weighted_std(values: Array, weights: Array) -> Array:
     return root_mean_square(values - shift, weights)
 
 
-def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:
+def exceeds_locally(error: Array, std: Array, bound: Array | float) -> Mask:
+    """Return whether an error (..., T) exceeds a bound, relative to the standard deviation (..., T) at its time.
+
+    The errors are relative to `reference_spread`, `bound` (...) as well. An error exceeds it only at times at which the
+    standard deviation is below 1 % of its maximum. Unknown errors are ignored.
+
+    >>> exceeds_locally(np.array([0.02, 0.05]), np.array([0.001, 1.0]), 0.05).item()
+    True
+    >>> exceeds_locally(np.array([0.02, 0.05]), np.array([0.005, 1.0]), 0.05).item()
+    False
+    """
+    known = np.nan_to_num(std)
+    floor = reference_spread(known)
+    # an error that rounds to a larger number, not any larger one
+    larger = np.nan_to_num(error) * floor > 1.005 * np.asarray(bound)[..., None] * known
+    return np.asarray((larger & (floor > known)).any(axis=-1))
+
+
+def spread_words(floored: Any) -> str:
+    """Return the denominator of a stated error in words; `floored`: whether its lower limit affects the statement."""
+    return FLOORED if floored else SPREAD
+
+
+def stated_words(
+    whose: str,
+    error: Array,
+    times: Array | None,
+    limit: float,
+    remedy: str = "raise the order",
+    std: Array | None = None,
+) -> str:
     """Describe the size of a stated error (T,), or (1,) without times, and a remedy if the error exceeds a limit.
 
-    Every text with a stated error uses this function.
+    Every text with a stated error uses this function. With the standard deviation (T,), the text names the denominator
+    of errors at times at which the standard deviation is small.
 
     >>> import numpy as np
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
     'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
     """
     advice = f"; {remedy}" if remedy and np.any(error > limit) else ""
-    return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
+    return f"stated error of the {whose} {error_words(error, times, limit, std)}{advice}"
 
 
 def factor_words(factor: float, count: int, advice: str = "raise verify") -> str:
@@ -217,15 +254,17 @@ def factor_words(factor: float, count: int, advice: str = "raise verify") -> str
     return f", uncertain by a factor of {factor:.2g} because it is based on {count} verification realisations: {advice}"
 
 
-def error_words(error: Array, times: Array | None, limit: float) -> str:
+def error_words(error: Array, times: Array | None, limit: float, std: Array | None = None) -> str:
     """Describe an error (T,), or (1,) without times, and the time from which the error exceeds a limit.
 
-    The text names the first time at which the error is NaN.
+    The text names the first time at which the error is NaN. With the standard deviation (T,), it names the denominator.
 
     >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
     'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
     >>> error_words(np.array([0.002, 31.0]), np.array([0.0, 1.0]), 0.1)
     'below 10 % of the standard deviation until 1 s, 31 times the standard deviation at 1 s'
+    >>> error_words(np.array([0.002, 0.001]), np.array([0.0, 1.0]), 0.1, std=np.array([1e-5, 1.0]))
+    'at most 0.20 % of the standard deviation, taken as at least 1 % of its maximum (at 0 s)'
     """
     if times is None:
         return format_part(float(error[0]), SPREAD)
@@ -233,15 +272,18 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
     if unknown.all():
         return "unknown at all times"
     if unknown.any():
-        known, since = error_words(error[~unknown], times[~unknown], limit), times[unknown.argmax()]
+        whose = None if std is None else std[~unknown]
+        known, since = error_words(error[~unknown], times[~unknown], limit, whose), times[unknown.argmax()]
         return f"{known}, unknown at {unknown.sum()} of {len(error)} times from {since:g} s on"
     first, worst = first_above(error, limit), int(error.argmax())
+    bound = min(limit, float(error[worst]))
+    whole = spread_words(std is not None and exceeds_locally(error, std, bound))
     if first is None:
-        return f"{format_at_most(float(error[worst]), SPREAD)} (at {times[worst]:g} s)"
-    since = f"below {100 * limit:g} % of the standard deviation until {times[first]:g} s"
+        return f"{format_at_most(float(error[worst]), whole)} (at {times[worst]:g} s)"
+    since = f"below {100 * limit:g} % of {whole} until {times[first]:g} s"
     if first == 0:
-        since = f"above {100 * limit:g} % of the standard deviation from {times[0]:g} s on"
+        since = f"above {100 * limit:g} % of {whole} from {times[0]:g} s on"
         if not np.all(error > limit):
-            since = f"above {100 * limit:g} % of the standard deviation already at {times[0]:g} s"
+            since = f"above {100 * limit:g} % of {whole} already at {times[0]:g} s"
     large = float(error[worst])
     return f"{since}, {format_part(large, SPREAD) if large >= FACTOR else format_percent(large)} at {times[worst]:g} s"
