@@ -115,6 +115,7 @@ class Runner:
             if problem.chosen is not None:
                 found = found.choosing(problem.model.scalars, problem.chosen)
             self.observed.add(found)
+            self.spending.count(found.counters)
             log_realisations(problem.label, problem.kind, found)
             yield found
             begin, asked = now, self.clock()

@@ -15,6 +15,7 @@ from uqmbd.errors import Finding, Severity
 from uqmbd.results import failed_methods, propagator_nodes, varying
 from uqmbd.results.assessment import Assessment, IntegrationShare, assess, integration_shares, own_statements
 from uqmbd.results.chaos import surrogate_parts
+from uqmbd.results.schema import total_realisations
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
 
@@ -52,8 +53,13 @@ class Method:
 
     @property
     def realisations(self) -> int:
-        """Return the number of computed realisations."""
+        """Return the number of realisations for the outputs over time, or for scalar outputs without them."""
         return int(self.node.attrs.get("realisations", 0))
+
+    @property
+    def total_realisations(self) -> int:
+        """Return the number of computed realisations, with those for scalar outputs and requirements only."""
+        return total_realisations(self.node)
 
     @property
     def counted(self) -> int:

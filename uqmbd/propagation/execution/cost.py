@@ -94,6 +94,8 @@ class Spending:
     """Seconds by part, from the clock of the problem."""
     _open: list[list[Any]] = field(default_factory=list)
     """Names of open parts, and the seconds of parts within them."""
+    computed: int = 0
+    """Number of computed realisations, for all kinds of outputs; without repetitions for the integration error."""
 
     @contextmanager
     def part(self, name: str, clock: Callable[[], float]) -> Iterator[None]:
@@ -117,6 +119,16 @@ class Spending:
                 return
             self._open[-1][1] += seconds
         self.seconds["integration"] += seconds
+
+    def count(self, counters: Mapping[str, float]) -> None:
+        """Count the realisations of a chunk from its counters; results from a computation of other outputs have none.
+
+        >>> spending = Spending()
+        >>> spending.count(machine_counter(64)), spending.count({}), spending.computed
+        (None, None, 64)
+        """
+        if not any(name == "error estimation" for name, _ in self._open):
+            self.computed += sum(int(count) for name, count in counters.items() if name.startswith(_ON))
 
     @contextmanager
     def whole(self, clock: Callable[[], float]) -> Iterator[dict[str, float | int]]:

@@ -41,6 +41,7 @@ from uqmbd.results.schema import (
     check_values,
     node_parts,
     statistics_dataset,
+    total_realisations,
     with_default_reasons,
     with_units,
 )
@@ -89,16 +90,20 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     The node has the child ``scalars`` if there are scalar outputs, and ``requirements`` if there are requirements. If
     all values of a variable have the same unit, the variable has the unit as an attribute. The attribute ``wall_time``,
     s, is the time of the whole run. For any method, ``wall_time`` is the sum of ``wall_time_integration``,
-    ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``.
+    ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``. The
+    attribute ``further_realisations`` counts those that only scalar outputs or margins of requirements required.
     """
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
     progress = UntilTheEnd(problem.progress, lasting=problem.label)
     problem = problem.using(progress=progress)
     with problem.runner.spending.whole(problem.clock) as spent:
-        found = with_units(_run_all(propagator, problem, check))
+        found, further = _run_all(propagator, problem, check)
+        found = with_units(found)
     _require_draws(propagator, problem, found)
     found.attrs.update(spent)
+    if further:
+        found.attrs["further_realisations"] = further
     progress.end(float(found.attrs["wall_time"]))
     if methods.isEnabledFor(logging.INFO):
         about = found.attrs
@@ -106,7 +111,7 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
             "%s: ends: %s realisations, %s failed, %.3g s",
             *(
                 problem.label,
-                about.get("realisations", "?"),
+                total_realisations(found),
                 about.get("failures", "?"),
                 about.get("wall_time", np.nan),
             ),
@@ -131,13 +136,13 @@ def _require_draws(propagator: Propagator, problem: Problem, node: xr.DataTree) 
         )
 
 
-def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
-    """Run a method on all kinds of outputs."""
+def _run_all(propagator: Propagator, problem: Problem, check: bool) -> tuple[xr.DataTree, int]:
+    """Run a method on all kinds of outputs; return its node, and the number of realisations for later kinds only."""
     if not check and (problem.model.outputs.names or problem.model.scalars is not None):
         problem = replace(problem, model=replace(problem.model, margins=None))
     model = problem.model
     if model.scalars is None and model.margins is None:
-        return _run(propagator, problem, check)
+        return _run(propagator, problem, check), 0
     asked = [problem] if model.outputs.names else []
     asked += [problem.without_time()] if model.scalars is not None else []
     itself = bool(problem.requirements) and propagator.requirements
@@ -145,6 +150,7 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
         asked.append(problem.of_requirements())
     answered = None
     nodes: dict[Kind, xr.DataTree] = {}
+    first = problem.runner.spending.computed
     for one in asked:
         given = replace(one, answers_requirements=itself and answered is None)
         announced = problem.label if one is asked[0] else ""
@@ -155,6 +161,8 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
         if given.answers_requirements:
             answered, found = _answered(propagator, problem.label, found)
         nodes[one.kind] = found
+        first = problem.runner.spending.computed if one is asked[0] else first
+    further = problem.runner.spending.computed - first
     inputs = tuple(InputInfo(v.name, v.units, v.description) for v in problem.inputs.variables)
     about = (problem.label, Labels((), inputs, problem.times))
     node = nodes.get("outputs")
@@ -164,10 +172,10 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
         found = nodes["requirements"]
         if answered is None:
             answered = requirements_of(found, problem.requirements, model.margins.at_the_end)
-        return with_requirements(node, found, *about, answered)
+        return with_requirements(node, found, *about, answered), further
     if answered is not None and node is not None:
-        return xr.DataTree.from_dict({**node_parts(node), "requirements": answered}, name=problem.label)
-    return nodes["outputs"] if node is None else node
+        return xr.DataTree.from_dict({**node_parts(node), "requirements": answered}, name=problem.label), further
+    return nodes["outputs"] if node is None else node, further
 
 
 def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, problem: Problem) -> xr.DataTree:

@@ -163,6 +163,7 @@ class Reductions:
                     now - begin + spent,
                 )
                 runner.observed.count(found.realisations, answer.missing)
+                runner.spending.count(found.realisations.counters)
                 log_realisations(problem.label, problem.kind, found.realisations)
                 runner.observed.take(piece.values[answer.seen], answer.responses)
                 if own is not None:

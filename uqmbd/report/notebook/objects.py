@@ -236,7 +236,7 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
         raise StudyError(f"outputs is or has {named}; expected a list of some of: {', '.join(map(repr, every))}.")
     drawn = most_uncertain(result) if outputs is None else [x for x in outputs if x in result.histories]
     methods = [
-        (label, format_integer(m.realisations), format_integer(m.failures), format_duration(m.wall_time))
+        (label, format_integer(m.total_realisations), format_integer(m.failures), format_duration(m.wall_time))
         for label, m in result.methods.items()
     ]
     required = [(name, one.method, one.words) for name, by in answers(result.nodes).items() for one in by.values()]

@@ -300,7 +300,7 @@ def _costs(result: StudyResult) -> list[Content]:
     fine = all(one.level > 0 for one in known.reliability)
     labels = known.recommended or (result.methods if len(result.methods) == 1 and fine else ())
     some = [result.methods[label] for label in labels]
-    counts = [f"{format_count(m.realisations, 'realisation')}, {format_duration(m.wall_time)}" for m in some]
+    counts = [f"{format_count(m.total_realisations, 'realisation')}, {format_duration(m.wall_time)}" for m in some]
     return [{"label": method.label, "cost": cost} for method, cost in zip(some, counts, strict=True)]
 
 

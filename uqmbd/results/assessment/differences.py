@@ -17,6 +17,7 @@ from uqmbd.results.assessment.limits import COARSE, ROUGH
 from uqmbd.results.assessment.own_errors import OwnError, own_error, own_statements, root_mean_square
 from uqmbd.results.assessment.recommendation import advice, loose
 from uqmbd.results.assessment.verdicts import NO_SPREAD, REFERENCE, Verdict, compare_with_reference
+from uqmbd.results.schema import total_realisations
 from uqmbd.results.statistics import over_time, relative, rtol_of
 from uqmbd.typing import Array
 
@@ -152,7 +153,8 @@ def compare(
         that equal distributions exceed with the probability `level`.
 
         ``unknown_times``: number of times at which a method does not know the mean or standard deviation of an output.
-        A method that has any is not recommended. ``wall_time`` (s), ``realisations`` and ``failures`` by method;
+        A method that has any is not recommended. ``wall_time`` (s), ``realisations`` and ``failures`` by method; the
+        realisations include those for scalar outputs and requirements only;
         ``solver_counters (method, counter)``. If the results of a method or of the reference end before the last time,
         differences are over the common times. ``compared_until`` (s, by method) is the last common time; it is NaN, as
         are the differences, if there is none.
@@ -253,7 +255,7 @@ def compare(
             **({"compared_until": ("method", np.array(until, dtype=float), _LAST)} if timed else {}),
             "unknown_times": ("method", np.array(unknown, dtype=np.int64)),
             "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
-            "realisations": ("method", np.array([int(a.get("realisations", 0)) for a in attributes], dtype=np.int64)),
+            "realisations": ("method", np.array([total_realisations(x) for x in nodes.values()], dtype=np.int64)),
             "failures": ("method", np.array([int(a.get("failures", 0)) for a in attributes], dtype=np.int64)),
         },
         coords={

@@ -32,6 +32,7 @@ from uqmbd.results.schema.nodes import (
     node_parts,
     propagator_node,
     propagator_nodes,
+    total_realisations,
 )
 from uqmbd.results.schema.stated import SPREAD_FLOOR, StatedError, reference_spread
 from uqmbd.results.schema.units import CF, as_text, product_of_units, united, units_of, with_units
@@ -85,6 +86,7 @@ __all__ = [
     "sample_dataset",
     "statistics_dataset",
     "time_index",
+    "total_realisations",
     "united",
     "units_of",
     "validate",

@@ -21,7 +21,16 @@ from uqmbd.results.schema.units import as_text, united
 from uqmbd.results.schema.values import with_default_reasons
 from uqmbd.status import Status
 
-__all__ = ["comparable", "failed_methods", "join_nodes", "methods", "node_parts", "propagator_node", "propagator_nodes"]
+__all__ = [
+    "comparable",
+    "failed_methods",
+    "join_nodes",
+    "methods",
+    "node_parts",
+    "propagator_node",
+    "propagator_nodes",
+    "total_realisations",
+]
 
 BESIDE = ("comparison", "convergence", "motion", "pose_surrogate")
 """Children of the results of a study that belong to no propagator."""
@@ -194,6 +203,17 @@ def methods(tree: xr.DataTree) -> dict[str, xr.DataTree]:
 
 propagator_nodes = methods
 """Earlier name of `methods`, which the core uses."""
+
+
+def total_realisations(node: xr.DataTree) -> int:
+    """Return the number of realisations that a method computed for all its outputs and requirements.
+
+    It includes those that only scalar outputs or requirements needed. Costs of methods are compared by this number.
+
+    >>> total_realisations(xr.DataTree(xr.Dataset(attrs={"realisations": 20, "further_realisations": 5})))
+    25
+    """
+    return sum(int(node.attrs.get(name, 0)) for name in ("realisations", "further_realisations"))
 
 
 @typechecked

@@ -29,7 +29,7 @@ def agreement(result: StudyResult) -> Content | None:
             "kind": one.kind,
             "text": f"{one.sign} {one.text}",
             "wall_time": format_duration(result.methods[one.method].wall_time),
-            "realisations": format_integer(result.methods[one.method].realisations),
+            "realisations": format_integer(result.methods[one.method].total_realisations),
         }
         for one in found.verdicts
     ]

@@ -146,11 +146,11 @@ def cost(result: StudyResult) -> Content:
             {
                 "label": label,
                 "wall_time": format_duration(method.wall_time),
-                "realisations": method.realisations,
+                "realisations": method.total_realisations,
                 "failures": method.failures,
                 "budget": str(method.node.attrs.get("budget_summary", "")),
                 "fitting": _fitting(method),
-                "each": format_duration(method.wall_time / method.realisations) if method.separate else "–",
+                "each": format_duration(method.wall_time / method.total_realisations) if method.separate else "–",
                 "counters": [
                     *(_counter(name, value) for name, value in method.pairs("solver_counters") if not _nothing(value)),
                     *_integration(method),
@@ -221,7 +221,7 @@ _SHOWN = {
 
 _KNOWN = {
     "propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters", "wall_time",
-    "realisations", "failures", "warnings", "budget_summary", "refused",
+    "realisations", "further_realisations", "failures", "warnings", "budget_summary", "refused",
 }  # fmt: skip
 """Attributes of a method that the report shows under another name, or elsewhere."""
 
