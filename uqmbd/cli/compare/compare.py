@@ -74,7 +74,7 @@ def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference
             for note in notes:
                 screen.print(Text(note, style="bold"))
             known = chosen if chosen in some else None
-            _show_group(screen, compare(aligned, reference=known or _first(group, some), rtol=rtol), notes)
+            _show_group(screen, compare(aligned, reference=known or _first(group, some, rtol), rtol=rtol), notes)
     _show_requirements(screen, nodes)
     print("Largest differences over time; percentages are of the largest standard deviation of the reference.")
     if out is not None:
@@ -109,14 +109,19 @@ def _groups(labels: list[str], chosen: str | None) -> list[list[str]]:
     return shared if shared and chosen is None else [labels]
 
 
-def _first(group: Sequence[str], nodes: Mapping[str, xr.DataTree]) -> str:
+def _of_first_file(labels: Sequence[str]) -> list[str]:
+    """Return the labels of the first file, from which the reference is chosen."""
+    letter = labels[0].partition(" ")[0]
+    return [label for label in labels if label.partition(" ")[0] == letter]
+
+
+def _first(group: Sequence[str], nodes: Mapping[str, xr.DataTree], rtol: float) -> str:
     """Return the reference of a group: the first method of the label, otherwise the best method of the first file."""
     from uqmbd.results import choose_reference
 
     if len({label.partition(" ")[2] for label in group}) == 1:
         return group[0]
-    letter = group[0].partition(" ")[0]
-    return choose_reference({label: nodes[label] for label in group if label.partition(" ")[0] == letter})
+    return choose_reference({label: nodes[label] for label in _of_first_file(group)}, rtol=rtol)
 
 
 def _show_differences(screen: Console, trees: Mapping[str, xr.DataTree]) -> None:
@@ -203,7 +208,7 @@ def _write(
         aligned.values(),
         study=" and ".join(dict.fromkeys(names)),
         mechanism=", ".join(mechanisms),
-        reference=chosen or _first(list(nodes), nodes),
+        reference=chosen or _of_first_file(list(nodes)),
         attrs={name.replace("/", "-"): value for name, value in attrs.items()},
     )
     with output_folder(out, ["comparison.nc", "report.html"]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.results.assessment import DIFFERS, UNDER_RESOLVED, compare, judgements_of, worst
+from uqmbd.results.assessment import DIFFERS, UNDER_RESOLVED, choose_reference, compare, judgements_of, worst
 from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import (
     as_text,
@@ -40,11 +40,16 @@ def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return {label: node.children["scalars"] for label, node in nodes.items() if "scalars" in node.children}
 
 
-def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None, rtol: float = 0.0) -> xr.Dataset:
+Reference = str | Sequence[str] | None
+"""Label of the reference, labels from which it is chosen, or None for a choice from all labels."""
+
+
+def compare_both(nodes: Mapping[str, xr.DataTree], reference: Reference = None, rtol: float = 0.0) -> xr.Dataset:
     """Compare every method with a reference, in outputs over time, scalar outputs and requirements.
 
-    `nodes`: propagator nodes by label; `reference`: label of the reference, which another method replaces for scalar
-    outputs if it has none; `rtol`: relative tolerance of the integration. The result for outputs over time is that of
+    `nodes`: propagator nodes by label; `reference`: label of the reference, or several labels. Of these labels, or of
+    all, :func:`uqmbd.results.choose_reference` chooses the reference for outputs over time, and that for scalar
+    outputs; `rtol`: relative tolerance of the integration. The result for outputs over time is that of
     :func:`uqmbd.results.compare`. With scalar outputs, it also contains ``scalar_mean_difference`` and
     ``scalar_std_difference (method, scalar)``, absolute, in the units of the outputs, NaN for methods without them. The
     scale of these is ``scalar_reference_std (scalar)``. ``scalar_verdict`` and ``scalar_verdict_kind (method, scalar)``
@@ -56,29 +61,37 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
     found = _compared_outputs(nodes, reference, rtol)
     if not any("requirements" in node.children for node in nodes.values()):
         return found
-    limits = compare_requirements(nodes, str(found.attrs.get("reference", reference)))
+    limits = compare_requirements(nodes, str(found.attrs.get("reference", "")))
     return found if limits is None else found.merge(limits, join="left").assign_attrs(found.attrs)
 
 
-def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, rtol: float) -> xr.Dataset:
+def _compare(nodes: Mapping[str, xr.DataTree], reference: Reference, rtol: float) -> xr.Dataset:
+    """Compare methods in one kind of outputs; several labels in `reference` are candidates."""
+    if reference is None or isinstance(reference, str):
+        return compare(nodes, reference=reference, rtol=rtol)
+    some = {label: nodes[label] for label in reference if label in nodes}
+    return compare(nodes, reference=choose_reference(some, rtol=rtol) if some else None, rtol=rtol)
+
+
+def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rtol: float) -> xr.Dataset:
     """Compare outputs over time and scalar outputs; without any outputs, return only the methods."""
     inner, left_out = happening(scalar_nodes(nodes))
     over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
     if not (over_time or inner) and (margins := _margin_nodes(nodes)):
         # no outputs: methods are compared by the margins of requirements
-        return compare(margins, reference=reference, rtol=rtol).isel(output=slice(0, 0))
+        return _compare(margins, reference, rtol).isel(output=slice(0, 0))
     if left_out and not (over_time or inner):
         raise StudyError(
             f"there are no outputs to compare: {', '.join(left_out)} do not occur in all realisations, so the "
             "statistics of the methods are based on different realisations."
         )
-    compared = compare(nodes, reference=reference, rtol=rtol) if over_time or not inner else None
+    compared = _compare(nodes, reference, rtol) if over_time or not inner else None
     if left_out and compared is not None:
         compared = compared.assign_attrs(censored=", ".join(left_out))
     if not inner:
         return compared if compared is not None else xr.Dataset()
-    wanted = reference if compared is None else str(compared.attrs["reference"])
-    whole = compare(inner, reference=wanted if wanted in inner else None, rtol=rtol)
+    # a reference that is chosen for outputs over time may have too few samples for scalar outputs
+    whole = _compare(inner, None if isinstance(reference, str) and reference not in inner else reference, rtol)
     names = {
         "mean_difference_max": "scalar_mean_difference",
         "std_difference_max": "scalar_std_difference",
@@ -183,7 +196,7 @@ def study_tree(
     *,
     study: str,
     mechanism: str,
-    reference: str | None = None,
+    reference: str | Sequence[str] | None = None,
     attrs: Mapping[str, Any] | None = None,
 ) -> xr.DataTree:
     """Join the nodes of several propagators to the result of a study, and compare them.
@@ -194,8 +207,9 @@ def study_tree(
         Nodes from :func:`uqmbd.results.propagator_node`, with different labels.
     study, mechanism : str
         Names of the study and of the mechanism.
-    reference : str, optional
-        Label of the reference method. Default: the method from :func:`uqmbd.results.choose_reference`.
+    reference : str or sequence of str, optional
+        Label of the reference method, or several labels. :func:`uqmbd.results.choose_reference` chooses from these.
+        Default: from all labels. It chooses twice: for outputs over time, and for scalar outputs.
     attrs : mapping, optional
         Further attributes of the root, such as ``rtol``, ``integrator`` or ``command``.
 

@@ -38,7 +38,7 @@ def agreement(result: StudyResult) -> Content | None:
         "others": found.reasons,
         "rows": rows,
         "each": compared,
-        "reference": found.reference,
+        "reference": _references(data),
         "level": f"{100 * float(data.attrs.get('level', 0.05)):g} %",
     }
 
@@ -52,7 +52,14 @@ def describe_comparison(result: StudyResult) -> Content | None:
     if data is None:
         return None
     rows = [*_differences(result, data), *_differences(result, data, timeless=True)]
-    return {"agreement": agreement(result), "reference": result.assessment.reference, "rows": rows}
+    return {"agreement": agreement(result), "reference": _references(data), "rows": rows}
+
+
+def _references(data: xr.Dataset) -> str:
+    """Return the reference; if scalar outputs have another one, both."""
+    reference = str(data.attrs["reference"])
+    other = str(data.attrs.get("scalar_reference", reference))
+    return reference if other == reference else f"{reference}; for scalar outputs {other}"
 
 
 COMPARISON = TemplateSection("Comparison of methods", "comparison", describe_comparison, "about_methods.html.j2")
