@@ -112,3 +112,30 @@ def test_python_alone_says_it(tmp_path):
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
     assert "line 3" in done.stderr and "length > 1 has no truth value" in done.stderr
     assert "sympy.Piecewise" in done.stderr
+
+
+def test_a_comparison_with_two_limits_is_two_requirements():
+    with pytest.raises(uqmbd.StudyError, match=r"such as 1 <= x <= 2, as two requirements: 1 <= x, and x <= 2\."):
+        1 <= BODY.position[0] <= 2  # noqa: B015 - the comparison raises
+
+
+@pytest.mark.parametrize("compare", [operator.lt, operator.le, operator.gt, operator.ge], ids=lambda x: x.__name__)
+def test_a_vector_is_not_compared_as_a_whole(compare):
+    vector = sympy.Matrix([LENGTH, 2 * LENGTH])
+    for sides in ((vector, 2), (2, vector), (LENGTH, vector), (vector, vector), (abs(vector), 1.5)):
+        with pytest.raises(uqmbd.StudyError, match=r"is a vector \(2 entries\): .*expected a scalar") as caught:
+            compare(*sides)
+        assert isinstance(caught.value, TypeError) and "vector.norm()" in str(caught.value)
+    with pytest.raises(uqmbd.StudyError, match=r"left side of <= is a vector \(2 entries\): length, 2\*length"):
+        sympy.Le(vector, 2)
+    plain = sympy.Matrix(sympy.symbols("a b"))
+    with pytest.raises(TypeError) as caught:
+        compare(plain, 2)
+    assert not isinstance(caught.value, uqmbd.StudyError)
+
+
+@pytest.mark.parametrize("several", [[LENGTH <= 1, LENGTH >= 0], sympy.Matrix([LENGTH, 1])], ids=["list", "vector"])
+def test_a_requirement_has_one_relation(several):
+    mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    with pytest.raises(uqmbd.StudyError, match="(?s)requirement 'both': the argument has entries, .*for each entry"):
+        mechanism.require("both", several)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from uqmbd.errors import StudyError
+from uqmbd.wording import format_count
 
 if TYPE_CHECKING:
     import sympy
@@ -100,6 +101,10 @@ class UnrealComparisonError(StudyError, TypeError, ValueError):
     """A quantity was compared with a value that is not real."""
 
 
+class VectorComparisonError(StudyError, TypeError):
+    """A vector or matrix of quantities was compared as a whole."""
+
+
 class SymbolicNumberError(StudyError, TypeError):
     """An expression with quantities was converted to a number of Python."""
 
@@ -122,7 +127,8 @@ def _refuse_truth(plain: Callable[[Any], bool]) -> Callable[[Any], bool]:
             return plain(self)
         left, right = self.args[:2]
         raise UndecidedError(
-            f"{self} has no truth value, because it differs between realisations or times. Write sympy.Piecewise((a, "
+            f"{self} has no truth value, because it differs between realisations or times. Write a comparison with two "
+            "limits, such as 1 <= x <= 2, as two requirements: 1 <= x, and x <= 2. Write sympy.Piecewise((a, "
             f"{self}), (b, True)) for a value that is a where the relation is true, and b elsewhere. Write "
             "sympy.Max, sympy.Min, sympy.And and sympy.Or instead of max, min, and, or. To choose by the means, "
             f"write uqmbd.nominal({left - right}) {self.rel_op} 0."
@@ -150,13 +156,47 @@ def _is_nan(value: Any) -> bool:
     return value is sympy.nan or (isinstance(value, numbers.Real) and math.isnan(value))
 
 
+def _of_vector(sign: str, left: Any, right: Any) -> VectorComparisonError | None:
+    """Return the error for a comparison of a vector; None if both sides are scalars, or neither has quantities."""
+    from sympy.matrices.matrixbase import MatrixBase
+
+    wrong = next((x for x in (left, right) if isinstance(x, MatrixBase)), None)
+    if wrong is None or not _quantities(left, right):
+        return None
+    side = "left" if wrong is left else "right"
+    rows, columns = wrong.shape
+    size = (
+        f"a vector ({format_count(rows, 'entry', 'entries')})"
+        if columns == 1
+        else f"a matrix ({rows} by {columns} entries)"
+    )
+    entries = [_short(x) for x in wrong[:3]] + (["..."] if len(wrong) > 3 else [])
+    example = (wrong[0], right) if wrong is left else (left, wrong[0])
+    entry, other = (_short(x[0] if isinstance(x, MatrixBase) else x) for x in example)
+    return VectorComparisonError(
+        f"The {side} side of {sign} is {size}: {', '.join(entries)}; expected a scalar. Compare an entry, such as the "
+        f"first one, {entry} {sign} {other}, or the length of the vector, vector.norm(). Each entry needs a separate "
+        "requirement."
+    )
+
+
+def _refuse_vector(sign: str) -> Callable[[Any, Any], Any]:
+    def compare(self: Any, other: Any) -> Any:
+        if error := _of_vector(sign, self, other):
+            raise error
+        return NotImplemented
+
+    return compare
+
+
 def _refuse_unreal_relation(plain: Callable[..., Any]) -> Any:
     @functools.wraps(plain)
     def make(cls: Any, left: Any, right: Any, **options: Any) -> Any:
         try:
             return plain(cls, left, right, **options)
         except TypeError as error:
-            raise _unreal(f"{_short(left)} {cls.rel_op} {_short(right)}", (left, right)) or error from None
+            vector = _of_vector(cls.rel_op, left, right)
+            raise vector or _unreal(f"{_short(left)} {cls.rel_op} {_short(right)}", (left, right)) or error from None
 
     return staticmethod(make)
 
@@ -215,12 +255,15 @@ def _install() -> None:
     from sympy.core.expr import Expr
     from sympy.core.relational import Relational, _Inequality
     from sympy.functions.elementary.miscellaneous import MinMaxBase
+    from sympy.matrices.matrixbase import MatrixBase
 
     if hasattr(Relational.__bool__, "__wrapped__"):
         return
     Relational.__bool__ = _refuse_truth(Relational.__bool__)
     _Inequality.__new__ = _refuse_unreal_relation(_Inequality.__new__)
     MinMaxBase.__new__ = _refuse_unreal_extreme(MinMaxBase.__new__)
+    for name, sign in {"__lt__": "<", "__le__": "<=", "__gt__": ">", "__ge__": ">="}.items():
+        setattr(MatrixBase, name, _refuse_vector(sign))
     for name in _CONVERSIONS:
         setattr(Expr, name, _refuse_conversion(name, getattr(Expr, name)))
 

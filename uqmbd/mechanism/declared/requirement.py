@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import sympy
+from sympy.matrices.matrixbase import MatrixBase
 
 from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
@@ -117,8 +118,10 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
 def _margin(where: str, relation: Any) -> sympy.Expr:
     """Return the difference of the two sides of a relation; it is positive if the relation is true."""
     expected = "expected a relation such as slider.position[0] <= 0.47 or uqmbd.eigenfrequency(1) >= 2"
-    if isinstance(relation, np.ndarray):
-        raise StudyError(f"{where}: the relation is {shown(relation)}; {expected}.")
+    if isinstance(relation, (np.ndarray, MatrixBase, list, tuple)):
+        raise StudyError(
+            f"{where}: the argument has entries, {shown(relation)}; {expected}. Add a requirement for each entry."
+        )
     if relation in (True, False, sympy.true, sympy.false):
         always = "always" if relation in (True, sympy.true) else "never"
         raise StudyError(f"{where}: the relation is {always} satisfied, for every motion; {expected}.")
