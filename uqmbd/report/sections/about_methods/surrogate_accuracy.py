@@ -149,7 +149,7 @@ def _verification(method: Method, said: Assessment) -> Content:
         lambda: figures.errors_chart(method.node),
         f"Stated error of the surrogate of {label} over time, for each output. "
         + "; ".join(_verdicts(method, said)["verdicts"]),
-        f"Stated error of {label}, measured at {where} that were not used for the fit, relative to the standard "
+        f"Stated error of {label}, measured at {where} that were not used for the fit. The denominator is the standard "
         "deviation, taken as at least 1 % of its maximum. A dot marks the first time at which it exceeds 1 %.",
         f"{label}-stated-error",
     )
