@@ -110,12 +110,11 @@ class Runner:
         )
         for part, chunk in zip(parts, chunks, strict=True):
             now = self.clock()
-            self.spending.realised(now - asked)
+            self.spending.realised(now - asked, chunk.counters)
             found = Realisations.of(part, chunk, now - begin)
             if problem.chosen is not None:
                 found = found.choosing(problem.model.scalars, problem.chosen)
             self.observed.add(found)
-            self.spending.count(found.counters)
             log_realisations(problem.label, problem.kind, found)
             yield found
             begin, asked = now, self.clock()

@@ -112,8 +112,9 @@ class Spending:
             if self._open:
                 self._open[-1][1] += spent
 
-    def realised(self, seconds: float) -> None:
-        """Record the computing time of realisations, s."""
+    def realised(self, seconds: float, counters: Mapping[str, float] | None = None) -> None:
+        """Record the computing time of realisations, s, and their number if their counters are given."""
+        self.count(counters or {})
         if self._open:
             if self._open[-1][0] in PURPOSES:
                 return

@@ -150,7 +150,7 @@ class Reductions:
                 now = runner.clock()
                 spent = 0.0 if answer.computed or again else answer.chunk.seconds
                 recovered += spent
-                runner.spending.realised(now - asked + spent)
+                runner.spending.realised(now - asked + spent, answer.chunk.counters)
                 found = Reduced(
                     piece.first,
                     piece.values,
@@ -163,7 +163,6 @@ class Reductions:
                     now - begin + spent,
                 )
                 runner.observed.count(found.realisations, answer.missing)
-                runner.spending.count(found.realisations.counters)
                 log_realisations(problem.label, problem.kind, found.realisations)
                 runner.observed.take(piece.values[answer.seen], answer.responses)
                 if own is not None:
