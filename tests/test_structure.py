@@ -34,7 +34,7 @@ STATEMENTS = {
     "uqmbd.new": 231,
     "uqmbd.plugins": 385,
     "uqmbd.progress": 416,
-    "uqmbd.propagation": 6_540,
+    "uqmbd.propagation": 6_550,
     "uqmbd.randomness": 5550,
     "uqmbd.report": 8_270,
     "uqmbd.results": 9_430,

@@ -47,8 +47,8 @@ class Galerkin(uqmbd.extend.Propagator):
     weights : tuple of float, optional
         Weight of each input, in the order of the input names. An input of weight 2 gets half the order.
     nodes : tuple of int, optional
-        Number of Gauss nodes of each input, or one number for all inputs. Default: ``order + 1``. Tests with more nodes
-        were less accurate for rotating mechanisms.
+        Number of Gauss nodes of each input, or one number for all inputs. Default: ``order + 1``, or the number of
+        values of a discrete input if that is smaller. Tests with more nodes were less accurate for rotating mechanisms.
     rule : str
         Quadrature rule: ``gauss``, ``smolyak``, or the name of a sampling design. Its weights must be positive.
     samples : int, optional
@@ -231,7 +231,11 @@ class Galerkin(uqmbd.extend.Propagator):
         return watched_rates(mechanism) if self.alignment == "phase" else {}
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: no random input, a distribution without moments, an unsuitable rule, or no pose."""
+        """Return the reason why the method cannot compute a study, or None.
+
+        Reasons are: no random input, a distribution without moments, an unsuitable rule, integrator or clock, impacts
+        that the expansion cannot represent, or no consistent pose.
+        """
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:

@@ -94,7 +94,7 @@ class Discretisation:
         return rule
 
     def node_count(self, space: uqmbd.extend.GermSpace) -> int:
-        """Return the number of nodes of the rule; do not compute the nodes, because there may be too many."""
+        """Return the number of nodes of the rule; raise StudyError for too many Gauss nodes, without computing them."""
         if self.rule == "smolyak":
             return len(uqmbd.extend.smolyak(space, int(self.level or 0)))
         if self.rule != "gauss":

@@ -186,7 +186,10 @@ def _design_points(ledger: LimitStateLedger, origin: Array, requirements: int) -
 
 
 def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: LimitStateLedger) -> list[Region]:
-    """Return regions of design points, regions of other violations, and a round region for each requirement."""
+    """Return regions of design points and of other violations.
+
+    A requirement with any of these regions also has a round region.
+    """
     regions: list[Region] = []
     known, margins = ledger.points, ledger.margins
     dimension = ledger.dimension

@@ -54,7 +54,8 @@ def coefficients(weights: Array) -> Array:
 def adapt(ledger: LimitStateLedger, begin: Proposal, requirements: int, generator: np.random.Generator) -> Proposal:
     """Sample pilots, and adapt the proposal to the violations of all pilots.
 
-    Adaptation stops when the gain by another pilot would be smaller than its cost.
+    Adaptation stops after `ROUNDS` pilots, if few realisations are left, or if the gain by another pilot would be
+    smaller than its cost.
     """
     current = begin
     used: list[WeightedMixture] = []

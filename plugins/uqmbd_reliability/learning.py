@@ -104,11 +104,11 @@ def learn(
 
 @dataclass(frozen=True, eq=False)
 class _CorrectedSurrogate:
-    """Surrogate with Gaussian processes of its residuals in margins; None if there are too few residuals."""
+    """Surrogate of margins, corrected by Gaussian processes of its residuals."""
 
     predict: Callable[[Array], Array]
-    processes: tuple[Any, ...]
-    scales: tuple[float, ...]
+    processes: tuple[Any, ...]  # by requirement; None if there are fewer than ten residuals, or all of them are zero
+    scales: tuple[float, ...]  # by requirement: root mean square of the residuals
 
     @classmethod
     def of(cls, predict: Callable[[Array], Array], ledger: LimitStateLedger) -> _CorrectedSurrogate:
@@ -242,7 +242,10 @@ def _error(values: Array) -> float:
 
 
 def _combined(mean: float, counted: Array, missed: Array, false: Array, most: float) -> tuple[float, float]:
-    """Return the interval of the sum of the terms, by the method of variance estimates recovery (Zou and Donner)."""
+    """Return the 95 % interval of `mean`, the mean of ``counted + missed - false``.
+
+    The method is that of variance estimates recovery (Zou and Donner).
+    """
     sampling = 1.96 * _error(counted)
     above, below = _interval(missed, most), _interval(false, most)
     one, other = float(missed.mean()), float(false.mean())

@@ -68,7 +68,11 @@ class Outside:
 
     @classmethod
     def around(cls, nearest: float, dimension: int) -> Outside:
-        """Return the distribution with twice the probability of the points beyond the nearest violation."""
+        """Return the distribution outside a sphere that is somewhat smaller than that through the nearest violation.
+
+        `nearest`: distance of this violation from the origin. The space outside the sphere has twice the probability of
+        the space beyond this distance.
+        """
         probability = float(np.clip(2.0 * chi2.sf(nearest**2, dimension), 1e-300, 1.0))
         return cls(dimension, float(np.sqrt(chi2.isf(probability, dimension))))
 

@@ -333,7 +333,7 @@ class Reliability(uqmbd.extend.Propagator):
         return None
 
     def _without(self, problem: uqmbd.extend.Problem, space: StandardSpace) -> xr.DataTree:
-        """Return only statistics of outputs, without requirements or with requirements of another run."""
+        """Return statistics of outputs only: there are no requirements, or another run computes them."""
         # for requirements of another run, use the same realisations, which are not computed again
         count = PILOT if self.surrogate is None or not problem.requirements else FIRST
         points = np.random.default_rng(self.seed).standard_normal((count, space.dimension))

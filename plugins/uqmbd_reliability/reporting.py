@@ -31,7 +31,7 @@ class ReliabilitySection:
         return "\n".join(_table(label, node) for label, node in _analyses(tree))
 
     def first_screen(self, tree: xr.DataTree) -> FirstScreen | None:
-        """Return the most likely violations as points and times, and the realisations; None without violations."""
+        """Return a table and charts of the most likely violations, and numbers of realisations; None if none exist."""
         rows, charts, said = [], [], []
         found = list(_analyses(tree))
         for label, node in found:

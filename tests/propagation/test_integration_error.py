@@ -176,6 +176,44 @@ def test_event_times_have_one_too():
     assert np.isfinite(node["statistics/integration_error"]).all()
 
 
+def held(time, measured):
+    """Command no force."""
+    return 0 * measured
+
+
+def test_equal_steps_at_both_tolerances_do_not_hide_the_error():
+    """Each step ends at a sample of a controller, and its error is below both tolerances."""
+    mechanism = spring()
+    mass = mechanism.bodies["mass"]
+    controller = mechanism.add(uqmbd.Controller(measured=["x"], commanded={"force": "N"}, rate=16, function=held))
+    mechanism.add(PointForce("push", mass, (0, 0), (controller.command("force"), 0)))
+    true = 1.1 * np.cos(OMEGA * TIMES)
+    once = uqmbd.simulate(mechanism, TIMES)
+    same = uqmbd.simulate(mechanism, TIMES, rtol=1e-8, check=False)
+    assert np.abs(once["x"] - same["x"]).max() < 1e-13, "the second integration has the same steps"
+    wrong = np.abs(once["x"].values - true).max()
+    assert 0.5 * wrong < float(once["integration_error"].sel(output="x").max()) < 2 * wrong
+    assert once["integration_error"].attrs["comment"].endswith("rtol 1e-13")
+    stated = uqmbd.Study("s", mechanism, TIMES).propagate(MonteCarlo(samples=5, seed=1))["statistics/integration_error"]
+    assert stated.attrs["rtol"] == 1e-13
+    assert 0.5 * wrong < float(stated.sel(output="x").max()) < 5 * wrong
+
+
+def test_an_error_of_zero_is_at_the_level_of_rounding():
+    """A body at constant velocity has no integration error at any tolerance."""
+    from uqmbd.results.assessment import integration_shares
+
+    mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2), units="m/s")
+    cart = mechanism.body("cart", mass=1, velocity=speed)
+    mechanism.output("v", cart.velocity[0], units="m/s")
+    tree = uqmbd.Study("s", mechanism, [0, 1, 2], [MonteCarlo(samples=5, seed=1)]).run()
+    (one,) = integration_shares(tree["monte-carlo/statistics"].to_dataset())
+    assert one.error == 0
+    assert one.sentence() == "The integration error is at the level of rounding."
+    assert one.words() == "at the level of rounding"
+
+
 def test_nothing_is_stated_where_nothing_is_integrated():
     mechanism = spring()
     mechanism.outputs.clear()

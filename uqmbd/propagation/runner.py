@@ -319,7 +319,7 @@ class ProblemData:
 
     @property
     def unlocked(self) -> bool:
-        """Return whether realisations run without the interpreter lock: no events, controllers, pure statics."""
+        """Whether realisations run without the interpreter lock: never with events, controllers, or only statics."""
         free = capabilities_of(integrator_class(self.integrator)).releases_gil
         return free and not (self.model.events or self.model.controls) and needs_motion(self.model, self.kind)
 

@@ -72,7 +72,10 @@ def verified(counted: float, samples: int, predicted: Mask, real: Array) -> Veri
 
 
 def _interval(hits: int, count: int) -> tuple[float, float]:
-    """Return the interval of Clopper and Pearson, such that two intervals together have the confidence."""
+    """Return the interval of Clopper and Pearson for a share.
+
+    Two such intervals both contain their shares with at least the probability `CONFIDENCE`.
+    """
     tail = (1 - CONFIDENCE) / 4
     lower = beta.ppf(tail, hits, count - hits + 1) if hits else 0.0
     upper = beta.ppf(1 - tail, hits + 1, count - hits) if hits < count else 1.0
@@ -255,7 +258,7 @@ class _RealRealisations:
         self.margins: list[Array] = []
 
     def __call__(self, values: Array) -> Array:
-        """Return the smallest margins, shape (K,), of loosened values (K, d); NaN for failed realisations."""
+        """Return smallest margins (K,) at inputs (K, d) with the loosest tolerances; NaN for failed realisations."""
         found = self.problem.margins(self.inputs.values(values, self.factors))
         margins = np.where(found.failed[:, None], np.nan, found.values[:, self.rows])
         self.values.append(values)

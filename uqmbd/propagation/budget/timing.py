@@ -37,8 +37,8 @@ class Timing:
     def seconds(self, propagator: Propagator, study: Studied, limit: float = 0.5) -> float:
         """Return the predicted time of a method, s; NaN if unknown.
 
-        For the prediction, a method that solves for all nodes together runs at its smallest size. This run is omitted
-        if it is expected to take more than `limit` seconds.
+        For the prediction, a method that solves for all nodes together runs at its smallest size. If this run is
+        expected to take more than `limit` seconds, it is omitted, and the result is NaN.
         """
         estimate = propagator.estimate(study)
         if estimate is None:

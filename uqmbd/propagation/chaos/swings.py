@@ -151,7 +151,11 @@ def passing(spline: BSpline, slope: BSpline, wanted: Array, low: Array, high: Ar
 
 
 def _extremes(times: Array, rate: Array, slope: BSpline) -> tuple[Array, bool]:
-    """Return the zeros of a rate (T,), s, and whether the first is a maximum; a start from rest is an extreme."""
+    """Return the times (N,), s, of the extremes of a quantity, and whether the first is a maximum.
+
+    `rate` (T,) contains the rates of the quantity at `times`, and `slope` is the spline through them. Extremes are
+    zeros of the rate; a start from rest is an extreme.
+    """
     fastest = np.abs(rate).max()
     if not fastest > 0:
         return np.zeros(0), True

@@ -19,7 +19,7 @@ from uqmbd.errors import (
     UqmbdError,
 )
 from uqmbd.names import checked
-from uqmbd.propagation.integration_error import LONG_NAME, deviation, tighter
+from uqmbd.propagation.integration_error import LEAST, LONG_NAME, deviation, equal_but_for_rounding, tighter
 from uqmbd.propagation.observed_model import (
     build_observed_model,
     finding_attributes,
@@ -208,6 +208,10 @@ def _errors(
                 # the first integration has already issued this warning
                 warnings.simplefilter("ignore", RedundantConstraintWarning)
                 again = integrate(ensemble, times, tight, between=first.path is not None)
+                if tight > LEAST and equal_but_for_rounding(np.abs(first.states - again.states), first.states):
+                    # equal steps, for example from sample to sample of a controller, do not measure the error
+                    tight = LEAST
+                    again = integrate(ensemble, times, tight, between=first.path is not None)
             reason = again.messages[0]
         except UqmbdError as raised:
             reason = str(raised)

@@ -254,7 +254,7 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
 
 
 def _varies(one: Judgement, moves: bool) -> bool:
-    """Return whether an output varies; a method without variation that does not agree may miss the variation."""
+    """Return whether an output varies in a method (`moves`), or a method that does not agree may miss its variation."""
     return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW))
 
 

@@ -40,10 +40,11 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float,
 
     Methods are ranked in this order: samples with a standard deviation known to within 15 %, whose standard errors are
     valid for any mechanism; surrogates with a stated error below 10 %; other methods with a stated error; methods
-    without a stated error. Surrogates with a constant output that varies in other methods, such as a chaos of order 0,
-    come after all these. Other methods with a stated error above 10 % are ignored in this test. Methods whose results
-    end before the last time come last. Among equals, the smallest own error, the largest number of successful
-    realisations, and the given order decide, in this sequence.
+    without a stated error. A method without samples comes after all these if an output is constant in it, but varies in
+    another method. A chaos of order 0 is an example. A method whose stated error of the output exceeds 10 % does not
+    count as such another method. Methods with unknown results at some times, such as results that end early, come last.
+    Among equals, the smallest own error, the largest number of successful realisations, and the given order decide, in
+    this sequence.
 
     Parameters
     ----------
@@ -141,9 +142,10 @@ def compare(
         stated errors; the method is under-resolved or has too few samples; or it agrees, with its own stated error.
         ``verdict_kind``: ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples`` or ``no
         spread``. An output without spread does not vary beyond the integration error, and is ignored. ``detectable``:
-        smallest difference of standard deviations that is detected. ``own_error``: bound of the stated error of the
-        standard deviation, averaged over time. ``stated_error_max``: largest stated error over time, at
-        ``stated_error_time`` (s). All three are relative to the standard deviation; infinite if no error is stated.
+        smallest difference of standard deviations that is detected. ``own_error``: bound of the error of the standard
+        deviation, as root mean square over time. ``stated_error_max``: largest stated error over time, at
+        ``stated_error_time`` (s). The three errors are relative to the standard deviation. ``own_error`` and
+        ``stated_error_max`` are infinite if no error is stated.
         The denominator of the largest stated error is at least 1 % of the largest standard deviation over time.
         ``stated_error_floored``: whether this limit makes an error smaller than the largest one, and ``verdict`` names
         it.

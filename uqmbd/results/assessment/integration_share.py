@@ -11,7 +11,11 @@ from uqmbd.arguments import OrInfinite, OrNaN, typechecked
 from uqmbd.results.statistics import varying
 from uqmbd.wording import format_part, format_quantity
 
-__all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
+__all__ = ["ROUNDING", "IntegrationShare", "integration_shares", "worst_integration_share"]
+
+
+ROUNDING = "at the level of rounding"
+"""Words for a measured error of zero: integrations with different tolerances give the same values."""
 
 
 @typechecked
@@ -54,20 +58,26 @@ class IntegrationShare:
         '0.00021 % of the standard deviation'
         >>> IntegrationShare("x", "m", float("nan"), True, float("nan")).words()
         'unknown'
+        >>> IntegrationShare("x", "m", 0.0, True, 0.0).words()
+        'at the level of rounding'
         """
         if not np.isfinite(self.share):
             return "unknown"
-        return format_part(self.share, self.whole) if self.share else "none"
+        return format_part(self.share, self.whole) if self.share else ROUNDING
 
     def sentence(self) -> str:
         """Return a sentence with the error in the units of the output and its share, or why the error is unknown.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).sentence()
         'The integration error is at most 2 × 10⁻⁸ m (0.00021 % of the standard deviation).'
+        >>> IntegrationShare("x", "m", 0.0, True, 0.0).sentence()
+        'The integration error is at the level of rounding.'
         """
         if not np.isfinite(self.error):
             return f"The integration error is unknown: {self.reason}."
-        size = f" ({self.words()})" if np.isfinite(self.share) and self.error else ""
+        if not self.error:
+            return f"The integration error is {ROUNDING}."
+        size = f" ({self.words()})" if np.isfinite(self.share) else ""
         return f"The integration error is at most {format_quantity(self.error, self.units)}{size}."
 
 

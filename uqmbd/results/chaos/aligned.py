@@ -245,7 +245,7 @@ class AlignedChaos(Surrogate):
         >>> whole = uqmbd.extend.GermBox.whole(space)
         >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
-        >>> float(chaos.late().max())  # the last landmark is at 2 s, behind the last time
+        >>> float(chaos.late().max())  # the last marker is at 2 s, after the last time
         0.0
         """
         a, b = frozen_germs(self.space)
@@ -274,7 +274,7 @@ class AlignedChaos(Surrogate):
         >>> whole = uqmbd.extend.GermBox.whole(space)
         >>> element = AlignedElement.through(whole, ("",), np.array([[0.0, 1.0]]), values, "time")
         >>> chaos = AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.0, 0.5, 1.5]))
-        >>> chaos.reached().labels.times.tolist()  # the last landmark is at 1 s
+        >>> chaos.reached().labels.times.tolist()  # the last marker is at 1 s
         [0.0, 0.5]
         """
         late = float(self.late().max())

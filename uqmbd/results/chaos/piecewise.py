@@ -166,7 +166,9 @@ class PiecewiseChaos(Surrogate):
         -------
         array, shape (E, O, T)
             Root mean square error at the verification realisations of the element; 0 if it has none. The mean square of
-            these errors, weighted by the element probabilities, is the square of :meth:`verification_error`.
+            these errors, weighted by the element probabilities, is at most the square of :meth:`verification_error`.
+            The latter is larger if some elements have no verification realisations, or if the elements differ at their
+            common faces.
 
         Examples
         --------

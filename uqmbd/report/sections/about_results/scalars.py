@@ -122,7 +122,8 @@ def _integration(methods: Iterable[Method]) -> list[str]:
         return []
     worst, label = max(known, key=lambda pair: pair[0].share)
     where = f"{worst.output}, with {label}" if len(known) > 1 else worst.output
-    return [f"The integration error is {format_at_most(worst.share, worst.whole)} (of {where})."]
+    size = format_at_most(worst.share, worst.whole) if worst.share else worst.words()
+    return [f"The integration error is {size} (of {where})."]
 
 
 def _error(data: xr.Dataset) -> str:

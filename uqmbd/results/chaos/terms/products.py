@@ -31,7 +31,10 @@ class ProductTable:
 
 
 def product_count(index: Index, germs: Sequence[Germ]) -> tuple[int, int]:
-    """Return the number of pairs of terms (i <= j, without the mean), and the number of their non-zero products."""
+    """Return the number of pairs of terms (i <= j), and the total number of nonzero coefficients of their products.
+
+    `index` (P, d): degrees of the terms. The first term, the mean, is not included.
+    """
     tables = [_nonzeros(germ, int(top))[0] for germ, top in zip(germs, index.max(axis=0), strict=True)]
     terms = len(index) - 1
     total = 0.0
