@@ -114,3 +114,13 @@ def test_a_term_without_a_coefficient_has_an_implicit_one():
         """A spring of stiffness one."""
 
     assert passes(Bare)
+
+
+def test_a_coefficient_may_be_a_corner_of_a_step():
+    """The corners of the step are equal if the coefficient is zero, and infinite if its reciprocal is."""
+
+    def force(p):
+        x = p.body_j.position[0] - p.body_i.position[0]
+        return uqmbd.VirtualWork(uqmbd.step(x, p.c / 2, 1, p.c, 0), p.body_j.velocity[0])
+
+    assert passes(made("m", force))

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     Auxiliary,
     Body,
@@ -133,8 +134,14 @@ def _tells(term: sympy.Expr, symbols: set[Any], values: Any) -> bool:
 
 def _is_factor(symbol: _Stated, term: sympy.Expr) -> bool:
     """Return whether a term vanishes with a symbol, or with its reciprocal."""
-    zero = {symbol: sympy.S.Zero}
-    return any(x.xreplace(zero) == 0 for x in (term, term.xreplace({symbol: 1 / symbol})))
+    return any(_vanishes(x, symbol) for x in (term, term.xreplace({symbol: 1 / symbol})))
+
+
+def _vanishes(term: sympy.Expr, symbol: _Stated) -> bool:
+    try:
+        return bool(term.xreplace({symbol: sympy.S.Zero}) == 0)
+    except StudyError:  # a step whose corners are then equal or not finite
+        return False
 
 
 def _require(title: str, what: str, expression: sympy.Expr, units: str) -> None:
