@@ -61,7 +61,7 @@ def motion_invariants(
             "smallest_singular_value": (
                 "probe_time",
                 values,
-                {"long_name": "of the projected constraint Jacobian", "comment": "to 0.5 %; where in doubt exactly"},
+                {"long_name": "of the projected constraint Jacobian", "comment": "accurate to 0.5 % or better"},
             ),
             "smallest_singular_value_nodes": ("probe_time", of_nodes, {"long_name": "smallest of all nodes"}),
         },

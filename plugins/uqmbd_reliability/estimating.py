@@ -18,7 +18,7 @@ FEW = 5.0
 """Effective number of violations below which no scale makes the distribution of their mean normal."""
 
 HEAVY = 0.4
-"""Tail index of weights above which the standard error is mostly too small; it is infinite above 0.5."""
+"""Tail index of weights above which the standard error is mostly too small; above 0.5, the variance is infinite."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ def with_any(margins: Array) -> Array:
 def tail_index(weights: Array) -> float:
     """Return the shape of a generalised Pareto distribution fitted to the largest weights.
 
+    The shape is 0.5 for fewer than 25 positive weights, and -1 if the largest weights are nearly equal.
     The estimator is by Zhang and Stephens, Technometrics 51 (2009) 316, shrunk to 0.5 with the weight of ten
     observations. Pareto smoothed importance sampling does the same (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72).
     SciPy's maximum likelihood fit fails on samples as small as these.

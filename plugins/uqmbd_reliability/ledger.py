@@ -39,7 +39,7 @@ class LimitStateLedger:
         if len(points) > self.left:
             raise BudgetExhausted
         margins, failed = self._limit(points)
-        # minus infinity and NaN are failures; plus infinity is safe, because the event has not occurred
+        # infinite margins keep their sign; plus infinity means that the event has not occurred
         found = np.where(failed[:, None] | np.isnan(margins), np.nan, margins)
         found[np.isnan(found).any(axis=1)] = np.nan
         self._points.append(points)

@@ -16,16 +16,21 @@ __all__ = ["Proposal", "Region", "adapted", "around_points", "from_design_point"
 
 
 FULL = 10
-"""Largest number of inputs with adaptation in all directions; for more, one, and the variance of the others."""
+"""Largest number of inputs for which distributions are adapted in all directions.
+
+For more inputs, one direction and the common variance of all others are adapted."""
 
 STANDARD, ROUND, LEAST, BLUNT = 0.05, 0.08, 0.12, 0.18
-"""Shares: of the standard normal distribution, of the round region at least, and of the others together at least; the
-last share belongs to the fixed distribution within a region.
+"""Share of the standard normal distribution in the mixture, and least shares of regions of a requirement.
 
-They bound the weights by 1 / 0.05, and near a region by some multiples of the probability of the region."""
+`ROUND` is the least share of the round region, and `LEAST` that of all other regions together. `BLUNT` is the share of
+the fixed distribution of a region. These shares bound the weights by 1 / `STANDARD`, and near a region by some
+multiples of the probability of the region."""
 
 PRIOR = 6.0
-"""Weight of the prior, in violations; the number of directions is added."""
+"""Weight of the previous proposal in an adaptation, in violations.
+
+Covariances have in addition twice the number of adapted directions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +54,9 @@ class Proposal:
 
 
 def from_design_point(point: DesignPoint) -> Region:
-    """Return the region behind a design point; for a plane, the mean distance of violations behind it is 1 / beta.
+    """Return the region behind a design point.
 
+    For a plane, the mean distance of violations from the limit is about 1 / beta.
     A normal distribution with this mean and deviation, combined with a wider one, needs 420 realisations for a standard
     error of 5 %. This applies at any beta above 2.
     """

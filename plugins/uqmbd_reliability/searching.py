@@ -44,8 +44,8 @@ def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
     """Return at most `most` start points (S, d) of searches.
 
     Rays from the origin through these points seem to reach the limit soonest, with directions at least 45 degrees
-    apart. The points are scaled to the estimated limit on the ray. Known margins (K,) are NaN for failed realisations;
-    `origin` is the margin of the origin.
+    apart. The points are moved along their rays to the estimated limit, at most to 1.5 times their distance plus one.
+    Known margins (K,) are NaN for failed realisations; `origin` is the margin of the origin.
     """
     distance = np.linalg.norm(points, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,9 +157,10 @@ class _SearchPath:
 
 
 def distinct(points: list[DesignPoint]) -> list[DesignPoint]:
-    """Return design points without repetitions of points nearer to the origin, nearest first.
+    """Return design points without repetitions, by requirement, those of a requirement nearest to the origin first.
 
-    Two points are repetitions if their distance is below the extent of a normal distribution around one of them.
+    A point is a repetition if its distance from a nearer one of the same requirement is at most ``0.3 max(beta, 1)``,
+    with the distance beta of the nearer one from the origin.
     """
     found: list[DesignPoint] = []
     for one in sorted(points, key=lambda p: (p.requirement, p.beta)):

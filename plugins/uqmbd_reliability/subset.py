@@ -1,4 +1,4 @@
-"""Subset simulation by OpenTURNS: a second estimate of a probability, independent but for the space.
+"""Subset simulation by OpenTURNS: an estimate of a probability that shares only the standard normal space with others.
 
 For the limitations that prevent its use by default, see `uqmbd_reliability.analysis`.
 """
