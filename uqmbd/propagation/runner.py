@@ -242,7 +242,7 @@ class ProblemData:
     def labels(self) -> Labels:
         """Return names and units of outputs, inputs and times, for `uqmbd.results`."""
         if self.kind == "requirements":
-            outputs = [OutputInfo(requirement.name) for requirement in self.requirements]
+            outputs = [OutputInfo(requirement.name, requirement.units) for requirement in self.requirements]
         else:
             seen = self.model.scalars if self.kind == "scalars" else self.model.outputs
             turns = [0.0] * len(seen.names) if self.kind == "scalars" else seen.turns.tolist()

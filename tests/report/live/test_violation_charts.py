@@ -94,3 +94,13 @@ def test_the_picture_has_decades_and_bars():
     np.testing.assert_allclose(np.diff(places, n=2, axis=0), 0, atol=1e-6)
     np.testing.assert_allclose(bar.get_data(), [[2, 2], [5e-5, 2e-4]], rtol=1e-6)
     assert axes.get_yscale() == "log" and "10⁻⁴" in axes.yaxis.get_major_formatter().format_ticks(axes.get_yticks())
+
+
+VIOLATED = {"a": node([0.1], ["o"])}
+
+
+def test_the_table_has_the_interval_of_the_whole_motion_at_all_times(node):
+    (view,) = violations_data(VIOLATED)["views"]
+    lines = "const model = chartModel(given); answer = [0, model.at.length - 1].map((k) => rowsAt(model, k)[0].at(-1));"
+    first, last = node(["chart_model.js", "chart_layers.js"], lines, view)
+    assert first == last and first == "7.0 to 13"

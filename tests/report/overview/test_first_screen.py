@@ -61,7 +61,7 @@ def test_effects_are_those_of_the_model():
     found = of_history(result, "y")
     assert found.names == ("a", "b") and found.signed
     np.testing.assert_allclose(found.shares, np.array([2, -1]) / 5**0.5, atol=0.02)
-    assert found.words == "a (+89 %)" and "100 % of the variance" in found.kind
+    assert found.words == "a (89 %, increases it)" and "100 % of the variance" in found.kind
 
 
 @pytest.mark.parametrize(("product", "first", "total"), [(1, 1 / 3, 2 / 3), (0, 1 / 2, 1 / 2)])
@@ -103,7 +103,8 @@ def test_a_requirement_is_met_where_all_methods_say_so():
     for allowed, verdicts in (
         (0.09, ["met"] * 3),
         (0.005, ["not met", "met", "not met"]),
-        (0.035, ["not certain", "met"]),  # the one says met, the other not met
+        (0.035, ["met by first, not met by second", "met"]),
+        (0.07, ["met by first, not certain by second", "met"]),
         (0.025, ["not met", "met"]),  # the other is sure, and the one does not contradict it
     ):
         tree = results.study_tree([first, second], study="s", mechanism="m", attrs={"allowed_probability": allowed})

@@ -33,6 +33,7 @@ def test_the_verdict_follows_the_intervals_of_methods_that_know(
         )
         nodes[f"m{k}"] = xr.DataTree.from_dict({"requirements": data})
     ends = [(low, high) for known, (low, _, high) in given_answers if known]
+    known_methods = [f"m{k}" for k, (known, _) in enumerate(given_answers) if known]
     said = unmet(nodes, allowed)
     if allowed >= 1 or (ends and all(high <= allowed for _, high in ends)):
         assert said == []
@@ -43,3 +44,7 @@ def test_the_verdict_follows_the_intervals_of_methods_that_know(
     violated = any(low > allowed for low, _ in ends) and not any(high <= allowed for _, high in ends)
     assert ("is not met" in sentence) == violated
     assert ("is not known to be met" in sentence) == (not violated)
+    # a requirement that one method confirms is reported with this method
+    confirmed = [name for name, (_, high) in zip(known_methods, ends, strict=True) if high <= allowed]
+    assert ("It is met by" in sentence) == bool(confirmed)
+    assert all(f"{name}, " in sentence.partition("It is met by")[2] for name in confirmed)

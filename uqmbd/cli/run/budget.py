@@ -49,7 +49,13 @@ def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], o
 def missed(tree: xr.DataTree) -> list[str]:
     """Return sentences on the methods that do not reach the requested accuracy."""
     methods = json.loads(tree.attrs.get("budget", "{}")).get("methods", {})
-    return [f"accuracy of {label}: {about['summary']}" for label, about in methods.items() if about.get("met") is False]
+    reached = " and ".join(label for label, about in methods.items() if about.get("met"))
+    also = f". It is reached by {reached}" if reached else ""
+    return [
+        f"accuracy of {label}: {about['summary']}{also}"
+        for label, about in methods.items()
+        if about.get("met") is False
+    ]
 
 
 def too_small_for(tree: xr.DataTree) -> list[str]:

@@ -27,6 +27,7 @@ from uqmbd.mechanism.expressions import (
     random_variables,
     shown,
     t,
+    units_of,
 )
 from uqmbd.names import ANY, check_name, unwritable
 
@@ -56,6 +57,8 @@ class Requirement:
         contains several such times or none, or if the sign is not fixed. A time that does not occur until the end of
         the motion is later than the end. The margin is then larger (1) or smaller (-1) than the margin with the end as
         the time. If this bound does not decide whether the requirement is met, the realisation fails.
+    units : str
+        SI units of the margin, the difference of both sides; empty if they do not follow from the relation.
 
     Examples
     --------
@@ -64,8 +67,8 @@ class Requirement:
     >>> stone = mechanism.body("stone", mass=1)
     >>> mechanism.require("in reach", stone.position[0] > -10, "it stays above the ground")
     >>> (one,) = mechanism.requirements.values()
-    >>> one.name, one.words, one.over_time
-    ('in reach', 'it stays above the ground', True)
+    >>> one.name, one.words, one.over_time, one.units
+    ('in reach', 'it stays above the ground', True, 'm')
     """
 
     name: str
@@ -74,6 +77,7 @@ class Requirement:
     over_time: bool
     at_the_end: bool = False
     open: Annotated[int, Bounds(-1, 1)] = 0
+    units: str = ""
 
     @property
     def words(self) -> str:
@@ -112,7 +116,8 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
         check_scalar(where, value)
     check_dimensions(where, value, unseen=unseen_numbers(mechanism))
     late = bool(value.atoms(Summary, MotionSymbol))
-    return Requirement(name, description, str(relation), not timeless, late, _bounds(value)), Output(name, value, "")
+    found = Requirement(name, description, str(relation), not timeless, late, _bounds(value), units_of(value))
+    return found, Output(name, value, "")
 
 
 def _margin(where: str, relation: Any) -> sympy.Expr:

@@ -110,6 +110,13 @@ const sizeOf = (values) => Math.max(0, ...values.map((v) => Math.abs(v ?? 0)).fi
 
 const fixed = (v, decimals) => (v === null ? "–" : v.toFixed(decimals).replace("-", "−"));
 
+/** The index at which a line is read: a bar that is known at one place, as for a whole motion, is read there. */
+function placeOf({ bars }, { values }, index) {
+  if (!bars) return index;
+  const known = Array.from(values.keys()).filter((k) => Number.isFinite(values[k]));
+  return known.length === 1 ? known[0] : index;
+}
+
 /** The cells beneath these heads for each method at an index: the value, the further values, and the outer band's ends. */
 export function rowsAt(model, index) {
   if (model.plane) return planeRows(model, index);
@@ -119,7 +126,7 @@ export function rowsAt(model, index) {
     model.methods.map(({ columns }) => columns.find((column) => column.name === name)?.values[index] ?? null),
   );
   const ends = model.methods.map(({ lines, bands }) =>
-    bands.slice(0, 1).flatMap(({ low, high }) => [lines[low].values[index], lines[high].values[index]]),
+    bands.slice(0, 1).flatMap((band) => [band.low, band.high].map((k) => lines[k].values[placeOf(band, lines[k], index)])),
   );
   const spread = besides.length > 0 && besides[0].units === undefined ? told[0] : [];
   const spreads = ends.map(([low = null, high = null], k) => spread[k] ?? (low === null || high === null ? 0 : (high - low) / 4));

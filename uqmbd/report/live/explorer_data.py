@@ -37,8 +37,8 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
     ``method``: label of the method. ``histories``, ``scalars``: outputs with and without a time, or None; they contain
     ``surrogate`` (see `live_surrogate`), ``mean`` and ``std`` (O, T). ``limits``: limits of these outputs.
     ``margins``: other requirements, or None; it contains the ``surrogate`` of margins of the whole motion, and
-    ``requirements`` with ``name`` and ``meaning``. ``missing``: reasons for missing outputs. ``still``: names of
-    missing requirements. ``order``: indices of the inputs, the most important input first.
+    ``requirements`` with ``name`` and ``meaning``, the relation. ``missing``: reasons for missing outputs. ``still``:
+    names of missing requirements. ``order``: indices of the inputs, the most important input first.
     """
     label = live_method(tree)
     if not label:
@@ -64,7 +64,8 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
         if one["output"] in names and one.get("end") in ("highest", "lowest"):
             known.setdefault(one["requirement"], dict(one))
     said = answers(propagator_nodes(tree))
-    meanings = {name: next(iter(one.values())).meaning for name, one in said.items() if name != ANY}
+    firsts = {name: next(iter(one.values())) for name, one in said.items() if name != ANY}
+    meanings = {name: one.relation or one.meaning for name, one in firsts.items()}
     others = {name: meaning for name, meaning in meanings.items() if name not in known}
     margins = _margins(node, others)
     surrogates = [one["surrogate"] for one in (*found.values(), margins) if one]

@@ -26,12 +26,13 @@ export function limitAt({ limit, end }, { values, times, rms }, units) {
  * Say whether a requirement is met, by its margin, which is below zero where it is violated, and the error of that.
  *
  * @param rms - the stated error of the margin; null where it is not known
+ * @param units - units of the margin; empty where they are not known
  * @returns as of `limitAt`
  */
-export function marginAt(margin, rms) {
+export function marginAt(margin, rms, units = "") {
   if (!Number.isFinite(margin)) return { kind: "unknown", words: "unknown" };
-  const by = formatError(Math.abs(margin), "");
-  const error = rms === null ? "error unknown" : `stated error ${formatError(rms, "")}`;
+  const by = formatError(Math.abs(margin), units);
+  const error = rms === null ? "error unknown" : `stated error ${formatError(rms, units)}`;
   if (rms !== null && Math.abs(margin) < rms) return { kind: "near", words: `undecided: ${error}` };
   return margin >= 0 ? { kind: "met", words: `met by ${by}; ${error}` } : { kind: "violated", words: `violated by ${by}; ${error}` };
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 import xarray as xr
@@ -111,6 +111,9 @@ def _requirement(result: StudyResult, name: str) -> Content:
     sign, verdict, level = "", "", 3
     if "allowed_probability" in result.tree.attrs:
         sign, verdict, level = {True: MET, False: UNMET, None: UNSURE}[found.met]
+        if found.met is None:
+            allowed = float(result.tree.attrs["allowed_probability"])
+            verdict = _by_method(answers(result.nodes)[name].values(), allowed) or verdict
     return {
         "name": name,
         "meaning": one.meaning,
@@ -125,6 +128,20 @@ def _requirement(result: StudyResult, name: str) -> Content:
         "method": one.method,
         "known": found,
     }
+
+
+def _by_method(found: Collection[Answer], allowed: float) -> str:
+    """Name the methods by which a requirement is met, is not met, or may be met; empty if none is certain."""
+    words: dict[str, list[str]] = {}
+    for one in found:
+        if one.known:
+            word = MET[1] if one.upper <= allowed else UNMET[1] if one.lower > allowed else UNSURE[1]
+            words.setdefault(word, []).append(one.method)
+    if set(words) <= {UNSURE[1]}:
+        return ""
+    return ", ".join(
+        f"{word} by {' and '.join(words[word])}" for word in (MET[1], UNMET[1], UNSURE[1]) if word in words
+    )
 
 
 def _alike(found: list[Influences | None], correlated: Callable[[int], Influences | None]) -> list[Influences | None]:

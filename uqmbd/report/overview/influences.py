@@ -60,7 +60,12 @@ class Influences:
         """Describe the largest influences, for a table."""
         if not self.names or not math.isfinite(self.shares[0]):
             return ""
-        return f"{self.names[0]} ({'correlation ' if self.correlations else ''}{self.written(0)})"
+        if self.correlations:
+            return f"{self.names[0]} (correlation {self.written(0)})"
+        way = ""
+        if self.signed:
+            way = ", increases it" if self.shares[0] > 0 else ", decreases it"
+        return f"{self.names[0]} ({self.written(0).lstrip('+−')}{way})"
 
     def written(self, k: int) -> str:
         """Return a signed effect as a share of the standard deviation, or a correlation as a number, as text."""

@@ -63,7 +63,8 @@ def margin_words(result: StudyResult, name: str, label: str) -> tuple[str, str, 
     mean, std = float(data["mean"]), float(data["std"])
     if not np.isfinite([mean, std]).all():
         return "", "", ""
-    units = _units_of_limit(result, name)
+    units = str(data["output_units"].item()) if "output_units" in data.coords else ""
+    units = units or _units_of_limit(result, name)
     (middle,), (spread,) = format_cells([mean], units, scale=std), format_cells([std], units)
     return str(middle), f"standard deviation {spread}", units
 
@@ -98,7 +99,12 @@ def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> 
             f"{format_probability(now.probability, resolved_width(now.lower, now.upper))}. By samples of the surrogate "
             f"of {label}; half-width of the 95 % intervals at most {format_probability(max(widths))}."
         )
-        return {"text": {k: format_probability(one.probability, width) for k, one in found.items()}, "words": words}
+        # no violation among the samples is not a probability of zero
+        text = {
+            k: format_probability(x.probability, width) if x.probability > 0 else format_interval_ends(0.0, x.upper)
+            for k, x in found.items()
+        }
+        return {"text": text, "words": words}
     return None
 
 

@@ -130,13 +130,18 @@ def meets(found: Collection[Answer], allowed: float) -> bool | None:
     return False if surely else None
 
 
+def met_by(found: Collection[Answer], allowed: float) -> list[Answer]:
+    """Return the probabilities of the methods with which a requirement is met: their upper ends are allowed."""
+    return [one for one in found if one.known and one.upper <= allowed]
+
+
 @typechecked
 def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     """Return the requirements that are not met, or not known to be met, with 95 % confidence.
 
     A requirement is met if every method with a known probability states an upper end of at most the allowed one. It is
     not met if one method states a larger lower end and no method an allowed upper end. Otherwise, it is not known to be
-    met.
+    met; the sentence names the methods with an allowed upper end.
 
     Parameters
     ----------
@@ -187,9 +192,11 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
             if met is False:
                 one = max(wrong, key=lambda one: one.lower)
                 told, end = "is not met", f"at least {format_probability(one.lower)}"
+            fine = " and ".join(f"{x.method}, {x.words}" for x in met_by(known, probability))
             said.append(
-                f"requirement {name!r} {told}: it is violated with a probability of {end} by {one.method}, "
-                f"{one.words}; {format_probability(probability)} is allowed"
+                f"requirement {name!r} {told}: it is violated with a probability "
+                f"of {end} by {one.method}, {one.words}; {format_probability(probability)} is allowed"
+                + (f". It is met by {fine}" if fine else "")
             )
     return said
 

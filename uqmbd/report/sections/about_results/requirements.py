@@ -22,7 +22,8 @@ def _rows(result: StudyResult) -> Content:
     rows = [
         {
             "requirement": name,
-            "meaning": one.meaning,
+            "description": one.description,
+            "condition": one.relation,
             "method": one.method,
             "words": one.words,
         }

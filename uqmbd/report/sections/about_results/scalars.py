@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     some = [method for method in methods if name in method.names]
     data, units = [method.of(name) for method in some], some[0].units(name)
     scale = float(np.fmax.reduce([float(one["std"]) for one in data], initial=0.0))
-    columns = {}
+    columns: dict[str, Sequence[Cell | str]] = {}
     for value in ("mean", "std"):
         errors = [float(one.get(f"std_error_{value}", math.nan)) for one in data]
         at = [float(one[value]) for one in data]
@@ -68,8 +68,8 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     for level in (0.05, 0.95):
         found = [one["quantile"].sel(probability=level, method="nearest") for one in data]
         known = [float(one) if abs(float(one["probability"]) - level) < 1e-6 else math.nan for one in found]
-        cells = format_cells(known, units, scale=scale)
-        columns[f"q{level}"] = [_within(cell, one, level, scale) for cell, one in zip(cells, data, strict=True)]
+        columns[f"q{level}"] = format_cells(known, units, scale=scale)
+        columns[f"within{level}"] = [_within(one, level, scale) for one in data]
     return [
         {"output": name, "method": method.label, "influence": _influence(one), "error": _error(one)}
         | {key: cells[k] for key, cells in columns.items()}
@@ -77,13 +77,13 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     ]
 
 
-def _within(cell: Cell, data: xr.Dataset, level: float, scale: float) -> Cell:
-    """Return the number of a quantile with its 95 % interval in brackets, if the interval is stored."""
+def _within(data: xr.Dataset, level: float, scale: float) -> str:
+    """Return the 95 % interval of a quantile as text; empty if it is not stored."""
     ends = quantile_interval(data, level)
     if ends is None:
-        return cell
+        return ""
     low, high = format_cells(ends.values.tolist(), scale=scale)
-    return Cell(cell.number, f"{cell.rest} ({low} to {high})".strip())
+    return f"{low} to {high}"
 
 
 def _influence(data: xr.Dataset) -> str:
