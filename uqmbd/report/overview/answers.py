@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -21,6 +21,7 @@ from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
 from uqmbd.results.assessment import STILL, OutputReliability
+from uqmbd.results.requirements import met_in_words
 from uqmbd.typing import Array
 from uqmbd.wording import (
     format_cells,
@@ -92,13 +93,9 @@ def in_view(result: StudyResult) -> str:
     names, found = result.histories, answers(result.nodes)
     limited = [one for one in result.limits if one["output"] in names and one["requirement"] in found]
     if limited:
-        worst = max(limited, key=lambda one: _probability(result, str(one["requirement"])))
+        worst = max(limited, key=lambda one: answer_of(result, str(one["requirement"])).probability)
         return str(worst["output"])
     return ranked(result, names)[0] if names else ""
-
-
-def _probability(result: StudyResult, name: str) -> float:
-    return answer_of(result, name).probability
 
 
 def answer_of(result: StudyResult, name: str) -> Answer:
@@ -112,8 +109,8 @@ def _requirement(result: StudyResult, name: str) -> Content:
     if "allowed_probability" in result.tree.attrs:
         sign, verdict, level = {True: MET, False: UNMET, None: UNSURE}[found.met]
         if found.met is None:
-            allowed = float(result.tree.attrs["allowed_probability"])
-            verdict = _by_method(answers(result.nodes)[name].values(), allowed) or verdict
+            every = answers(result.nodes)[name].values()
+            verdict = met_in_words(every, float(result.tree.attrs["allowed_probability"])) or verdict
     return {
         "name": name,
         "meaning": one.meaning,
@@ -128,20 +125,6 @@ def _requirement(result: StudyResult, name: str) -> Content:
         "method": one.method,
         "known": found,
     }
-
-
-def _by_method(found: Collection[Answer], allowed: float) -> str:
-    """Name the methods by which a requirement is met, is not met, or may be met; empty if none is certain."""
-    words: dict[str, list[str]] = {}
-    for one in found:
-        if one.known:
-            word = MET[1] if one.upper <= allowed else UNMET[1] if one.lower > allowed else UNSURE[1]
-            words.setdefault(word, []).append(one.method)
-    if set(words) <= {UNSURE[1]}:
-        return ""
-    return ", ".join(
-        f"{word} by {' and '.join(words[word])}" for word in (MET[1], UNMET[1], UNSURE[1]) if word in words
-    )
 
 
 def _alike(found: list[Influences | None], correlated: Callable[[int], Influences | None]) -> list[Influences | None]:

@@ -6,7 +6,15 @@ from uqmbd.results.requirements.counting import Violations
 from uqmbd.results.requirements.dataset import requirement_names, requirements_dataset
 from uqmbd.results.requirements.intervals import clopper_pearson
 from uqmbd.results.requirements.methods import requirements_of
-from uqmbd.results.requirements.reading import Answer, answers, compare_requirements, differing, meets, met_by, unmet
+from uqmbd.results.requirements.reading import (
+    Answer,
+    answers,
+    compare_requirements,
+    differing,
+    meets,
+    met_in_words,
+    unmet,
+)
 from uqmbd.results.requirements.tightening import TightenedProbability, tightened_probabilities
 
 __all__ = [
@@ -18,7 +26,7 @@ __all__ = [
     "compare_requirements",
     "differing",
     "meets",
-    "met_by",
+    "met_in_words",
     "requirement_names",
     "requirements_dataset",
     "requirements_of",

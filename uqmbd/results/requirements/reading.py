@@ -135,6 +135,22 @@ def met_by(found: Collection[Answer], allowed: float) -> list[Answer]:
     return [one for one in found if one.known and one.upper <= allowed]
 
 
+def met_in_words(found: Collection[Answer], allowed: float) -> str:
+    """Name the methods by which a requirement is met, is not met, or may be met; empty if no method is certain.
+
+    >>> one = Answer("few", "clear", "", "", 0.02, 0.005, 0.05, "")
+    >>> met_in_words([one, Answer("many", "clear", "", "", 0.02, 0.019, 0.021, "")], 0.03)
+    'met by many, not certain by few'
+    """
+    verdicts = ("met", "not met", "not certain")
+    words: dict[str, list[str]] = {verdict: [] for verdict in verdicts}
+    for one in (one for one in found if one.known):
+        words[verdicts[0 if one.upper <= allowed else 1 if one.lower > allowed else 2]].append(one.method)
+    if not (words["met"] or words["not met"]):
+        return ""
+    return ", ".join(f"{verdict} by {' and '.join(labels)}" for verdict, labels in words.items() if labels)
+
+
 @typechecked
 def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     """Return the requirements that are not met, or not known to be met, with 95 % confidence.
