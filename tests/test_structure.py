@@ -30,7 +30,7 @@ STATEMENTS = {
     "uqmbd.dynamics": 13860,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 166,
-    "uqmbd.mechanism": 4856,
+    "uqmbd.mechanism": 4_860,
     "uqmbd.new": 231,
     "uqmbd.plugins": 385,
     "uqmbd.progress": 416,
