@@ -159,8 +159,8 @@ class _SearchPath:
 def distinct(points: list[DesignPoint]) -> list[DesignPoint]:
     """Return design points without repetitions, by requirement, those of a requirement nearest to the origin first.
 
-    A point is a repetition if its distance from a nearer one of the same requirement is at most ``0.3 max(beta, 1)``,
-    with the distance beta of the nearer one from the origin.
+    A point is a repetition if its distance from a nearer one of the same requirement is at most ``0.3 max(beta, 1)``.
+    Here beta is the distance of the nearer one from the origin.
     """
     found: list[DesignPoint] = []
     for one in sorted(points, key=lambda p: (p.requirement, p.beta)):
