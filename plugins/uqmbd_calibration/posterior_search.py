@@ -111,10 +111,10 @@ def find(
         methods += [_described(node) for node in nodes[id(point)]]
         notes += [str(one.message) for one in told]
 
-    def build(cases: tuple[MachineRecords, ...], *, doubted: bool = True) -> Posterior:
+    def build(cases: tuple[MachineRecords, ...], *, with_errors: bool = True) -> Posterior:
         """Return the posterior by the surrogates over the prior, with their stated errors added to the noise."""
         predictors = tuple(read_prior_surrogates(nodes[id(case.point)], case.point, case.blocks) for case in cases)
-        if doubted:
+        if with_errors:
             cases = tuple(
                 replace(
                     case,
@@ -130,7 +130,7 @@ def find(
     seeds = np.random.SeedSequence(seed).generate_state(3)
     _check_reach(build(arranged.cases), int(seeds[0]))
     peaks = search(build, arranged.cases, inputs, unknowns.dimension, int(seeds[0]))
-    prior = build(arranged.cases, doubted=False)
+    prior = build(arranged.cases, with_errors=False)
     levels: Array = peaks.vectors[0, unknowns.first_level :]
     before = directions(expected_covariance(prior, levels, int(seeds[1])), [one.name for one in unknowns.inputs])
     variances = tuple(p.variances for p in prior.predictors)  # type: ignore[attr-defined]

@@ -114,7 +114,7 @@ def test_results_hold_the_calibration(found, tmp_path):
     again = load(save(tree, tmp_path / "results.nc"))
     kept = again["calibrated/calibration"]
     assert kept["posterior"]["speed"].equals(calibration.tree["posterior"]["speed"])
-    assert kept["summary"]["learned"].equals(calibration.tree["summary"]["learned"])
+    assert kept["summary"]["reduction"].equals(calibration.tree["summary"]["reduction"])
 
 
 def alike():

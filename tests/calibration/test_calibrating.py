@@ -179,7 +179,7 @@ def test_an_outlier_does_not_move_a_robust_result():
     for name in ("stiffness", "damping"):
         (mean, sd), (moved, _) = moments(before, name), moments(after, name)
         assert abs(moved - mean) < 0.5 * sd
-    assert not after.checks["model"][0]["doubted"] and after.checks["model"][0]["outliers"] == 1
+    assert not after.checks["model"][0]["rejected"] and after.checks["model"][0]["outliers"] == 1
     # normal noise follows it, and says so
     with pytest.warns(uqmbd.StudyWarning, match="1 of 60 values are more than 4 .* noise='student'"):
         normal = calibrate(oscillator(), spoilt, surrogate=before, seed=1)
@@ -199,7 +199,7 @@ def test_an_offset_is_a_bias(noise):
         (mean, sd), (expected, spread) = moments(found, name), moments(reference, name)
         # what the offset was does not matter
         assert mean == pytest.approx(expected, abs=0.15 * spread) and sd == pytest.approx(spread, rel=0.1)
-    assert not found.checks["model"][0]["doubted"]
+    assert not found.checks["model"][0]["rejected"]
     fitted = found.tree["fit"]["x"].values - motion(np.array(112.0), np.array(0.9))
     assert fitted.mean() == pytest.approx(0.01, abs=0.003)
 
@@ -269,7 +269,7 @@ def test_a_wrong_model_is_noticed(stated):
     with pytest.warns(uqmbd.StudyWarning, match=r"record 'run 1', output 'x': .* at .* s\. The model is incomplete"):
         found = calibrate(oscillator(damping=0.0), record(stated=stated), surrogate=PLAIN, seed=1)
     (model,) = found.checks["model"]
-    assert model["doubted"] and model["where"]
+    assert model["rejected"] and model["where"]
     assert "not explained by the model: x of record 'run 1'" in str(found)
 
 
@@ -414,7 +414,7 @@ def test_times_that_differ_by_rounding_are_one():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:calibrate. the chains have not converged")
-def test_a_curved_posterior_is_not_doubted():
+def test_a_curved_posterior_is_not_rejected():
     # inputs whose product is known, and which are not: predictions at their means are none of the record
     factors = [uqmbd.RandomVariable(name, chaospy.Normal(10.0, 2.0)) for name in ("area", "modulus")]
     made = uqmbd.Mechanism("oscillator", uqmbd.Line())
@@ -427,6 +427,6 @@ def test_a_curved_posterior_is_not_doubted():
     )
     (model,) = found.checks["model"]
     residual = (values - values.mean()) / 0.01
-    assert not model["doubted"]
+    assert not model["rejected"]
     # two inputs count as two that are fitted
     assert model["chi_square"] == pytest.approx(chi2.sf(residual @ residual, 8), abs=0.1)

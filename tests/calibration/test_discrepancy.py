@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from uqmbd_calibration.inference import Bias
-from uqmbd_calibration.result.discrepancy import DOUBT, find_discrepancy, residuals
+from uqmbd_calibration.result.discrepancy import SIGNIFICANCE, find_discrepancy, residuals
 
 from .inference import forward
 
@@ -18,7 +18,7 @@ def said(values, *, noise=0.1, sigma=0.1, **about):
 
 
 @pytest.mark.parametrize("kind", ["known", "unknown", "bias", "robust"])
-def test_records_of_the_model_are_doubted_as_rarely_as_stated(kind):
+def test_records_of_the_model_are_rejected_as_rarely_as_stated(kind):
     generator = np.random.default_rng(0)
     modes = Bias(0.3, 0.5).modes(TIMES) if kind == "bias" else np.zeros((200, 0))
     chances = []
@@ -38,7 +38,7 @@ def test_what_is_missing_for_a_while_is_seen_there():
     values = 0.1 * generator.standard_normal(200)
     values[120:150] += 0.15
     found = said(values)
-    assert found["p"] < DOUBT and found["doubted"]
+    assert found["p"] < SIGNIFICANCE and found["rejected"]
     ((begin, end),) = found["where"]
     assert begin < 6.5 and end > 7.0 and 5.0 < begin and end < 8.6
 
@@ -46,13 +46,13 @@ def test_what_is_missing_for_a_while_is_seen_there():
 def test_slow_residuals_are_seen_where_the_noise_is_unknown():
     values = 0.1 * np.sin(0.8 * TIMES) + 0.05 * np.random.default_rng(1).standard_normal(200)
     found = said(values, noise=None, sigma=float(values.std()))
-    assert found["doubted"] and found["correlation"] > 0.3 and found["where"]
+    assert found["rejected"] and found["correlation"] > 0.3 and found["where"]
 
 
 def test_outliers_are_counted():
     values = 0.1 * np.random.default_rng(1).standard_normal(200)
     values[[20, 90]] = 1.0
-    assert said(values)["outliers"] == 2 and said(values)["doubted"]
-    assert sorted(stray["time"] for stray in said(values)["strays"]) == pytest.approx([1.0, 4.5])
+    assert said(values)["outliers"] == 2 and said(values)["rejected"]
+    assert sorted(outlier["time"] for outlier in said(values)["outlier_values"]) == pytest.approx([1.0, 4.5])
     robust = said(values, robust=True)
-    assert robust["outliers"] == 2 and not robust["doubted"]
+    assert robust["outliers"] == 2 and not robust["rejected"]

@@ -60,7 +60,7 @@ def test_numbers_are_those_of_the_file(stored):
         for text, number in zip(shown, known, strict=True):
             value, *tail = text.replace("\N{MINUS SIGN}", "-").split(".")
             assert abs(float(".".join([value, *tail])) - number) <= 0.5001 * 10.0 ** -len(tail[0] if tail else "")
-        assert numbers(learned)[0] == pytest.approx(100 * float(one["learned"]), abs=0.051)
+        assert numbers(learned)[0] == pytest.approx(100 * float(one["reduction"]), abs=0.051)
 
 
 def test_inputs_that_a_record_does_not_separate_are_named(stored):
@@ -113,7 +113,7 @@ def test_a_wrong_model_comes_first(tmp_path):
     screen = CalibrationSection().first_screen(tree)
     said = min(screen.statements, key=lambda one: one.level)
     assert said.level == 0 and "the model cannot explain x in record run" in said.text
-    assert {row[4] for row in screen.rows} == {"doubted"}
+    assert {row[4] for row in screen.rows} == {"unreliable"}
 
 
 def test_without_a_calibration_it_adds_nothing():

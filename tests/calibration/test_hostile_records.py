@@ -93,11 +93,11 @@ def test_an_outlier_is_named_and_is_no_knowledge(size, noise):
         assert time in str(error) and "record 'run 3', output 'x'" in str(error) and abs(size) >= 1e3
         return
     assert time in told and "record 'run 3', output 'x'" in told
-    assert time in str(made) and "%" not in str(made).split("\n", 1)[1] and "doubted" in str(made)
-    assert made.summary()["doubted"].sel(input="speed")
+    assert time in str(made) and "%" not in str(made).split("\n", 1)[1] and "unreliable" in str(made)
+    assert made.summary()["unreliable"].sel(input="speed")
     (one,) = made.checks["model"]
-    (stray,) = one["strays"]
-    assert stray["time"] == TIMES[at] and stray["value"] == _with_outlier(size, at)[at]
+    (outlier,) = one["outlier_values"]
+    assert outlier["time"] == TIMES[at] and outlier["value"] == _with_outlier(size, at)[at]
 
 
 @pytest.mark.thorough
@@ -106,14 +106,14 @@ def test_noise_of_student_holds_an_outlier(size):
     made, told = found(record(_with_outlier(size, 12)), noise="student")
     (speed,) = made.variables()
     # of 20 values with noise of 0.01 m: sqrt(sum of squares of times) is 2.6 s
-    assert speed.mean == pytest.approx(2.0, abs=4 * 0.01 / 2.6) and not made.summary()["doubted"].any()
+    assert speed.mean == pytest.approx(2.0, abs=4 * 0.01 / 2.6) and not made.summary()["unreliable"].any()
     assert ("at 0.6 s" in told) == bool(told)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.01, None], ids=["known", "unknown"])
-def test_records_without_outliers_are_not_doubted_more_often_than_stated(noise):
+def test_records_without_outliers_are_not_rejected_more_often_than_stated(noise):
     for seed in range(12):
         made, _ = found(record(values(seed), noise))
-        assert not made.summary()["doubted"].any() and " %" in str(made).split("\n")[1]
-        assert not made.checks["model"][0]["strays"]
+        assert not made.summary()["unreliable"].any() and " %" in str(made).split("\n")[1]
+        assert not made.checks["model"][0]["outlier_values"]

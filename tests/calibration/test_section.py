@@ -13,7 +13,7 @@ from uqmbd.report import write_report
 from uqmbd.testing import check_section
 from uqmbd_calibration import Calibrated, Record, Series, calibrate
 from uqmbd_calibration.reporting import CalibrationSection
-from uqmbd_calibration.reporting.charts import learned_chart, posterior_charts, record_charts
+from uqmbd_calibration.reporting.charts import posterior_charts, record_charts, reduction_chart
 from uqmbd_collocation import Collocation
 
 pytestmark = pytest.mark.thorough
@@ -68,7 +68,7 @@ def test_it_says_and_shows_what_was_learned(tmp_path):
     assert shown == pytest.approx(exact, rel=0.1)
 
 
-def test_a_wrong_model_is_doubted_in_it(tmp_path):
+def test_a_wrong_model_is_rejected_in_it(tmp_path):
     with pytest.warns(uqmbd.StudyWarning, match="The model is incomplete"):
         page = page_of(0.6 + 2.2 * TIMES - 0.5 * TIMES**2, tmp_path / "report.html")
     assert "The model does not explain the values of &lt;x&gt;" in section_of(page)
@@ -96,7 +96,7 @@ def test_its_charts_are_those_of_the_calibration(tmp_path):
         own = part["posterior"].to_dataset()[chart.title].values
         middle, level = np.asarray(chart.places), np.asarray(chart.curves[0].values)
         assert np.average(middle, weights=level) == pytest.approx(own.mean(), abs=0.2 * own.std())
-    (bars,) = learned_chart(part).curves
+    (bars,) = reduction_chart(part).curves
     summary = part["summary"].to_dataset()
-    ratio = [float(summary["sd"].sel(input=n) / summary["prior_sd"].sel(input=n)) for n in learned_chart(part).places]
+    ratio = [float(summary["sd"].sel(input=n) / summary["prior_sd"].sel(input=n)) for n in reduction_chart(part).places]
     np.testing.assert_allclose(bars.values, 100 * np.array(ratio), rtol=0.05)

@@ -31,9 +31,9 @@ def test_intervals_hold_what_the_other_engine_was_given(made):
     for name, value in TRUTH.items():
         one = data.sel(input=name)
         assert float(one["lower"]) < value < float(one["upper"]), name
-        assert float(one["learned"]) > 0.95
+        assert float(one["reduction"]) > 0.95
     assert found.realisations < 200 and found.checks["even"] and found.checks["converged"]
-    assert not any(one["doubted"] for one in found.checks["model"])
+    assert not any(one["rejected"] for one in found.checks["model"])
 
 
 @pytest.mark.slow
@@ -44,7 +44,7 @@ def test_friction_that_is_left_out_is_noticed_with_the_times(made):
     said = [str(one.message) for one in told if issubclass(one.category, uqmbd.StudyWarning)]
     for output in ("upper angle", "joint angle"):
         assert any(f"{output!r}: the model does not explain these values" in x and "above all at" in x for x in said)
-    assert all(one["doubted"] and one["where"] for one in found.checks["model"])
+    assert all(one["rejected"] and one["where"] for one in found.checks["model"])
 
 
 @pytest.mark.slow

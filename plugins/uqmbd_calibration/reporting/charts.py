@@ -10,7 +10,7 @@ import xarray as xr
 from uqmbd.report import Band, Chart, Curve
 from uqmbd.typing import Array
 
-__all__ = ["inputs_of", "learned_chart", "pair_charts", "posterior_charts", "record_charts"]
+__all__ = ["inputs_of", "reduction_chart", "pair_charts", "posterior_charts", "record_charts"]
 
 
 MOST_INPUTS = 5
@@ -33,7 +33,7 @@ def inputs_of(tree: xr.DataTree) -> list[str]:
     """Return the names of the calibrated inputs, largest reduction of uncertainty first."""
     data = tree["summary"].to_dataset()
     chosen = data.isel(input=np.flatnonzero(~data["noise"].values))
-    order = np.argsort(-chosen["learned"].values, kind="stable")
+    order = np.argsort(-chosen["reduction"].values, kind="stable")
     return [str(name) for name in chosen["input"].values[order]]
 
 
@@ -80,16 +80,16 @@ def _band(tree: xr.DataTree, group: str, name: str, timeless: bool) -> Band:
     return Band("95 % of measurements", low, high)
 
 
-def learned_chart(tree: xr.DataTree) -> Chart:
+def reduction_chart(tree: xr.DataTree) -> Chart:
     """Return a chart of the ratio of posterior to prior width for each calibrated input."""
     data = tree["summary"].to_dataset()
     names = inputs_of(tree)
-    left = 100 * np.maximum(1 - data["learned"].sel(input=names).values, 1e-9)
+    left = 100 * np.maximum(1 - data["reduction"].sel(input=names).values, 1e-9)
     low = 10 ** np.floor(np.log10(min(float(left.min()), 50.0)) - 0.3)
     high = max(200.0, 1.3 * float(left.max()))
     bars = Curve("after over before", left, (), "after over before", drawn="bars")
     return Chart("std after / before", names, [bars], "reduction by the calibration", "%", "input",
-                 ends=(float(low), high), log=True, limits={"nothing learned": 100.0})  # fmt: skip
+                 ends=(float(low), high), log=True, limits={"no reduction": 100.0})  # fmt: skip
 
 
 def posterior_charts(tree: xr.DataTree) -> list[Chart]:

@@ -14,7 +14,7 @@ import xarray as xr
 from uqmbd.report import Chart, ChartGroup, FirstScreen, ReliabilityStatement, with_units
 from uqmbd_calibration.reporting.charts import inputs_of, posterior_charts, record_charts
 from uqmbd_calibration.reporting.numbers import interval, mean_and_deviation
-from uqmbd_calibration.result import learned, named_strays, several_maxima
+from uqmbd_calibration.result import outliers_in_words, reduction_in_words, several_maxima
 
 __all__ = ["first_screen"]
 
@@ -52,7 +52,7 @@ def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
             "Output",
         ),
     ]
-    heads = ("Before", "After", "95 % interval", "Learned")
+    heads = ("Before", "After", "95 % interval", "Reduction of std")
     return FirstScreen("Calibrated input", heads, rows, charts, said)
 
 
@@ -65,7 +65,7 @@ def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:
             mean_and_deviation(one["prior_mean"], one["prior_sd"]),
             mean_and_deviation(one["mean"], one["sd"]),
             interval(one),
-            learned(one),
+            reduction_in_words(one),
         )
 
 
@@ -99,15 +99,15 @@ def _of_fit(checks: dict[str, Any]) -> Iterator[ReliabilityStatement]:
     of = checks.get("model", [])
     for one in of:
         where = f"{one['output']} in record {one['record']}"
-        if one.get("doubted"):
+        if one.get("rejected"):
             when = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
             text = f"the model cannot explain {where} (p = {one['p']:.1g})" + (
                 f", above all at {when}." if when else "."
             )
             yield ReliabilityStatement(0, "Fit", text)
-        if one.get("strays"):
-            yield ReliabilityStatement(1, "Outliers", f"{where}: {named_strays(one)}.")
-    fine = [one for one in of if not one.get("doubted")]
+        if one.get("outlier_values"):
+            yield ReliabilityStatement(1, "Outliers", f"{where}: {outliers_in_words(one)}.")
+    fine = [one for one in of if not one.get("rejected")]
     if fine:
         least = min(fine, key=lambda one: float(one["p"]))
         what = "the measured output" if len(fine) == 1 else f"{len(fine)} measured outputs"
@@ -129,7 +129,7 @@ def _of_identifiability(tree: xr.DataTree) -> Iterator[ReliabilityStatement]:
         values = [np.ravel(draws[name].values) for name in (one, other)]
         if all(np.ptp(x) > 0 for x in values):
             pairs.append((float(np.corrcoef(np.stack(values))[0, 1]), one, other))
-    kept = 1 - data["learned"]
+    kept = 1 - data["reduction"]
     close = [
         (r, one, other)
         for r, one, other in pairs

@@ -10,10 +10,10 @@ from typing import Any
 import xarray as xr
 
 from uqmbd.report import FirstScreen, charts_html, with_units
-from uqmbd_calibration.reporting.charts import learned_chart, pair_charts, posterior_charts, record_charts
+from uqmbd_calibration.reporting.charts import pair_charts, posterior_charts, record_charts, reduction_chart
 from uqmbd_calibration.reporting.numbers import interval, mean_and_deviation
 from uqmbd_calibration.reporting.overview import first_screen
-from uqmbd_calibration.result import learned, named_strays, several_maxima
+from uqmbd_calibration.result import outliers_in_words, reduction_in_words, several_maxima
 
 __all__ = ["CalibrationSection"]
 
@@ -56,7 +56,7 @@ def _calibrations(tree: xr.DataTree) -> Iterator[tuple[list[str], xr.DataTree]]:
 
 def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
     checks = json.loads(str(tree.attrs.get("checks", "{}")))
-    said = [*_about(tree, labels, checks), *_doubts(tree, checks)]
+    said = [*_about(tree, labels, checks), *_contradictions(tree, checks)]
     parts = [f"<p>{_text(sentence)}</p>" for sentence in said]
     parts.append(_table(tree))
     names = [str(name) for name in tree["observed_data"].data_vars]
@@ -73,7 +73,7 @@ def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
     ]
     parts.append(
         charts_html(
-            [learned_chart(tree)],
+            [reduction_chart(tree)],
             "Ratio of the widths of posterior and prior.",
             "Ratio of the standard deviations of each input after and before the calibration. At 100 % the "
             "calibration did not change it.",
@@ -151,7 +151,7 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
     return said
 
 
-def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
+def _contradictions(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
     """Return sentences on unidentified inputs, and on records that contradict the model."""
     said = []
     left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
@@ -162,7 +162,7 @@ def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
         )
     for one in checks.get("model", []):
         where = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
-        if one.get("doubted"):
+        if one.get("rejected"):
             said.append(
                 f"The model does not explain the values of {one['output']} in record {one['record']} (p = "
                 f"{one['p']:.1g})" + (f", above all at {where}." if where else ".")
@@ -172,9 +172,10 @@ def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
                 f"The residuals of {one['output']} in record {one['record']} are consistent with the noise (p = "
                 f"{one['p']:.2g})."
             )
-        if one.get("strays"):
+        if one.get("outlier_values"):
             said.append(
-                f"Some values of {one['output']} in record {one['record']} are far from the model: {named_strays(one)}."
+                f"Some values of {one['output']} in record {one['record']} are far from the model: "
+                f"{outliers_in_words(one)}."
             )
         elif one.get("outliers"):
             said.append(
@@ -186,7 +187,7 @@ def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
 
 def _table(tree: xr.DataTree) -> str:
     data = tree["summary"].to_dataset()
-    heads = ("Input", "Before", "After", "95 % interval", "Learned", "R-hat", "Draws")
+    heads = ("Input", "Before", "After", "95 % interval", "Reduction of std", "R-hat", "Draws")
     rows = []
     for k, name in enumerate(data["input"].values.tolist()):
         one = data.isel(input=k)
@@ -194,7 +195,7 @@ def _table(tree: xr.DataTree) -> str:
             mean_and_deviation(one["prior_mean"], one["prior_sd"]),
             mean_and_deviation(one["mean"], one["sd"]),
             interval(one),
-            learned(one),
+            reduction_in_words(one),
             f"{float(one['rhat']):.3f}",
             f"{float(one['ess']):.0f}",
         )

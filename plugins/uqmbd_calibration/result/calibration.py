@@ -16,10 +16,10 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import load, save
 from uqmbd_calibration.records import short
-from uqmbd_calibration.result.checks import named_strays, several_maxima
+from uqmbd_calibration.result.checks import outliers_in_words, several_maxima
 from uqmbd_calibration.result.marginals import CURVED, joint_distribution
 
-__all__ = ["Calibration", "learned"]
+__all__ = ["Calibration", "reduction_in_words"]
 
 
 KIND = "calibration"
@@ -97,7 +97,7 @@ class Calibration:
         and ``ess`` describe the chains. ``modes`` contains the shares of the maxima of the posterior, and ``unsampled``
         the shares of maxima without draws. ``unseen`` is the number of maxima of the surrogate that were not searched
         on the mechanism. ``far`` lists inputs far from their priors. ``model`` describes each output of each record:
-        its p-value ``p``, the times ``where`` the model does not explain the record, ``outliers``, and ``doubted``.
+        its p-value ``p``, the times ``where`` the model does not explain the record, ``outliers``, and ``rejected``.
         """
         return dict(json.loads(self.tree.attrs["checks"]))
 
@@ -117,8 +117,8 @@ class Calibration:
         -------
         xarray.Dataset
             ``prior_mean``, ``prior_sd``, ``mean``, ``sd``, and ``lower`` and ``upper`` of the 95 % interval, in
-            ``units``; ``learned``, one minus the ratio of posterior to prior standard deviation; ``doubted``, whether
-            the model contradicts a record of this input, so that ``learned`` is not reliable; ``rhat`` and ``ess``;
+            ``units``; ``reduction``, one minus the ratio of posterior to prior standard deviation; ``unreliable``,
+            whether the model contradicts a record of this input, so that ``reduction`` is wrong; ``rhat`` and ``ess``;
             ``noise``, whether the row is a noise level. Prior moments of a noise level are missing, because its prior
             is very wide.
         """
@@ -232,7 +232,7 @@ class Calibration:
 
     def __str__(self) -> str:
         data, checks = self.summary(), self.checks
-        rows = [("input", "prior", "posterior", "units", "95 % interval", "learned", "R-hat", "ESS")]
+        rows = [("input", "prior", "posterior", "units", "95 % interval", "reduction of std", "R-hat", "ESS")]
         for k, name in enumerate(data["input"].values.tolist()):
             one = data.isel(input=k)
             rows.append(
@@ -242,7 +242,7 @@ class Calibration:
                     _pair(one["mean"], one["sd"]),
                     str(one["units"].item()),
                     f"{float(one['lower']):.6g} to {float(one['upper']):.6g}",
-                    "" if bool(one["noise"]) else learned(one),
+                    "" if bool(one["noise"]) else reduction_in_words(one),
                     f"{float(one['rhat']):.3f}",
                     f"{float(one['ess']):.0f}",
                 )
@@ -263,18 +263,18 @@ class Calibration:
             lines.append(f"not identified: {'; '.join(self.unidentified)}")
         lines += [
             f"not explained by the model: {one['output']} of record {one['record']!r} (p = {one['p']:.1g})"
-            + (f": {named_strays(one)}" if one.get("strays") else "")
+            + (f": {outliers_in_words(one)}" if one.get("outlier_values") else "")
             for one in checks["model"]
-            if one["doubted"]
+            if one["rejected"]
         ]
         return "\n".join(lines)
 
 
-def learned(one: xr.Dataset) -> str:
-    """Return the reduction of uncertainty of an input as text; "doubted" if the model contradicts the record."""
-    if "doubted" in one and bool(one["doubted"]):
-        return "doubted"
-    return f"{100 * max(float(one['learned']), 0.0):.1f} %"
+def reduction_in_words(one: xr.Dataset) -> str:
+    """Return the reduction of uncertainty of an input as text; "unreliable" if the model contradicts the record."""
+    if "unreliable" in one and bool(one["unreliable"]):
+        return "unreliable"
+    return f"{100 * max(float(one['reduction']), 0.0):.1f} %"
 
 
 def _pair(mean: Any, sd: Any) -> str:

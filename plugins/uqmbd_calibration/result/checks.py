@@ -13,9 +13,9 @@ import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.inference import PART, Mode, shares_of
 from uqmbd_calibration.posterior_search import Found
-from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, find_discrepancy
+from uqmbd_calibration.result.discrepancy import SIGNIFICANCE, Residuals, find_discrepancy
 
-__all__ = ["checks_of", "named_strays", "several_maxima", "warn_of"]
+__all__ = ["checks_of", "outliers_in_words", "several_maxima", "warn_of"]
 
 
 FAR = 4.0
@@ -107,8 +107,8 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
             "accurate. Check the prior, the record and the model"
         )
     for one in checks["model"]:
-        if one["doubted"]:
-            said.append(_doubt(one))
+        if one["rejected"]:
+            said.append(_rejection(one))
     for text in said:
         warnings.warn(f"calibrate: {text}.", uqmbd.StudyWarning, stacklevel=stacklevel + 1)
 
@@ -123,32 +123,32 @@ def several_maxima(checks: Mapping[str, Any]) -> str:
     return f"the posterior has {len(shares)} maxima, with about {listed} of the probability"
 
 
-def named_strays(one: Mapping[str, Any]) -> str:
+def outliers_in_words(one: Mapping[str, Any]) -> str:
     """Return a text on the outliers of an output of a record, with their times and deviations."""
     said = []
-    for stray in one["strays"]:
-        where = f"at {stray['time']:g} s" if "time" in stray else f"(no. {stray['number']})"
-        said.append(f"{stray['value']:.6g} {where}, {stray['deviations']:.2g} standard deviations away")
+    for outlier in one["outlier_values"]:
+        where = f"at {outlier['time']:g} s" if "time" in outlier else f"(no. {outlier['number']})"
+        said.append(f"{outlier['value']:.6g} {where}, {outlier['deviations']:.2g} standard deviations away")
     return "; ".join(said)
 
 
-def _doubt(one: Mapping[str, Any]) -> str:
+def _rejection(one: Mapping[str, Any]) -> str:
     """Return a message that the model does not explain a record, with the times."""
     spans = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
     where = f", above all at {spans}" if spans else ""
     hint = ". The model is incomplete, or the noise is larger than stated"
-    if one["strays"]:
+    if one["outlier_values"]:
         # the probability of residuals is known only if the noise is known
         beyond = (
             f"more than {FAR:g} standard deviations from the model" if "chi_square" in one else "far from all others"
         )
         hint = (
-            f". {one['outliers']} of {one['values']} values are {beyond}: {named_strays(one)}. If these are "
+            f". {one['outliers']} of {one['values']} values are {beyond}: {outliers_in_words(one)}. If these are "
             "outliers, replace them by nan"
         ) + ("" if one["robust"] else " or use noise='student', because the calibrated inputs depend on these values")
-    if one["p"] >= DOUBT:
+    if one["p"] >= SIGNIFICANCE:
         return f"record {one['record']!r}, output {one['output']!r}: {hint.removeprefix('. ')}"
     return (
         f"record {one['record']!r}, output {one['output']!r}: the model does not explain these values with this noise "
-        f"(p = {one['p']:.1g}, below {DOUBT:g}){where}{hint}"
+        f"(p = {one['p']:.1g}, below {SIGNIFICANCE:g}){where}{hint}"
     )

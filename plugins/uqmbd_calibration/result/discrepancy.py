@@ -11,11 +11,11 @@ from scipy import stats
 from uqmbd.typing import Array
 from uqmbd_calibration.inference import FREEDOM, Block
 
-__all__ = ["DOUBT", "Residuals", "find_discrepancy", "residuals"]
+__all__ = ["SIGNIFICANCE", "Residuals", "find_discrepancy", "residuals"]
 
 
-DOUBT = 1e-3
-"""p-value of a record below which the model or the noise is doubtful."""
+SIGNIFICANCE = 1e-3
+"""p-value of a record below which the model is rejected, or the noise is larger than stated."""
 
 SEGMENTS, LEAST = 12, 8
 """Number of tested time intervals, and least number of values in each interval."""
@@ -23,7 +23,7 @@ SEGMENTS, LEAST = 12, 8
 FAR = 4.0
 """Standard deviations beyond which a value is an outlier."""
 
-STRAY = 10.0
+OUTLYING = 10.0
 """Outlier limit for unknown noise or many outliers, in deviations derived from the median of all values."""
 
 FEW, SHOWN = 0.05, 10
@@ -67,8 +67,8 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     ``values``; ``chi_square``, the probability of residuals at least as large, for known noise; ``correlation`` of
     neighbours and its probability ``correlation_p``; ``segments``, each with its ends, s, and its probability; ``p``,
     the p-value corrected for the number of tests; ``where``, the times of unexplained segments; ``outliers``, the
-    number of outliers; ``strays``, a list of the largest outliers if they are few, each with its time in s or its
-    number, its value and its deviations; and ``doubted``.
+    number of outliers; ``outlier_values``, a list of the largest outliers if they are few, each with its time in s
+    or its number, its value and its deviations; and ``rejected``.
     """
     block, z = found.block, found.normal
     count = len(z)
@@ -90,22 +90,22 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     said["p"] = min(1.0, min(tests, default=1.0) * max(len(tests), 1))
     if parts := said.get("segments", []):
         strange = [part for part in parts if part["p"] * len(parts) < 0.01]
-        worst = [min(parts, key=lambda part: float(part["p"]))] if said["p"] < DOUBT else []
+        worst = [min(parts, key=lambda part: float(part["p"]))] if said["p"] < SIGNIFICANCE else []
         said["where"] = _joined(strange or worst)
     away = np.abs(found.raw)
     few = max(FEW * count, 1)
     if not known or np.count_nonzero(away > FAR) > few:
         # outliers increase an estimated noise level and shift estimated inputs, so other deviations also become large
         usual = float(np.median(away)) / stats.norm.ppf(0.75)
-        standing_out = away > STRAY * usual
+        standing_out = away > OUTLYING * usual
         if not known:
             away = np.where(standing_out, away / usual, 0.0) if usual > 0 else np.zeros(count)
         elif 0 < np.count_nonzero(standing_out) <= few:
             away = np.where(standing_out, away, 0.0)
     said["outliers"] = int(np.count_nonzero(away > FAR))
-    said["strays"] = []
+    said["outlier_values"] = []
     if 0 < said["outliers"] <= few:
-        said["strays"] = [
+        said["outlier_values"] = [
             {
                 **({"number": k + 1} if block.timeless else {"time": float(block.times[k])}),
                 "value": float(block.values[k]),
@@ -114,7 +114,7 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
             for k in np.argsort(-away, kind="stable")[: said["outliers"]][:SHOWN].tolist()
         ]
     said["largest"] = float(np.abs(found.raw).max())
-    said["doubted"] = bool(said["p"] < DOUBT) or (not known and bool(said["strays"]))
+    said["rejected"] = bool(said["p"] < SIGNIFICANCE) or (not known and bool(said["outlier_values"]))
     return said
 
 

@@ -76,7 +76,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
         "residuals": _series(
             named, [one.raw for one in parts], units="", long_name="value minus prediction, over the noise"
         ),
-        "summary": _summary(study, found, posterior, physical, _doubted(found, checks["model"])),
+        "summary": _summary(study, found, posterior, physical, _unreliable(found, checks["model"])),
         "marginals": marginals_of(found, draws.vectors.reshape(-1, width)),
     }
     tree = xr.DataTree.from_dict(data, name="calibration")
@@ -158,17 +158,19 @@ def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
     return xr.Dataset(data, coords=_draws(chains, count))
 
 
-def _doubted(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
+def _unreliable(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
     """Return for each unknown input (D,) whether the model contradicts a record that informs the input."""
-    doubted = np.zeros(len(found.arrangement.unknowns.inputs), dtype=bool)
-    names = {one["record"] for one in model if one["doubted"] and not one["robust"]}
+    unreliable = np.zeros(len(found.arrangement.unknowns.inputs), dtype=bool)
+    names = {one["record"] for one in model if one["rejected"] and not one["robust"]}
     for case in found.arrangement.cases:
         if any(block.record in names for block in case.blocks):
-            doubted[case.columns[case.free]] = True
-    return doubted
+            unreliable[case.columns[case.free]] = True
+    return unreliable
 
 
-def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.Dataset, doubted: Array) -> xr.Dataset:
+def _summary(
+    study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.Dataset, unreliable: Array
+) -> xr.Dataset:
     """Return a table of the unknowns: prior, posterior, and convergence of the chains."""
     unknowns, draws = found.arrangement.unknowns, found.inferred.draws
     names = list(posterior.data_vars)
@@ -185,7 +187,7 @@ def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.
         "sd": (after.std(axis=1, ddof=1), "standard deviation of the posterior"),
         "lower": (np.quantile(after, 0.025, axis=1), "lower end of the 95 % interval"),
         "upper": (np.quantile(after, 0.975, axis=1), "upper end of the 95 % interval"),
-        "learned": (1 - after.std(axis=1, ddof=1) / spread, "1 - posterior over prior deviation"),
+        "reduction": (1 - after.std(axis=1, ddof=1) / spread, "1 - posterior over prior deviation"),
         "rhat": (draws.rhat[where], "R-hat"),
         "ess": (draws.ess[where], "effective draws"),
     }
@@ -196,7 +198,7 @@ def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.
             **data,
             "units": ("input", units),
             "noise": ("input", levels),
-            "doubted": ("input", np.concatenate([doubted, np.zeros(len(names) - len(doubted), dtype=bool)])),
+            "unreliable": ("input", np.concatenate([unreliable, np.zeros(len(names) - len(unreliable), dtype=bool)])),
         },
         coords={"input": np.array(names, dtype=np.str_)},
     )

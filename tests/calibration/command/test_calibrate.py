@@ -72,7 +72,7 @@ def test_a_record_leads_to_a_posterior_to_predictions_and_to_a_report(folder, co
     for name, truth in TRUTH.items():
         one = table.sel(input=name)
         assert abs(float(one["mean"]) - truth) < 3.5 * float(one["sd"])
-        assert float(one["learned"]) > 0.9
+        assert float(one["reduction"]) > 0.9
     tree = uqmbd.results.load(folder / "out" / "results.nc")
     before, after = (tree[label]["statistics"].to_dataset() for label in ("third", "third, calibrated"))
     assert set(uqmbd.results.propagator_nodes(tree)) == {"third", "third, calibrated"}
