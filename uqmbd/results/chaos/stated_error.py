@@ -207,11 +207,14 @@ def exceeds_locally(error: Array, std: Array, bound: Array | float) -> Mask:
     True
     >>> exceeds_locally(np.array([0.02, 0.05]), np.array([0.005, 1.0]), 0.05).item()
     False
+    >>> exceeds_locally(np.array([0.02, 0.05]), np.array([0.0, 1.0]), np.inf).item()
+    False
     """
     known = np.nan_to_num(std)
     floor = reference_spread(known)
-    # an error that rounds to a larger number, not any larger one
-    larger = np.nan_to_num(error) * floor > 1.005 * np.asarray(bound)[..., None] * known
+    # an error that rounds to a larger number, not any larger one; an infinite bound is not exceeded
+    with np.errstate(invalid="ignore", over="ignore"):
+        larger = np.nan_to_num(error) * floor > 1.005 * np.asarray(bound)[..., None] * known
     return np.asarray((larger & (floor > known)).any(axis=-1))
 
 
