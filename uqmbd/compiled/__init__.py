@@ -34,13 +34,16 @@ from uqmbd.compiled.recording import (
 )
 from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
+from uqmbd.compiled.tables import PATHS, PathTable
 from uqmbd.compiled.writer import LANES
 
 __all__ = [
     "FINE",
     "LANES",
     "ORDER",
+    "PATHS",
     "PLACES",
+    "PathTable",
     "SERIES",
     "STAGES",
     "Columns",

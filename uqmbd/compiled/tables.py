@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.typing import Array
 
-__all__ = ["IntervalTable", "Tables", "table_constants"]
+__all__ = ["PATHS", "IntervalTable", "PathTable", "Tables", "table_constants"]
 
 
 class IntervalTable(Protocol):
@@ -36,7 +36,19 @@ class IntervalTable(Protocol):
         """Look up arguments (K,) with terms (K, M) in NumPy, shape (K, number): the reference for kernels."""
 
 
-Tables = Mapping[str, IntervalTable]
+class PathTable:
+    """Lookup of sampled paths: the term is the address of a path, which differs between realisations."""
+
+    def look_up(self, x: Array, terms: Array | None = None) -> Array:
+        """Look up arguments (K,) in paths of zeros, shape (K, number): the reference for kernels without paths."""
+        return np.column_stack([x, np.zeros((len(x), PATH_NUMBERS - 1))])
+
+
+PATHS = PathTable()
+PATH_NUMBERS = 5
+"""Numbers of a lookup: the knot before the argument, and the coefficients of the cubic about it."""
+
+Tables = Mapping[str, IntervalTable | PathTable]
 """Tables by the names of their lookup functions; the name determines the numbers."""
 
 

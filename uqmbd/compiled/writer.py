@@ -10,7 +10,7 @@ import itertools
 import struct
 from collections.abc import Sequence
 
-from uqmbd.compiled.tables import IntervalTable, table_constants
+from uqmbd.compiled.tables import PATH_NUMBERS, IntervalTable, PathTable, table_constants
 
 __all__ = ["LANES", "Masks", "FunctionWriter"]
 
@@ -40,6 +40,7 @@ class FunctionWriter:
         self.called: dict[str, int] = {}  # number of arguments of each function of the C library
         self.intrinsics: dict[str, int] = {}
         self.tables: dict[str, IntervalTable] = {}
+        self._paths = False  # whether sampled paths are looked up
         self._room = 0  # number of vectors that are passed to and from the lookup function
         self._known: dict[str, str] = {}
 
@@ -106,19 +107,24 @@ class FunctionWriter:
         listed = ", ".join(f"KIND {x}" for x in values)
         return self.made(f"call KIND @lanes.{name}({listed})")
 
-    def look_up(self, name: str, table: IntervalTable, values: Sequence[str]) -> list[str]:
+    def look_up(self, name: str, table: IntervalTable | PathTable, values: Sequence[str]) -> list[str]:
         """Return the numbers of a table at an argument, optionally with further terms."""
-        knots, terms, numbers = len(table.edges), table.rows.shape[1] - 1, table.rows.shape[2]
-        self.tables[name] = table
+        if isinstance(table, PathTable):
+            self._paths, numbers = True, PATH_NUMBERS
+            call = "look_up_path(i64 WIDTH, ptr %asked, ptr %answered)"
+        else:
+            knots, terms, numbers = len(table.edges), table.rows.shape[1] - 1, table.rows.shape[2]
+            self.tables[name] = table
+            call = (
+                f"look_up(ptr @edges.{name}, ptr @rows.{name}, i64 {knots}, i64 {terms}, i64 {numbers}, "
+                f"double {_double(table.period)}, i64 WIDTH, ptr %asked, ptr %answered)"
+            )
         self._room = max(self._room, len(values), numbers)
         found = [f"%looked{len(self.lines)}.{k}" for k in range(numbers)]
         for k, value in enumerate(values):
             place = self.made(f"getelementptr KIND, ptr %asked, i64 {k}")
             self.lines.append(f"store KIND {value}, ptr {place}")
-        self.lines.append(
-            f"call void @look_up(ptr @edges.{name}, ptr @rows.{name}, i64 {knots}, i64 {terms}, i64 {numbers}, "
-            f"double {_double(table.period)}, i64 WIDTH, ptr %asked, ptr %answered)"
-        )
+        self.lines.append(f"call void @{call}")
         for k, value in enumerate(found):
             place = self.made(f"getelementptr KIND, ptr %answered, i64 {k}")
             self.lines.append(f"{value} = load KIND, ptr {place}")
@@ -146,6 +152,8 @@ class FunctionWriter:
         parts += [self._lanes(function, count, width) for function, count in self.called.items()]
         if self.tables:
             parts.append("declare void @look_up(ptr, ptr, i64, i64, i64, double, i64, ptr, ptr) nounwind\n")
+        if self._paths:
+            parts.append("declare void @look_up_path(i64, ptr, ptr) nounwind\n")
         parts.append(f"define void @{name}(ptr noalias %{x}, ptr noalias %{y}) nounwind {{\n")
         if self._room:
             parts += [f"%{room} = alloca [{self._room} x KIND]\n" for room in ("asked", "answered")]

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.sampled_paths import SampledPaths
 from uqmbd.typing import Array, Index
 
 __all__ = ["Batch", "Sampler"]
@@ -49,6 +50,13 @@ class Batch(Protocol):
     @property
     def breaks(self) -> Array:
         """Break times, shape (K, break)."""
+
+    @property
+    def paths(self) -> SampledPaths | None:
+        """Sampled paths of excitations."""
+
+    def without_paths(self) -> Batch:
+        """Return the batch with the mean of every sampled path."""
 
     def select(self, members: Index) -> Batch:
         """Return the batch of some realisations."""

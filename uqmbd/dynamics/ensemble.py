@@ -19,8 +19,10 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration import Interval, pace
 from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.dynamics.observation import energies, observe, observe_along
+from uqmbd.dynamics.sampled_paths import SampledPaths
 from uqmbd.dynamics.statics import equilibrium_start
 from uqmbd.errors import StudyError
+from uqmbd.mechanism import MEAN_KEY
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Ensemble", "referenced"]
@@ -37,6 +39,10 @@ class Ensemble:
         Inputs of each realisation, in the order of ``model.inputs``.
     start : Start, optional
         Initial states, if known. Default: computed by the ensemble.
+    until : float, optional
+        Time, s, until which sampled paths are needed; an integration extends them if necessary.
+    paths : SampledPaths, optional
+        Sampled paths of the realisations, if known.
 
     Examples
     --------
@@ -59,10 +65,23 @@ class Ensemble:
     [18.0, 24.5]
     """
 
-    def __init__(self, model: Model, values: Array, *, start: Start | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        values: Array,
+        *,
+        start: Start | None = None,
+        until: float | None = None,
+        paths: SampledPaths | None = None,
+    ) -> None:
         self.model = model
         self.values = np.atleast_2d(np.asarray(values, dtype=float))
         self.parameters = model.parameters(self.values)
+        self.paths = SampledPaths(model.paths, self.values) if paths is None and model.paths else paths
+        """Sampled paths of excitations, if the model has any."""
+        if self.paths is not None:
+            self.paths.reach(model.time, model.time if until is None else until)
+            self.paths.insert(self.parameters)
         self.block = np.ascontiguousarray(self.parameters[:, : model.block_parameters])
         """Parameters of the blocks, shape (K, parameter)."""
         self._given_start = start
@@ -78,7 +97,7 @@ class Ensemble:
         if self.model.start_at == "equilibrium":
             # given velocities apply to the equilibrium, not to the drawn pose
             drawn = assemble(replace(self.model, statements=(), conditions=None), self.parameters, self.model.time)
-            return equilibrium_start(Ensemble(self.model, self.values, start=drawn))
+            return equilibrium_start(Ensemble(self.model, self.values, start=drawn, paths=self.paths))
         return assemble(self.model, self.parameters, self.model.time)
 
     @cached_property
@@ -130,7 +149,22 @@ class Ensemble:
         """Return the ensemble of some realisations."""
         if len(members) == len(self) and np.array_equal(members, np.arange(len(self))):
             return self
-        return Ensemble(self.model, self.values[members], start=self.start.select(members))
+        paths = None if self.paths is None else self.paths.select(members)
+        return Ensemble(self.model, self.values[members], start=self.start.select(members), paths=paths)
+
+    def without_paths(self) -> Ensemble:
+        """Return the ensemble with the mean of every sampled path, about which a mechanism is linearised.
+
+        Returns
+        -------
+        Ensemble
+            Ensemble with other inputs; the ensemble itself if the mechanism has no sampled paths.
+        """
+        if self.paths is None:
+            return self
+        values = self.values.copy()
+        values[:, [family.column for family in self.model.paths]] = MEAN_KEY
+        return Ensemble(self.model, values)
 
     def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
         """Return the unknowns ``y`` of states.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -42,6 +43,8 @@ from uqmbd.dynamics.equations import (
     limits_of,
     links,
     output_map,
+    path_families,
+    path_values,
     state_arguments,
 )
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
@@ -53,14 +56,11 @@ from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Component, HeldStates, Mechanism, MotionSymbol, Output, Spline, Summary, is_scalar
+from uqmbd.mechanism import Component, HeldStates, Mechanism, Output, Spline, names_of_motion
+from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
-
-MOTION = (MotionSymbol, Summary)
-"""Parts of scalar outputs that need a motion."""
-
 
 def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
     """Return the part of a model for assembly, with independent equations chosen at the means; `time` in s.
@@ -173,7 +173,7 @@ def _kinematics(
         norms=norms,
         cosines=cosines,
         inputs=inputs.names,
-        parameters=ParameterMap.of(expressions, inputs.variables),
+        parameters=ParameterMap.of(_with_keys(expressions, instances, inputs.variables), inputs.variables),
         drawn=drawn,
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
@@ -208,6 +208,14 @@ def _kinematics(
         model = replace(model, conditions=conditions)
         require_conditions(f"mechanism {mechanism.name!r}", model, time, parameters)
     return model, instances, blocks
+
+
+def _with_keys(
+    expressions: list[sympy.Expr], instances: list[Instance], inputs: Sequence[RandomVariable]
+) -> list[sympy.Expr]:
+    """Return the values of the parameters with the keys of sampled paths, whose addresses replace them."""
+    keys = {k: path.key for k, path in path_values(instances, inputs).items()}
+    return [keys.get(k, e) for k, e in enumerate(expressions)]
 
 
 def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:
@@ -307,6 +315,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
         model,
         rough=any(_corners(i) for i in instances),
         excitations=len(excitations_of(instances)),
+        paths=path_families(instances, mechanism.inputs.variables),
         digest=digest_of(mechanism, instances, [loop.digest for loop in controls]),
         evaluators=evaluators,
         events=events,
@@ -337,13 +346,12 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
 
 def _require_no_motion(mechanism: Mechanism, instances: list[Instance]) -> None:
     """Raise if outputs or requirements need a motion, and an excitation has no values over time."""
-    excited = [(i.component, c) for i in instances for c in i.excitations]
+    sampled = {path.source for i in instances for path in i.paths.values()}
+    excited = [(i.component, c) for i in instances for c in i.excitations if c.source not in sampled]
     if not excited:
         return
     component, coefficient = excited[0]
-    margins = [(name, o.expression) for name, o in mechanism.margins.items()]
-    scalars = [(o.name, o.expression) for o in mechanism.scalars.values()]
-    moving = [*mechanism.outputs, *(name for name, e in [*scalars, *margins] if not is_scalar(e) or e.has(*MOTION))]
+    moving = names_of_motion(mechanism)
     if moving:
         raise StudyError(
             f"output {moving[0]!r} requires a simulated motion, but {type(component).__name__} {component.name!r} "

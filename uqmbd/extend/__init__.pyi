@@ -38,6 +38,7 @@ from .integrators import Trajectories as Trajectories
 from .integrators import mechanism_terms as mechanism_terms
 from .linear import excitation as excitation
 from .linear import linear_output as linear_output
+from .linear import path_key as path_key
 from .linear import same_units as same_units
 from .methods import AtMost as AtMost
 from .methods import Clock as Clock

@@ -46,7 +46,10 @@ from uqmbd.mechanism.declared import Output, Requirement, StartCondition, mode_s
 from uqmbd.mechanism.expressions import (
     LARGEST,
     LOOKED_UP,
+    MEAN_KEY,
     ORDERS,
+    PathSymbol,
+    SampledPath,
     WITHOUT_DERIVATIVE,
     AtEquilibrium,
     AtSteady,
@@ -125,7 +128,7 @@ from uqmbd.mechanism.imported import (
     from_mjcf,
     from_urdf,
 )
-from uqmbd.mechanism.mechanism import Mechanism
+from uqmbd.mechanism.mechanism import Mechanism, names_of_motion
 from uqmbd.mechanism.skeleton import Mark, collect_skeleton
 from uqmbd.mechanism.unit_findings import find_unit_problems
 
@@ -133,6 +136,9 @@ __all__ = [
     "LARGEST",
     "LOOKED_UP",
     "ORDERS",
+    "MEAN_KEY",
+    "PathSymbol",
+    "SampledPath",
     "DeclaredLinearOutput",
     "Excitation",
     "ExcitationSymbol",
@@ -175,6 +181,7 @@ __all__ = [
     "MassProperties",
     "Maximum",
     "Mechanism",
+    "names_of_motion",
     "Minimum",
     "ModeShape",
     "MotionSymbol",

@@ -25,7 +25,7 @@ from uqmbd.mechanism.declared import (
     requirement_of,
     start_condition,
 )
-from uqmbd.mechanism.expressions import is_scalar, random_variables, shown
+from uqmbd.mechanism.expressions import MotionSymbol, Summary, is_scalar, path_keys, random_variables, shown
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.new_body import make_body
 from uqmbd.mechanism.new_component import prepare_component
@@ -493,7 +493,8 @@ class Mechanism:
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
         values += [self.space.gravity, *(c.residual for c in self.conditions.values())]
         values += [number for controller in self.controllers.values() for number in controller.numbers]
-        return frozenset(variable for value in values for variable in random_variables(value))
+        keys = {key for value in values for key in path_keys(value)} if names_of_motion(self) else set()
+        return frozenset(keys.union(*map(random_variables, values)))
 
     def _used(self) -> set[RandomVariable]:
         values = [output.expression for output in self.observed()]
@@ -523,3 +524,10 @@ class Mechanism:
             f"<mechanism {self.name!r}: {len(self.bodies)} bodies, {len(self.components)} components, "
             f"{len(self.outputs) + len(self.scalars)} outputs>"
         )
+
+
+def names_of_motion(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the names of outputs and requirements that need an integrated motion."""
+    moving = (MotionSymbol, Summary)
+    seen = mechanism.observed()
+    return tuple(o.name for o in seen if not is_scalar(o.expression) or o.expression.has(*moving))

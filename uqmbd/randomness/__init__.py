@@ -35,7 +35,7 @@ from uqmbd.randomness.random_matrix import random_factor, random_root
 from uqmbd.randomness.space import GermBox, GermSpace, located
 from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import Toleranced, iso286, stated_tolerance, tolerance
-from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
+from uqmbd.randomness.variable import RandomVariable, path_key, random_vector, uniform_variable
 
 __all__ = [
     "Design",
@@ -72,6 +72,7 @@ __all__ = [
     "monte_carlo_rule",
     "random_factor",
     "random_root",
+    "path_key",
     "random_vector",
     "sampling_design",
     "sampling_designs",

@@ -34,3 +34,31 @@ void look_up(const double *edges, const double *rows, int64_t knots, int64_t ter
         found[l] += turns;
     }
 }
+
+/* Addresses below are none: what stands there is a number of an input. */
+#define LEAST_ADDRESS 65536.0
+
+void look_up_path(int64_t lanes, const double *x, double *found) {
+    for (int64_t l = 0; l < lanes; l++) {
+        double knot = x[l], value = 0.0, slope = 0.0, curvature = 0.0, third = 0.0;
+        if (x[lanes + l] >= LEAST_ADDRESS) {
+            const Path *path = (const Path *)(uintptr_t)(int64_t)x[lanes + l];
+            double step = path->step, number = whole(x[l] / step), place = number - (double)path->begin;
+            if (place >= 0.0 && place < (double)(path->count - 3)) {
+                const double *c = path->coefficients + (int64_t)place;
+                knot = number * step;
+                value = (c[0] + 4.0 * c[1] + c[2]) / 6.0;
+                slope = (c[2] - c[0]) / (2.0 * step);
+                curvature = (c[0] - 2.0 * c[1] + c[2]) / (2.0 * step * step);
+                third = (c[3] - c[0] + 3.0 * (c[1] - c[2])) / (6.0 * step * step * step);
+            } else {
+                value = __builtin_nan("");
+            }
+        }
+        found[l] = knot;
+        found[lanes + l] = value;
+        found[2 * lanes + l] = slope;
+        found[3 * lanes + l] = curvature;
+        found[4 * lanes + l] = third;
+    }
+}

@@ -15,4 +15,18 @@
 void look_up(const double *edges, const double *rows, int64_t knots, int64_t terms, int64_t numbers, double period,
              int64_t lanes, const double *x, double *found);
 
+/* Sampled path of one realisation: a cubic B-spline with equal steps. */
+typedef struct {
+    double step;   /* distance of knots, which are its multiples */
+    int64_t begin; /* number of the first knot */
+    int64_t count; /* number of coefficients; none: the path has no values yet */
+    const double *coefficients;
+} Path;
+
+/* Look up paths for some lanes; each lane has a path of its own.
+
+   x (2, lanes):     arguments, then addresses of paths; an address that is none stands for a path of zeros
+   found (5, lanes): the knot before the argument, and the coefficients of the cubic about it; NaN beyond the ends */
+void look_up_path(int64_t lanes, const double *x, double *found);
+
 #endif

@@ -9,6 +9,7 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later, excitations_of
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.layout import Layout, ParameterMap, state_arguments
+from uqmbd.dynamics.equations.paths import PathFamily, path_families, path_values
 from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of, squares_of
 from uqmbd.dynamics.equations.model import Model, Statement, break_times
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
@@ -32,6 +33,7 @@ __all__ = [
     "Model",
     "OutputMap",
     "ParameterMap",
+    "PathFamily",
     "Placement",
     "Statement",
     "Tables",
@@ -48,6 +50,8 @@ __all__ = [
     "links",
     "mechanism_terms",
     "output_map",
+    "path_families",
+    "path_values",
     "plain",
     "signs_of",
     "squares_of",

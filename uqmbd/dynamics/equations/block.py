@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -33,6 +33,7 @@ from uqmbd.mechanism import (
     Constraint,
     Event,
     ExcitationSymbol,
+    PathSymbol,
     Frame,
     HeldSymbol,
     Kinetic,
@@ -166,11 +167,13 @@ class Instance:
     type: BlockType
     bodies: tuple[Body, ...]
     parameters: tuple[sympy.Expr, ...]
-    """Values of the local parameters, expressions in random variables; coefficients of excitations are zero."""
+    """Values of the local parameters, expressions in random variables; coefficients and paths of excitations are zero."""
     held: tuple[HeldSymbol | AuxiliarySymbol, ...] = ()
     """Commands and states of controllers in the parameters, then auxiliary states of other components."""
     excitations: tuple[ExcitationSymbol, ...] = ()
     """Coefficients of excitations, in the order of ``type.excited``."""
+    paths: Mapping[int, PathSymbol] = field(default_factory=dict)
+    """Sampled paths, by the number of the local parameter that contains the address."""
 
 
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
@@ -190,8 +193,9 @@ def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -
     if key not in known:
         sizes = len(parameters), len(held), coupled, tuple(excitations)
         known[key] = _build_block(component, space, bodies, kinds, values, counted, *sizes)
-    numbers = tuple(sympy.S.Zero if k in excitations else p for k, p in enumerate(parameters))
-    return Instance(component, known[key], tuple(bodies), numbers, held, tuple(excitations.values()))
+    paths = {k: p for k, p in enumerate(parameters) if isinstance(p, PathSymbol)}
+    numbers = tuple(sympy.S.Zero if k in excitations or k in paths else p for k, p in enumerate(parameters))
+    return Instance(component, known[key], tuple(bodies), numbers, held, tuple(excitations.values()), paths)
 
 
 def _build_block(

@@ -17,6 +17,7 @@ from uqmbd.mechanism import (
     Component,
     ExcitationSymbol,
     HeldSymbol,
+    PathSymbol,
     Space,
     StateSymbol,
     angles_in,
@@ -65,7 +66,7 @@ def localise(
 ) -> tuple[dict[str, Any], list[CountedAngle], list[sympy.Expr], tuple[Any, ...]]:
     """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state.
 
-    Coefficients of excitations are parameters, too.
+    Coefficients and paths of excitations are parameters, too.
     """
     parameters: list[sympy.Expr] = []
     angles = angles_in(component.values.values())
@@ -90,7 +91,7 @@ def localise(
             return symbol_for(entry)
         mapping = dict(local)
         for symbol in sorted(entry.free_symbols, key=str):
-            if isinstance(symbol, (RandomVariable, ExcitationSymbol)):
+            if isinstance(symbol, (RandomVariable, ExcitationSymbol, PathSymbol)):
                 mapping[symbol] = symbol_for(symbol)
             elif isinstance(symbol, StateSymbol) and symbol not in mapping:
                 if symbol.quantity != "angular_velocity":

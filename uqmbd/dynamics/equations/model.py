@@ -14,6 +14,7 @@ import sympy
 from uqmbd.dynamics.equations.evaluators import Evaluators
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout, ParameterMap
 from uqmbd.dynamics.equations.limits import Limit, Tensor
+from uqmbd.dynamics.equations.paths import PathFamily
 from uqmbd.errors import Finding
 from uqmbd.mechanism import Spline
 from uqmbd.typing import Array, Index
@@ -107,6 +108,8 @@ class Model:
     """Names of components that prescribe an angle (`Component.prescribed_angle`)."""
     excitations: int = 0
     """Number of coefficients of excitations."""
+    paths: tuple[PathFamily, ...] = ()
+    """Families of sampled paths of excitations."""
     start_at: str = "drawn"
     """Start of realisations: ``drawn`` (assembled from the drawn pose) or ``equilibrium``."""
 

@@ -26,6 +26,7 @@ from uqmbd.mechanism import (
     Body,
     Component,
     ExcitationSymbol,
+    PathSymbol,
     HeldStates,
     HeldSymbol,
     JointAngle,
@@ -172,6 +173,8 @@ def output_map(
             symbols[symbol] = sympy.Symbol(holder, real=True)
         elif isinstance(symbol, ExcitationSymbol):
             symbols[symbol] = sympy.Symbol(f"_g{_excited(symbol, coefficients)}", real=True)
+        elif isinstance(symbol, PathSymbol):
+            symbols[symbol] = sympy.Symbol(f"_g{_path(symbol, instances, places)}", real=True)
         elif isinstance(symbol, HeldSymbol):
             symbols[symbol] = sympy.Symbol(column("s", _held(symbol, instances, places)), real=True)
         elif isinstance(symbol, AuxiliarySymbol):
@@ -260,6 +263,16 @@ def _excited(symbol: ExcitationSymbol, coefficients: dict[ExcitationSymbol, list
             "a force, a driver or a road, with the same argument."
         )
     return coefficients[symbol][0]
+
+
+def _path(symbol: PathSymbol, instances: list[Instance], places: list[Placement]) -> int:
+    """Return a parameter that is the address of a sampled path; `_excited` has refused paths that act nowhere."""
+    return next(
+        int(place.parameters[k])
+        for instance, place in zip(instances, places, strict=True)
+        for k, path in instance.paths.items()
+        if path == symbol
+    )
 
 
 def _gradient(expression: Any, groups: list[list[Any]]) -> list[Any]:

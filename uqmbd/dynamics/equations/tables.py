@@ -13,16 +13,20 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism import LOOKED_UP, Spline, SplineTable, polynomial
+from uqmbd.compiled import PATHS, PathTable
+from uqmbd.mechanism import LOOKED_UP, SampledPath, Spline, SplineTable, polynomial
 
 __all__ = ["Tables"]
+
+PATH_NAME = "_path"
+"""Name of the look-up function of sampled paths."""
 
 
 class Tables:
     """Converter from SymPy to SymEngine, with storage of the tables in expressions."""
 
     def __init__(self) -> None:
-        self.known: dict[str, SplineTable] = {}
+        self.known: dict[str, SplineTable | PathTable] = {}
         self._symbols: dict[Any, Any] = {}  # symbol of an application of a table
         self._applications: dict[Any, Any] = {}  # application of a symbol, without symbols inside it
 
@@ -36,16 +40,21 @@ class Tables:
         result = se.sympify(local)
         return result.xreplace({**(inserted or {}), **found}) if inserted or found else result
 
-    def _cubic(self, spline: Spline, inserted: Mapping[Any, Any] | None) -> Any:
-        x, *terms = (self.converted(e, inserted) for e in (spline.argument, *spline.random_terms))
-        knot, *coefficients = (self._symbol(spline.table, which, x, terms) for which in range(LOOKED_UP))
+    def _cubic(self, spline: Spline | SampledPath, inserted: Mapping[Any, Any] | None) -> Any:
+        terms: Sequence[Any]
+        if isinstance(spline, SampledPath):
+            name, table, terms = PATH_NAME, PATHS, [spline.args[2]]
+        else:
+            name, table, terms = spline.table.name, spline.table, spline.random_terms
+        self.known[name] = table
+        x, *terms = (self.converted(e, inserted) for e in (spline.argument, *terms))
+        knot, *coefficients = (self._symbol(name, which, x, terms) for which in range(LOOKED_UP))
         return polynomial(spline.order, x - knot, *coefficients)
 
-    def _symbol(self, table: SplineTable, which: int, x: Any, terms: list[Any]) -> Any:
+    def _symbol(self, name: str, which: int, x: Any, terms: list[Any]) -> Any:
         import symengine as se
 
-        self.known[table.name] = table
-        return self._standing_for(se.Function(table.name)(se.Integer(which), *self.applied([x, *terms])))
+        return self._standing_for(se.Function(name)(se.Integer(which), *self.applied([x, *terms])))
 
     def _standing_for(self, application: Any) -> Any:
         import symengine as se
@@ -71,9 +80,9 @@ class Tables:
         return list(se.Function("_all")(*expressions).xreplace(self._applications).args) if expressions else []
 
 
-def _outermost(expression: sympy.Expr) -> list[Spline]:
-    """Return the splines outside other splines, in a fixed order."""
-    found: dict[Spline, None] = {}
+def _outermost(expression: sympy.Expr) -> list[Spline | SampledPath]:
+    """Return the splines and sampled paths outside others, in a fixed order."""
+    found: dict[Spline | SampledPath, None] = {}
     seen: set[Any] = set()
     waiting: list[Any] = [expression]
     while waiting:
@@ -81,7 +90,7 @@ def _outermost(expression: sympy.Expr) -> list[Spline]:
         if part in seen:
             continue
         seen.add(part)
-        if isinstance(part, Spline):
+        if isinstance(part, (Spline, SampledPath)):
             found[part] = None
         else:
             waiting += part.args

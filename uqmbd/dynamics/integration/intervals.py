@@ -66,7 +66,11 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
     With `knots`, intervals also end at knots of tables over time, where no quantity jumps for a method of variable
     order.
     """
-    return _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
+    found = _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
+    if ensemble.paths is None:
+        return found
+    longest = float(ensemble.paths.longest_steps(rtol).min(initial=np.inf))
+    return tuple(interval._replace(longest=min(interval.longest, longest)) for interval in found)
 
 
 def _laid(
@@ -137,22 +141,27 @@ def intervals_of_members(
     longest = min(longest, longest_step(model.rough, times))
     inner = samples[(samples > times[0]) & (samples < times[-1])]
 
-    def laid(intervals: tuple[Interval, ...]) -> tuple[Interval, ...]:
+    longest_steps = np.full(len(batch), longest)
+    if batch.paths is not None:
+        longest_steps = np.minimum(longest, batch.paths.longest_steps(rtol))
+
+    def laid(intervals: tuple[Interval, ...], longest: float) -> tuple[Interval, ...]:
         intervals = tuple(Interval(end, min(own, longest), jumps and jumping) for end, own, jumps in intervals)
         return _cut(intervals, inner) if len(inner) else intervals
 
     # realisations with the same breaks, functions of time and tables over time have the same intervals
-    about = [batch.breaks]
+    about = [batch.breaks, longest_steps[:, None]]
     if model.timed is not None:
         about += [batch.values[:, uses] for uses in model.timed.uses]
     if model.tables:
         about.append(model.tables.lines(batch.values))
     alike = np.concatenate(about, axis=1)
-    if not alike.shape[1]:
-        alike = np.zeros((len(batch), 1))
     _, first, which = np.unique(np.nan_to_num(alike, nan=np.inf), axis=0, return_index=True, return_inverse=True)
     own = [
-        laid(_laid(model, batch.values[k : k + 1], batch.breaks[k : k + 1], times, rtol, knots=True))
+        laid(
+            _laid(model, batch.values[k : k + 1], batch.breaks[k : k + 1], times, rtol, knots=True),
+            float(longest_steps[k]),
+        )
         for k in first.tolist()
     ]
     return own if len(own) == 1 else [own[k] for k in which.ravel().tolist()]

@@ -116,6 +116,8 @@ def integrate(
     independent equations became dependent during the motion, and that others were chosen.
     """
     require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
+    if ensemble.paths is not None:
+        ensemble.paths.reach(float(times[0]), float(times[-1]))
     cls = integrator_class(method)
     integrator = cls()
     recorded = between and capabilities_of(cls).dense_output

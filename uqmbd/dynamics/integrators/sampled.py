@@ -146,7 +146,8 @@ def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -
     lost = np.asarray(~np.isfinite(a).all(axis=1)).tolist()
     messages = tuple(f"the accelerations are not determined at t = {time:.6g} s" if x else "" for x in lost)
     start = Start(q, s, v, a, rates, multipliers, messages, np.zeros(len(q), dtype=bool))
-    return Ensemble(model, ensemble.values[members], start=start)
+    paths = None if ensemble.paths is None else ensemble.paths.select(members)
+    return Ensemble(model, ensemble.values[members], start=start, paths=paths)
 
 
 def _continued_projection(projected: ProjectedEquations, time: float, state: Array) -> ProjectedEquations:

@@ -237,6 +237,7 @@ def scalars_of(
     model = ensemble.model
     seen: ScalarMap = wanted or model.scalars
     count = len(ensemble)
+    still = ensemble.without_paths()
     start = ensemble.start
     messages = list(start.messages)
     status = start.status
@@ -250,20 +251,20 @@ def scalars_of(
             if reason and status[k] == Status.OK:
                 messages[k], status[k] = reason, kind
 
-    poses = {"start": (start.q, start.s)}
+    poses = {"start": (still.start.q, still.start.s)}
     if seen.needs_equilibrium:
-        found = static_equilibria(ensemble)
+        found = static_equilibria(still)
         fail(np.arange(count), found.messages)
         poses["equilibrium"] = (found.q, found.s)
     going = None
     if seen.needs_steady_motion:
-        going = steady_motions(ensemble)
+        going = steady_motions(still)
         fail(np.arange(count), going.messages)
     for pose in sorted(seen.modal.poses):
         good = np.flatnonzero(status == Status.OK)
         if not len(good):
             break
-        some = ensemble.select(good)
+        some = still.select(good)
         if pose == "steady" and going is not None:
             stable = going.select(good)
             modes, reasons = linearise_steady(some, stable)
@@ -282,7 +283,7 @@ def scalars_of(
         if seen.responses is None or not len(good):
             break
         q, s = (x[good] for x in poses[pose])
-        numbers, found_values, reasons = seen.responses.evaluate(ensemble.select(good), pose, q, s)
+        numbers, found_values, reasons = seen.responses.evaluate(still.select(good), pose, q, s)
         columns[np.ix_(good, ends[4] + np.array(numbers, dtype=np.int64))] = found_values
         fail(good, reasons)
     if seen.needs_motion:
@@ -297,10 +298,10 @@ def scalars_of(
     good = np.flatnonzero(status == Status.OK)
     if seen.resting.names and len(good):
         q, s = (x[good] for x in poses["equilibrium"])
-        columns[good, ends[1] : ends[2]] = _at_rest(ensemble.select(good), seen.resting, q, s)
+        columns[good, ends[1] : ends[2]] = _at_rest(still.select(good), seen.resting, q, s)
     good = np.flatnonzero(status == Status.OK)
     if seen.steady.names and going is not None and len(good):
-        columns[good, ends[2] : ends[3]], reasons = _in_motion(ensemble.select(good), seen.steady, going.select(good))
+        columns[good, ends[2] : ends[3]], reasons = _in_motion(still.select(good), seen.steady, going.select(good))
         fail(good, reasons)
     good = np.flatnonzero(status == Status.OK)
     if seen.summed.names and trajectories is not None and len(good):

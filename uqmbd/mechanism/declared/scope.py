@@ -19,7 +19,7 @@ from uqmbd.mechanism.components import (
 )
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.declared.output import Output
-from uqmbd.mechanism.expressions import ExcitationSymbol, ScalarSymbol, flatten, is_scalar, t, unknown_symbol
+from uqmbd.mechanism.expressions import ExcitationSymbol, PathSymbol, ScalarSymbol, flatten, is_scalar, t, unknown_symbol
 from uqmbd.mechanism.geometry import Space
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import Dimension
@@ -75,7 +75,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
     for symbol in sorted(symbols, key=str):
         if isinstance(symbol, (RandomVariable, ScalarSymbol)):
             continue
-        if isinstance(symbol, ExcitationSymbol):
+        if isinstance(symbol, (ExcitationSymbol, PathSymbol)):
             _require_scope(where, symbol, scope)
             continue
         if isinstance(symbol, StateSymbol):

@@ -7,7 +7,16 @@ from uqmbd.mechanism.expressions.cubic_spline import Spline, spline
 from uqmbd.mechanism.expressions.custom_summaries import CustomSummary, DeclaredSummary, summary
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
-from uqmbd.mechanism.expressions.excitations import ORDERS, Excitation, ExcitationSymbol, excitation
+from uqmbd.mechanism.expressions.excitations import (
+    MEAN_KEY,
+    ORDERS,
+    Excitation,
+    ExcitationSymbol,
+    PathSymbol,
+    SampledPath,
+    excitation,
+    path_keys,
+)
 from uqmbd.mechanism.expressions.linear_outputs import DeclaredLinearOutput, LinearOutput, linear_output
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
@@ -67,7 +76,11 @@ __all__ = [
     "ExcitationSymbol",
     "LinearOutput",
     "ORDERS",
+    "MEAN_KEY",
+    "PathSymbol",
+    "SampledPath",
     "excitation",
+    "path_keys",
     "linear_output",
     "summary",
     "LARGEST",

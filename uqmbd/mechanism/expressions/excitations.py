@@ -10,11 +10,24 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import FunctionData, OwnFunction
 from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.expressions.user_values import numbers, shown
+from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
 from uqmbd.names import check_name
 from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 
-__all__ = ["ORDERS", "Excitation", "ExcitationSource", "ExcitationSymbol", "excitation"]
+__all__ = [
+    "MEAN_KEY",
+    "ORDERS",
+    "Excitation",
+    "ExcitationSource",
+    "ExcitationSymbol",
+    "PathSymbol",
+    "SampledPath",
+    "excitation",
+    "path_keys",
+]
+
+MEAN_KEY = 0.5
+"""Key of the path of zeros, the mean of all paths; the mean of the distribution of keys."""
 
 ORDERS = 3
 """Number of Taylor coefficients of an excitation: its value, slope and curvature."""
@@ -68,10 +81,73 @@ class ExcitationSymbol(Symbolic, Symbol):
         return (type(self), (self.source, self.argument, self.order))
 
 
+class PathSymbol(Symbolic, Symbol):
+    """Symbol of the sampled path of a source; its value is the key of the path, then the address of the path."""
+
+    source: ExcitationSource
+
+    def __new__(cls, source: ExcitationSource) -> Self:
+        """Make the symbol of a source with sampled paths."""
+        self: Self = sympy.Symbol.__xnew__(cls, f"path of {source.source.name}", real=True)
+        self.source, self.units = source, "1"
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    @property
+    def key(self) -> RandomVariable:
+        """Input that chooses the path."""
+        found: RandomVariable = self.source.source.key
+        return found
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), *self.source._hashable_content())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (type(self), (self.source,))
+
+
+class SampledPath(OwnFunction):
+    """Sampled path at an argument, ``SampledPath(x, order, path)``: a cubic spline with data of the realisation."""
+
+    is_real = True
+    named: ClassVar[bool] = False
+
+    @classmethod
+    def eval(cls, x: Any, order: Any, path: Any) -> sympy.Expr | None:
+        """Return zero for derivatives of a cubic of fourth order."""
+        return sympy.S.Zero if order > 3 else None
+
+    @property
+    def argument(self) -> sympy.Expr:
+        """Argument of the path."""
+        result: sympy.Expr = self.args[0]
+        return result
+
+    @property
+    def order(self) -> int:
+        """Order of the derivative."""
+        return int(self.args[1])
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        """Return the derivative with respect to the argument."""
+        x, order, path = self.args
+        result: sympy.Expr = SampledPath(x, order + 1, path)
+        return result
+
+    def _eval_derivative(self, s: sympy.Symbol) -> sympy.Expr:
+        return self.fdiff() * self.argument.diff(s)
+
+    def _eval_evalf(self, prec: int) -> None:
+        """Do nothing: only kernels have the values of a path."""
+
+
 class Excitation(OwnFunction):
     """Excitation at an argument, ``Excitation(x, source, order, *coefficients)``; `order` is the order of derivative.
 
-    In equations, a polynomial of the argument replaces the excitation; its coefficients have the value zero.
+    In equations, a polynomial of the argument replaces the excitation; its coefficients have the value zero.  The
+    sampled path of a source with paths is added; its `PathSymbol` is then the last argument.
     """
 
     is_real = True
@@ -96,8 +172,9 @@ class Excitation(OwnFunction):
         """Return the polynomial that replaces the excitation in equations."""
         x, _, order, *coefficients = self.args
         first = int(order)
-        rest = enumerate(coefficients[first:])
-        return sympy.Add(*(c * x**k / sympy.factorial(k) for k, c in rest))
+        rest = enumerate(coefficients[first:ORDERS])
+        paths = [SampledPath(x, first, path) for path in coefficients[ORDERS:]]
+        return sympy.Add(*(c * x**k / sympy.factorial(k) for k, c in rest), *paths)
 
     def _eval_evalf(self, prec: int) -> None:
         """Do nothing: an excitation has no value."""
@@ -112,14 +189,21 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
 
     An excitation is an unknown function ``w(x)`` of an argument ``x`` that is linear in time. Every parameter that may
     contain `uqmbd.t` may contain an excitation. Outputs of the linearised mechanism (`uqmbd.extend.linear_output`) may
-    also contain excitations. An excitation has no values: it is zero in an assembly, in an equilibrium and in modes.
-    The motion of a mechanism with an excitation cannot be integrated.
+    also contain excitations. An excitation is zero in modes, in linearisations, and in outputs at equilibrium.
+
+    A source with sampled paths also has values over time, so that the motion can be integrated. An input of the
+    mechanism, the key of the source, chooses the path of a realisation.
 
     Parameters
     ----------
     source : object
         Object of a plugin that describes the excitation, for use in linear outputs. The object has the attributes
-        ``name`` and ``units``, can be pickled, and has a different ``repr`` than other sources.
+        ``name`` and ``units``, can be pickled, and has a different ``repr`` than other sources.  A source with sampled
+        paths also has the attribute ``key``, from `uqmbd.extend.path_key`, and the method ``sample_paths(sources, keys,
+        begin, end)``: it returns ``(first, step, coefficients)`` for keys (K,) and arguments from `begin` to `end`.
+        ``coefficients`` (K, source, n) are those of cubic B-splines: the value at the knot ``first + i step``, a
+        multiple of ``step``, is ``(c[i] + 4 c[i+1] + c[i+2]) / 6``.  Sources with the same key are sampled together.
+        A path must depend on its key and the sources only, not on the interval or on other keys.
     argument : expression
         Argument, ``speed * uqmbd.t + offset``; `speed` and `offset` may contain random variables.
 
@@ -161,5 +245,17 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
             "expected speed * uqmbd.t + offset with a constant speed."
         )
     atom = ExcitationSource(source)
-    found: sympy.Expr = Excitation(x, atom, 0, *(ExcitationSymbol(atom, x, k) for k in range(ORDERS)))
+    coefficients = [ExcitationSymbol(atom, x, k) for k in range(ORDERS)]
+    paths = [] if getattr(source, "key", None) is None else [PathSymbol(atom)]
+    found: sympy.Expr = Excitation(x, atom, 0, *coefficients, *paths)
     return found
+
+
+def path_keys(value: Any) -> set[RandomVariable]:
+    """Return the keys of the sampled paths that occur in a value.
+
+    >>> path_keys((1, None, "text", t))
+    set()
+    """
+    symbols = {s for part in flatten(value) if isinstance(part, sympy.Basic) for s in part.free_symbols}
+    return {s.key for s in symbols if isinstance(s, PathSymbol)}

@@ -156,7 +156,7 @@ def compute_chunk(
     model: Model = given.value() if isinstance(given, Packed) else given
     # on blocks of some dozen rows, several threads are slower; their number would also change the last bits
     with one_thread():
-        ensemble = Ensemble(model, values)
+        ensemble = Ensemble(model, values, until=float(times[-1]) if needs_motion(model, kind) else None)
         scalars = model.scalars if kind != "requirements" else None
         moves, between = needs_motion(model, kind), model.needs_dense_output
         trajectories = integrate(ensemble, times, rtol, integrator, between=between) if moves else None

@@ -1,0 +1,72 @@
+"""Families of sampled paths of excitations in the equations of a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.layout import ParameterMap
+from uqmbd.mechanism import PathSymbol, t
+from uqmbd.randomness import RandomVariable
+from uqmbd.typing import Array
+
+__all__ = ["PathFamily", "path_families", "path_values"]
+
+
+@dataclass(frozen=True)
+class PathFamily:
+    """Sources whose paths are drawn together by one key, such as wind at several points."""
+
+    sources: tuple[Any, ...]
+    column: int  # of the key in the inputs
+    parameters: tuple[tuple[int, ...], ...]  # for each source: parameters of the model that are addresses of its path
+    lines: ParameterMap  # from inputs to slopes, then offsets, of all arguments
+
+    def reach(self, values: Array, begin: float, end: float) -> tuple[float, float]:
+        """Return the interval of the arguments of inputs (K, input) between two times, s."""
+        slope, offset = np.split(self.lines(values), 2, axis=1)
+        ends = np.concatenate([slope * begin + offset, slope * end + offset])
+        ends = ends[np.isfinite(ends)]
+        return (float(ends.min()), float(ends.max())) if ends.size else (0.0, 0.0)
+
+
+def path_values(instances: Sequence[Instance], inputs: Sequence[RandomVariable]) -> dict[int, PathSymbol]:
+    """Return the paths whose keys are inputs, by the number of the parameter of the model."""
+    found: dict[int, PathSymbol] = {}
+    first = 0
+    for instance in instances:
+        found |= {first + k: path for k, path in instance.paths.items() if path.key in inputs}
+        first += len(instance.parameters)
+    return found
+
+
+def path_families(instances: Sequence[Instance], inputs: Sequence[RandomVariable]) -> tuple[PathFamily, ...]:
+    """Return the families of paths whose keys are inputs, in the order of the inputs."""
+    parameters: dict[PathSymbol, list[int]] = {}
+    for k, path in path_values(instances, inputs).items():
+        parameters.setdefault(path, []).append(k)
+    arguments: dict[Any, dict[sympy.Expr, None]] = {}
+    for instance in instances:
+        for coefficient in instance.excitations:
+            arguments.setdefault(coefficient.source, {})[coefficient.argument] = None
+    found = []
+    for column, key in enumerate(inputs):
+        paths = sorted((path for path in parameters if path.key == key), key=lambda path: str(path.source.source.name))
+        if not paths:
+            continue
+        lines = sorted({x for path in paths for x in arguments[path.source]}, key=str)
+        ends = [*(x.diff(t) for x in lines), *(x.subs(t, 0) for x in lines)]
+        found.append(
+            PathFamily(
+                tuple(path.source.source for path in paths),
+                column,
+                tuple(tuple(parameters[path]) for path in paths),
+                ParameterMap.of(ends, inputs),
+            )
+        )
+    return tuple(found)
