@@ -120,6 +120,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
     """
 
     name: ClassVar[str] = "monte-carlo"
+    accepts_keys: ClassVar[bool] = True
     requirements: ClassVar[bool] = True
     samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 500
     seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
@@ -224,6 +225,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
         inputs = study.mechanism.inputs
         if reason := uqmbd.extend.nothing_random(inputs, study.mechanism.name):
             return reason
+        if reason := self._no_surrogate(inputs):
+            return reason
         if isinstance(self.control, uqmbd.extend.Propagator) and (found := self.control.obstacle(study)):
             return f"the control {self.control.name!r} is not possible: {found}"
         if isinstance(self.control, LowFidelity):
@@ -235,9 +238,23 @@ class MonteCarlo(uqmbd.extend.Propagator):
                 return found
         return obstacle_of(inputs) if self.sobol_indices else None
 
+    def _no_surrogate(self, inputs: uqmbd.extend.JointInput) -> str | None:
+        """Return the reason why a surrogate cannot be the control: the outputs depend on sampled paths."""
+        if self.control is None or isinstance(self.control, LowFidelity):
+            return None
+        keys = [variable.name for variable in inputs.variables if variable.is_key]
+        if not keys:
+            return None
+        return (
+            f"control is {self.control!r}, but no surrogate exists for outputs that depend on sampled paths of "
+            f"{keys[0]!r}; omit control, or use a study of less accuracy with the same processes"
+        )
+
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Sample, compute, and return statistics."""
         problem.require_random()
+        if reason := self._no_surrogate(problem.inputs):
+            raise uqmbd.StudyError(f"{problem.label}: {reason}.")
         if self.sobol_indices and (obstacle := obstacle_of(problem.inputs)):
             raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")
         if self.samples <= self.keep or problem.folder is not None:

@@ -161,6 +161,8 @@ class RandomVariable(Symbolic, Symbol):
         return self
 
     def _hashable_content(self) -> tuple[Any, ...]:
+        if self.joint.key:  # keys of one name are equal: they choose the same paths
+            return (*super()._hashable_content(), "key")
         # SymPy's cache must not exchange two variables of one name with different distributions.
         return (*super()._hashable_content(), id(self.joint), self.component)
 

@@ -11,6 +11,7 @@ import sympy
 
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.layout import ParameterMap
+from uqmbd.errors import StudyError
 from uqmbd.mechanism import PathSymbol, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
@@ -59,6 +60,9 @@ def path_families(instances: Sequence[Instance], inputs: Sequence[RandomVariable
         paths = sorted((path for path in parameters if path.key == key), key=lambda path: str(path.source.source.name))
         if not paths:
             continue
+        names = [path.source.source.name for path in paths]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise StudyError(f"two different random processes have the name {twice!r}; give each a different name.")
         lines = sorted({x for path in paths for x in arguments[path.source]}, key=str)
         ends = [*(x.diff(t) for x in lines), *(x.subs(t, 0) for x in lines)]
         found.append(

@@ -52,6 +52,11 @@ class Propagator(ABC):
     If `Problem.answers_requirements` is true, the node of such a method has the child ``requirements``
     (`uqmbd.extend.requirements_dataset`). Other methods run on the margins as if they were outputs.
     """
+    accepts_keys: ClassVar[bool] = False
+    """Whether the method accepts keys of sampled paths (`uqmbd.extend.path_key`), on which no result depends smoothly.
+
+    A method that only samples its inputs accepts keys; a method that interpolates or searches in its inputs does not.
+    """
     label: str | None = None
 
     def __new__(cls, *arguments: Any, **options: Any) -> Self:

@@ -28,7 +28,7 @@ from uqmbd.propagation.methods.estimate import readable
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.methods.studied import Studied
 from uqmbd.propagation.problem import Problem
-from uqmbd.randomness import why_not_drawn
+from uqmbd.randomness import JointInput, why_not_drawn
 from uqmbd.results import clopper_pearson, requirements_of
 from uqmbd.results.chaos import stored_surrogates, verified_std, verified_trials
 from uqmbd.results.schema import (
@@ -61,6 +61,8 @@ def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
     """Return the reason why a method cannot compute a study, in one sentence, or None; check the memory first."""
     if not len(study.mechanism.inputs):
         return propagator.obstacle(study)
+    if refused := refused_key(propagator, study.mechanism.inputs):
+        return refused
     try:
         found = propagator.estimate(study)
     except StudyError as error:
@@ -79,6 +81,17 @@ def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
     return propagator.obstacle(study)
 
 
+def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
+    """Return the reason why a method cannot compute a mechanism with sampled paths, or None."""
+    keys = [variable.name for variable in inputs.variables if variable.is_key]
+    if not keys or propagator.accepts_keys:
+        return None
+    return (
+        f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
+        f"{propagator.name!r} cannot build a surrogate. Use MonteCarlo, or outputs of the stationary response"
+    )
+
+
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
     """Run a method on the outputs over time, on scalar outputs, and on the margins of requirements.
 
@@ -93,6 +106,8 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``. The
     attribute ``further_realisations`` counts those that only scalar outputs or margins of requirements required.
     """
+    if refused := refused_key(propagator, problem.inputs):
+        raise StudyError(f"{problem.label}: {refused}.")
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
     progress = UntilTheEnd(problem.progress, lasting=problem.label)
