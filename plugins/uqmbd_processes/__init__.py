@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uqmbd
-from uqmbd_processes.checks import UnusedProcesses
+from uqmbd_processes.checks import LostVariance, UnusedProcesses
 from uqmbd_processes.densities import PowerSpectralDensity
 from uqmbd_processes.filters import exponential_covariance
 from uqmbd_processes.process import RandomProcess
@@ -37,4 +37,4 @@ __all__ = [
 @uqmbd.hookimpl
 def uqmbd_checks() -> list[type]:
     """Return the checks of this package."""
-    return [UnusedProcesses]
+    return [UnusedProcesses, LostVariance]

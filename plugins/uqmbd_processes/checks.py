@@ -2,42 +2,133 @@
 
 from __future__ import annotations
 
+import copy
+import math
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd_processes.densities import PowerSpectralDensity
 from uqmbd_processes.process import RandomProcess
+from uqmbd_processes.spectral_moments import moments
 
-__all__ = ["UnusedProcesses"]
+__all__ = ["LostVariance", "UnusedProcesses"]
+
+if TYPE_CHECKING:
+    from uqmbd.extend import LinearSystem
+
+MUCH = 0.01
+"""Share of the variance of an output above the highest frequency of sampled paths that is a probable mistake."""
+
+
+UNITS = {"distance": "cycle/m", "time": "Hz"}
+"""Unit of the frequency of a process."""
 
 
 class UnusedProcesses:
-    """Find random processes that act on a mechanism without an output of the stationary response."""
+    """Find random processes that act on a mechanism whose outputs do not depend on them."""
 
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
-        """Yield a finding for each component with a process, if no output reads a response."""
+        """Yield a finding for each component with a process, if no output reads a response or a motion."""
         mechanism = study.mechanism
         if any(getattr(x, "declared", None) is not None for o in mechanism.observed() for x in _parts(o.expression)):
             return
+        if any(variable.is_key for variable in mechanism.inputs.variables):
+            return
         for component in mechanism.components.values():
-            symbols = {s for value in component.values.values() for s in _symbols(value)}
-            names = {s.source.source.name for s in symbols if _is_process(s)}
-            for name in sorted(names):
+            for name in sorted(process.name for process in _processes(component)):
                 place = f"{type(component).__name__} {component.name!r}"
                 yield uqmbd.extend.Finding(
                     uqmbd.extend.Severity.WARNING,
                     place,
-                    f"{place} contains the random process {name!r}, and no output reads the stationary response",
-                    "Record an output such as stationary_std(...)",
+                    f"{place} contains the random process {name!r}, and no output reads the response",
+                    "Record an output such as stationary_std(...), or an output over time",
                 )
+
+
+class LostVariance:
+    """State what outputs over time lose because sampled paths have a highest frequency, by the linear response."""
+
+    def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
+        """Yield a finding for each process whose sampled paths lose variance."""
+        mechanism = study.mechanism
+        if not mechanism.outputs or not any(variable.is_key for variable in mechanism.inputs.variables):
+            return
+        found = {p.name: p for component in mechanism.components.values() for p in _processes(component)}
+        lossy = {name: p for name, p in sorted(found.items()) if math.isfinite(p.variance) and p.lost_variance}
+        if not lossy:
+            return
+        shares, unknown = _lost_shares(mechanism, float(study.times[0]))
+        parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
+        parts += [f"an unknown part of {output!r} ({reason})" for output, reason in unknown.items()]
+        much = bool(unknown) or max(shares.values(), default=0.0) > MUCH
+        ends = [f"{p.sampled_band[1] / (2 * math.pi):.4g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items()]
+        yield uqmbd.extend.Finding(
+            uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
+            f"random process {next(iter(lossy))!r}",
+            f"sampled paths of random processes end at a frequency ({', '.join(ends)}); without the higher "
+            f"frequencies, the variances of the linear response at the means lack {', '.join(parts)}",
+            "Give the process a higher cutoff=, or a spectrum with a band" if much else "",
+        )
+
+
+@uqmbd.extend.linear_output(power=0)
+def _lost_share(system: LinearSystem) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the share of the variance above the highest frequencies of the sampled paths."""
+    whole, reasons = moments(system, (0,))
+    sources = [channel.source for channel in system.channels]
+    own = [k for k, p in enumerate(sources) if math.isfinite(p.variance) and p.lost_variance]
+    tails = tuple(replace(system.channels[k], source=_tail(sources[k])) for k in own)
+    lost, more = moments(replace(system, b=system.b[:, :, own], e=system.e[:, :, own], channels=tails), (0,))
+    with np.errstate(all="ignore"):
+        return lost[0] / whole[0], [one or other for one, other in zip(reasons, more, strict=True)]
+
+
+def _percent(share: float) -> str:
+    return "below 0.001 %" if share < 1e-5 else f"{100 * share:.2g} %"
+
+
+def _tail(process: RandomProcess) -> RandomProcess:
+    """Return the process of the frequencies above the sampled ones."""
+    angular: Any = "rad/s" if process.over == "time" else "rad/m"
+    density = PowerSpectralDensity(process.two_sided, "two", angular, (process.sampled_band[1], process.band[1]))
+    return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None)
+
+
+def _lost_shares(mechanism: Any, time: float) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the lost share of the variance of each output at the means, and reasons for unknown ones."""
+    shares: dict[str, float] = {}
+    unknown: dict[str, str] = {}
+    for output in mechanism.outputs.values():
+        seen = copy.copy(mechanism)
+        seen.outputs, seen.scalars, seen.requirements, seen.margins, seen._memory = {}, {}, {}, {}, {}
+        try:
+            seen.output("share", _lost_share(output.expression))
+            share = float(uqmbd.simulate(seen, [time, time + 1.0])["share"])
+        except (uqmbd.StudyError, uqmbd.AssemblyError, uqmbd.IntegrationError) as error:
+            unknown[output.name] = str(error).rstrip(".")
+            continue
+        if math.isfinite(share):
+            shares[output.name] = share
+    return shares, unknown
 
 
 def _parts(expression: Any) -> set[Any]:
     """Return the functions in an expression."""
     found: set[Any] = expression.atoms(sympy.Function) if isinstance(expression, sympy.Basic) else set()
     return found
+
+
+def _processes(component: Any) -> list[RandomProcess]:
+    """Return the processes in the parameters of a component."""
+    symbols = {s for value in component.values.values() for s in _symbols(value)}
+    sources = {id(s.source.source): s.source.source for s in symbols if _is_process(s)}
+    return list(sources.values())
 
 
 def _symbols(value: Any) -> set[Any]:

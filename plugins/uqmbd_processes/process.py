@@ -145,6 +145,7 @@ class RandomProcess:
             object.__setattr__(self, "record", record)
         object.__setattr__(self, "_density", density)
         object.__setattr__(self, "_shape", shape)
+        object.__setattr__(self, "_key", uqmbd.extend.path_key(self.family))
 
     def _check_units(self, where: str, known: str) -> None:
         """Adopt the units of the spectral density, and refuse others."""
@@ -236,6 +237,12 @@ class RandomProcess:
     def sampled_period(self) -> float:
         """Period after which sampled paths repeat, m or s."""
         return self._lines.period
+
+    @property
+    def key(self) -> uqmbd.RandomVariable:
+        """Input of mechanisms with outputs over time, which chooses the sampled path of a realisation."""
+        found: uqmbd.RandomVariable = vars(self)["_key"]
+        return found
 
     @property
     def sampled_band(self) -> tuple[float, float]:

@@ -62,6 +62,7 @@ from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
 
+
 def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
     """Return the part of a model for assembly, with independent equations chosen at the means; `time` in s.
 

@@ -89,7 +89,7 @@ class SampledPaths:
 
 
 def _sampled(family: PathFamily, keys: Array, low: float, high: float) -> tuple[float, float, Array]:
-    """Return the first knot, the distance of knots and coefficients (K, source, n); raise for results of other shape."""
+    """Return the first knot, the distance of knots and the coefficients (K, source, n); raise if they are invalid."""
     sources = family.sources
     first, step, found = sources[0].sample_paths(sources, keys, low, high)
     coefficients = np.ascontiguousarray(found, dtype=float)

@@ -15,7 +15,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import StateSymbol, as_symbolic, random_variables, t
 from uqmbd.propagation.execution import Kind, compute_chunk
 from uqmbd.randomness import JointInput, RandomVariable, exists, moment_orders
-from uqmbd.results.schema import with_reasons
+from uqmbd.results.schema import InputInfo, with_reasons
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -25,7 +25,16 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Model
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["POINTS", "Existence", "affordable", "existence_of", "grows", "unused_inputs", "nothing_random"]
+__all__ = [
+    "POINTS",
+    "Existence",
+    "affordable",
+    "existence_of",
+    "grows",
+    "input_info",
+    "unused_inputs",
+    "nothing_random",
+]
 
 
 @typechecked
@@ -49,6 +58,11 @@ def nothing_random(inputs: JointInput, mechanism: str) -> str | None:
     if len(inputs):
         return None
     return f"mechanism {mechanism!r} has no random variables; declare a uqmbd.RandomVariable, or use uqmbd.simulate"
+
+
+def input_info(variable: RandomVariable) -> InputInfo:
+    """Return the labels of a random variable in results."""
+    return InputInfo(variable.name, variable.units, variable.description, variable.is_key)
 
 
 AT_LEAST = 8

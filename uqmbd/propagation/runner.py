@@ -41,9 +41,9 @@ from uqmbd.propagation.execution import (
     run_tasks,
     threads_of,
 )
-from uqmbd.propagation.inputs import Existence, nothing_random
+from uqmbd.propagation.inputs import Existence, input_info, nothing_random
 from uqmbd.randomness import JointInput, RandomVariable
-from uqmbd.results.schema import InputInfo, Labels, OutputInfo, labels
+from uqmbd.results.schema import Labels, OutputInfo, labels
 from uqmbd.typing import Array
 
 __all__ = ["ProblemData", "Runner"]
@@ -249,7 +249,7 @@ class ProblemData:
             outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, turns, strict=True)]
         if self.chosen is not None:
             outputs = [output for output in outputs if output.name in self.chosen]
-        return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in self.inputs.variables], self.times)
+        return labels(outputs, [input_info(v) for v in self.inputs.variables], self.times)
 
     @cached_property
     def packed(self) -> Packed:

@@ -9,10 +9,10 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later, excitations_of
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.layout import Layout, ParameterMap, state_arguments
-from uqmbd.dynamics.equations.paths import PathFamily, path_families, path_values
 from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of, squares_of
 from uqmbd.dynamics.equations.model import Model, Statement, break_times
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
+from uqmbd.dynamics.equations.paths import PathFamily, path_families, path_values
 from uqmbd.dynamics.equations.start_conditions import Conditions, compiled_conditions, inputs_of_conditions
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms

@@ -33,11 +33,11 @@ from uqmbd.mechanism import (
     Constraint,
     Event,
     ExcitationSymbol,
-    PathSymbol,
     Frame,
     HeldSymbol,
     Kinetic,
     Local,
+    PathSymbol,
     Potential,
     Separation,
     Space,
@@ -167,7 +167,7 @@ class Instance:
     type: BlockType
     bodies: tuple[Body, ...]
     parameters: tuple[sympy.Expr, ...]
-    """Values of the local parameters, expressions in random variables; coefficients and paths of excitations are zero."""
+    """Values of the local parameters, in random variables; coefficients and paths of excitations are zero."""
     held: tuple[HeldSymbol | AuxiliarySymbol, ...] = ()
     """Commands and states of controllers in the parameters, then auxiliary states of other components."""
     excitations: tuple[ExcitationSymbol, ...] = ()

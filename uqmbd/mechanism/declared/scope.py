@@ -19,7 +19,15 @@ from uqmbd.mechanism.components import (
 )
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.declared.output import Output
-from uqmbd.mechanism.expressions import ExcitationSymbol, PathSymbol, ScalarSymbol, flatten, is_scalar, t, unknown_symbol
+from uqmbd.mechanism.expressions import (
+    ExcitationSymbol,
+    PathSymbol,
+    ScalarSymbol,
+    flatten,
+    is_scalar,
+    t,
+    unknown_symbol,
+)
 from uqmbd.mechanism.geometry import Space
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import Dimension

@@ -23,6 +23,7 @@ from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
 from uqmbd.propagation.chaos import warn_of_surrogates
 from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
+from uqmbd.propagation.inputs import input_info
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.methods.estimate import readable
 from uqmbd.propagation.methods.propagator import Propagator
@@ -34,7 +35,6 @@ from uqmbd.results.chaos import stored_surrogates, verified_std, verified_trials
 from uqmbd.results.schema import (
     CHILDREN,
     KIND,
-    InputInfo,
     Labels,
     check_kind,
     check_probabilities,
@@ -178,7 +178,7 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> tuple[xr.
         nodes[one.kind] = found
         first = problem.runner.spending.computed if one is asked[0] else first
     further = problem.runner.spending.computed - first
-    inputs = tuple(InputInfo(v.name, v.units, v.description) for v in problem.inputs.variables)
+    inputs = tuple(map(input_info, problem.inputs.variables))
     about = (problem.label, Labels((), inputs, problem.times))
     node = nodes.get("outputs")
     if "scalars" in nodes:

@@ -162,6 +162,11 @@ def collect_nearest_data(
     samples = {
         kind: part.children["samples"].to_dataset() for kind, part in parts.items() if "samples" in part.children
     }
+    # realisations with neighbouring keys have independent paths
+    samples = {
+        kind: data.isel(input=~data["input_key"].values) if "input_key" in data.coords else data
+        for kind, data in samples.items()
+    }
     samples = {kind: data for kind, data in samples.items() if data.sizes.get("output") and data.sizes.get("input")}
     if not outputs:
         samples.pop("histories", None)

@@ -61,6 +61,8 @@ class InputInfo:
         Units of the input; empty if none are stated.
     description : str
         Distribution of the input, as text.
+    key : bool
+        Whether the input is the key of sampled paths (`uqmbd.extend.path_key`), on which no result depends smoothly.
 
     Examples
     --------
@@ -72,6 +74,7 @@ class InputInfo:
     name: str
     units: str = ""
     description: str = ""
+    key: bool = False
 
 
 _Info = TypeVar("_Info", OutputInfo, InputInfo)
@@ -137,8 +140,9 @@ class Labels:
         return coords
 
     def input_coords(self) -> dict[str, Any]:
-        """Return the coordinates ``input``, ``input_units`` and ``input_description``."""
-        return {
+        """Return the coordinates ``input``, ``input_units``, ``input_description``, and ``input_key`` of keys."""
+        keys = [i.key for i in self.inputs]
+        return ({"input_key": ("input", np.array(keys))} if any(keys) else {}) | {
             "input": ("input", fixed_width(i.name for i in self.inputs)),
             "input_units": ("input", fixed_width(i.units for i in self.inputs)),
             "input_description": ("input", fixed_width(i.description for i in self.inputs)),
