@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -28,12 +28,20 @@ _ROUNDING = 32.0 * np.finfo(float).eps
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """Estimates of Sobol' indices and their 95 % intervals, without truncation at 0 and 1."""
+    """Estimates of Sobol' indices and their 95 % intervals, without truncation at 0 and 1; of inputs or of groups."""
 
     first: Array  # (input, ...)
     total: Array  # (input, ...)
+    shared: Array  # (input, ...) total - first: due to interactions
     first_interval: Array  # (2, input, ...) lower and upper ends
     total_interval: Array  # (2, input, ...)
+    shared_interval: Array  # (2, input, ...)
+
+    def part(self, members: slice) -> SobolIndices:
+        """Return the indices of some inputs."""
+        whole = self.first[members], self.total[members], self.shared[members]
+        ends = self.first_interval, self.total_interval, self.shared_interval
+        return SobolIndices(*whole, *(x[:, members] for x in ends))
 
 
 def obstacle_of(inputs: Any) -> str | None:
@@ -61,16 +69,17 @@ def obstacle_of(inputs: Any) -> str | None:
     return None
 
 
-def mixed_inputs(a: Array, b: Array) -> Array:
-    """Return the further inputs (d * N, d) of pick-freeze.
+def mixed_inputs(a: Array, b: Array, groups: Sequence[Sequence[int]] | None = None) -> Array:
+    """Return the further inputs (G * N, d) of pick-freeze.
 
-    The result contains d copies of a (N, d), one after another; in copy i, input i is taken from b (N, d). a and b are
-    independent samples of independent inputs.
+    The result contains G copies of a (N, d), one after another; in copy i, the inputs of group i are taken from b (N,
+    d). By default each input is a group. a and b are independent samples of independent inputs.
     """
     count, dimension = a.shape
-    found = np.tile(a, (dimension, 1)).reshape(dimension, count, dimension)
-    for k in range(dimension):
-        found[k, :, k] = b[:, k]
+    groups = [[k] for k in range(dimension)] if groups is None else groups
+    found = np.tile(a, (len(groups), 1)).reshape(len(groups), count, dimension)
+    for k, group in enumerate(groups):
+        found[k][:, list(group)] = b[:, list(group)]
     return found.reshape(-1, dimension)
 
 
@@ -145,14 +154,15 @@ class PickFreeze:
         whole, count = sums.sum(axis=1, keepdims=True), sums.shape[1]
         estimates = _estimates(whole, varies)
         without = _estimates(np.maximum(whole - sums, 0.0), varies)
+        estimates, without = (np.concatenate([x, x[1:] - x[:1]]) for x in (estimates, without))
         spread = np.square(without - without.mean(axis=2, keepdims=True)).sum(axis=2)
         reach = np.full_like(spread, np.nan)
         if count > 1:
             reach = stdtrit(count - 1, LEVEL) * np.sqrt((count - 1) / count * spread)
         estimates = estimates[:, :, 0]
         shape = (estimates.shape[1], *self.shape)
-        ends = np.stack([estimates - reach, estimates + reach], axis=1).reshape(2, 2, *shape)
-        return SobolIndices(*estimates.reshape(2, *shape), *ends)
+        ends = np.stack([estimates - reach, estimates + reach], axis=1).reshape(3, 2, *shape)
+        return SobolIndices(*estimates.reshape(3, *shape), *ends)
 
 
 def _estimates(sums: Array, varies: Any) -> Array:

@@ -42,7 +42,7 @@ from uqmbd_montecarlo.lowfidelity import (
     mismatch,
 )
 from uqmbd_montecarlo.pickfreeze import obstacle_of
-from uqmbd_montecarlo.sensitivity import SobolRun, rows_at_once, run_sobol
+from uqmbd_montecarlo.sensitivity import SobolRun, group_count, rows_at_once, run_sobol
 from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
@@ -94,6 +94,9 @@ class MonteCarlo(uqmbd.extend.Propagator):
         Estimate first and total Sobol' indices with 95 % jackknife intervals by the pick-freeze method. The inputs must
         be independent. The samples form N = `samples` / 2 pairs, and each input needs N further realisations. The total
         is N (d + 2) realisations for d inputs. At most `keep` realisations are in memory at once.
+
+        If there are sampled paths of random processes, ``variance_share`` contains the shares of the variance due to
+        parameters alone, paths alone, and interactions of both. With several processes they need N more realisations.
 
         For designs with dependent points (Sobol', Halton, Latin hypercube), the two samples of a pair are the halves of
         a point in 2 d dimensions. The intervals are then computed over the replicates. All other statistics are
@@ -189,8 +192,9 @@ class MonteCarlo(uqmbd.extend.Propagator):
         # include the sorted copies for quantiles
         memory = 8 * kept * (3 * values + inputs)
         if self.sobol_indices:
-            total += self.samples // 2 * inputs
-            memory += 8 * rows_at_once(self.samples // 2, inputs, self.keep) * (inputs + 2) * (values + inputs)
+            groups = group_count(study.mechanism.inputs)
+            total += self.samples // 2 * groups
+            memory += 8 * rows_at_once(self.samples // 2, groups, self.keep) * (groups + 2) * (values + inputs)
         disk = 8 * (kept if self.samples <= kept else kept + self.samples) * (values + inputs)
         found = uqmbd.extend.Estimate(total, memory, f"{kept} stored samples", disk=disk)
         if isinstance(self.control, LowFidelity):

@@ -15,7 +15,7 @@ from uqmbd.results import Status
 from uqmbd.typing import Array, Index
 from uqmbd_montecarlo.pickfreeze import PickFreeze, SobolIndices, mixed_inputs
 
-__all__ = ["SobolRun", "rows_at_once", "run_sobol"]
+__all__ = ["SobolRun", "group_count", "rows_at_once", "run_sobol"]
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,14 @@ class SobolRun:
     wall_time: float
     replicates: int = 0
     """Number of replicates of a design with dependent points."""
+    groups: int = 0  # number of inputs or groups of inputs with indices
     without: Mapping[str, str] = field(default_factory=dict)
     """Reasons of outputs without indices, by name."""
 
     @property
     def words(self) -> str:
         """Description of the computation in a sentence."""
-        d = len(self.variables["input"])
+        d = self.groups
         if not self.rows:
             return f"no Sobol' indices: {next(iter(self.without.values()))}"
         blocks = f"the {self.replicates} replicates of the design" if self.replicates else "blocks of rows"
@@ -80,16 +81,18 @@ def run_sobol(
     outside the region in which the output occurs. Raise IntegrationError if the share of failures exceeds
     `max_failures`.
     """
-    count, dimension = len(values) // 2, len(problem.inputs)
+    count = len(values) // 2
+    groups = _groups(problem.inputs)
+    dimension = len(groups)
     names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)
     late = Counter(problem.runner.observed.missing)
     if any(late.values()):
         # for outputs requested together; outputs that always occur are requested again without the others
         beside = dict.fromkeys(names, "another output of the same request does not occur in some realisations")
         without = beside | _late({names[k]: late[k] for k in late}, problem.runner.observed.counted)
-        unknown = np.full((2, 2, dimension, *problem.labels.shape), np.nan)
-        indices = SobolIndices(unknown[0, 0], unknown[1, 0], unknown[:, 0], unknown[:, 1])
-        return SobolRun(_variables(indices, problem.labels, without), *nothing, replicates, without)
+        unknown = np.full((2, dimension, *problem.labels.shape), np.nan)
+        indices = SobolIndices(*[unknown[0]] * 3, *[unknown] * 3)
+        return SobolRun(_variables(indices, problem, without), *nothing, replicates, dimension, without)
     first, second = pairs
     # these realisations are not samples of the inputs, so they do not enter the counts of missing outputs
     other = problem.part(f"{problem.label}: Sobol' indices")
@@ -98,7 +101,7 @@ def run_sobol(
     step = rows_at_once(count, dimension, keep)
     for start in range(0, count, step):
         part = slice(start, min(start + step, count))
-        found = other.realise(mixed_inputs(values[first[part]], values[second[part]]))
+        found = other.realise(mixed_inputs(values[first[part]], values[second[part]], groups))
         halves = [_at(responses, where[part]) for where in (first, second)]
         censored = found.status == Status.CENSORED
         fine = (found.good | censored).reshape(dimension, -1)
@@ -129,8 +132,8 @@ def run_sobol(
         )
     without = _late({names[k]: late[k] for k in late}, dimension * count)
     about = used, count - used, dimension * count, failures, reason
-    variables = _variables(sums.indices(), problem.labels, without)
-    return SobolRun(variables, *about, counters, wall_time, replicates, without)
+    variables = _variables(sums.indices(), problem, without)
+    return SobolRun(variables, *about, counters, wall_time, replicates, dimension, without)
 
 
 def _late(missing: Mapping[str, int], of: int) -> dict[str, str]:
@@ -151,7 +154,26 @@ def _at(responses: Callable[[int, int], Array], places: Index) -> Array:
     return np.concatenate([responses(int(run[0]), int(run[-1]) + 1) for run in runs])
 
 
-def _variables(found: SobolIndices, labels: uqmbd.extend.Labels, without: Mapping[str, str]) -> xr.Dataset:
+def _groups(inputs: uqmbd.extend.JointInput) -> list[list[int]]:
+    """Return the groups of inputs with indices: each input, then the keys of all sampled paths if there are several."""
+    keys = _keys(inputs)
+    return [[k] for k in range(len(inputs))] + ([keys] if 1 < len(keys) < len(inputs) else [])
+
+
+def group_count(inputs: uqmbd.extend.JointInput) -> int:
+    """Return the number of groups of inputs with indices."""
+    return len(_groups(inputs))
+
+
+def _keys(inputs: uqmbd.extend.JointInput) -> list[int]:
+    return [k for k, variable in enumerate(inputs.variables) if variable.is_key]
+
+
+def _variables(found: SobolIndices, problem: uqmbd.extend.Problem, without: Mapping[str, str]) -> xr.Dataset:
+    labels, count, keys = problem.labels, len(problem.inputs), _keys(problem.inputs)
+    # the last group contains all keys; a single key is the group
+    paths = found.part(slice(keys[0], keys[0] + 1) if len(keys) == 1 else slice(count, None))
+    found = found.part(slice(count))
     dims = ("input", *labels.dims)
     about = "not cut off at 0 and 1; 0 where the output does not vary"
     names = {"sobol_first": "first-order Sobol' index", "sobol_total": "total Sobol' index"}
@@ -162,6 +184,15 @@ def _variables(found: SobolIndices, labels: uqmbd.extend.Labels, without: Mappin
         ends = getattr(found, f"{short}_interval")
         variables[f"{name}_interval"] = (("bound", *dims), ends, {"long_name": f"95 % interval of the {words}"})
     coords = {"bound": ("bound", ["lower", "upper"]), **labels.input_coords(), **labels.output_coords()}
+    if 0 < len(keys) < count:
+        coords["origin"] = ("origin", ["parameters", "paths", "both"])
+        about = "of the variance: due to parameters alone, sampled paths alone, and interactions of both"
+        shares = np.concatenate([1.0 - paths.total, paths.first, paths.shared])
+        ends = np.concatenate([1.0 - paths.total_interval[::-1], paths.first_interval, paths.shared_interval], axis=1)
+        split = ("origin", *labels.dims)
+        variables["variance_share"] = (split, shares, {"long_name": f"share {about}"})
+        about = f"95 % interval of the share {about}"
+        variables["variance_share_interval"] = (("bound", *split), ends, {"long_name": about})
     data = xr.Dataset(variables, coords=coords)
     if not without:
         return data

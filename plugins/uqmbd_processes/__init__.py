@@ -7,6 +7,7 @@ from uqmbd_processes.checks import LostVariance, UnusedProcesses
 from uqmbd_processes.densities import PowerSpectralDensity
 from uqmbd_processes.filters import exponential_covariance
 from uqmbd_processes.process import RandomProcess
+from uqmbd_processes.reporting import VarianceSection
 from uqmbd_processes.spectra import davenport_coherence, iso8608, kaimal, kanai_tajimi, von_karman, white_noise
 from uqmbd_processes.stationary import (
     crossing_rate,
@@ -38,3 +39,9 @@ __all__ = [
 def uqmbd_checks() -> list[type]:
     """Return the checks of this package."""
     return [UnusedProcesses, LostVariance]
+
+
+@uqmbd.hookimpl
+def uqmbd_report_sections() -> list[type]:
+    """Return the report sections of this package."""
+    return [VarianceSection]
