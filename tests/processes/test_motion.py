@@ -1,0 +1,196 @@
+"""Motions of mechanisms with sampled paths, against the stationary response, closed forms and exact discretisation."""
+
+from __future__ import annotations
+
+import chaospy
+import numpy as np
+import pytest
+import scipy.linalg
+
+import uqmbd
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_processes import (
+    PowerSpectralDensity,
+    RandomProcess,
+    exponential_covariance,
+    iso8608,
+    stationary_std,
+    white_noise,
+)
+from uqmbd_springs import PointForce, RadialTyre, SpringDamper
+
+MASS, STIFFNESS, DAMPING = 1.0, 36.0, 2.4
+CORRELATION = 0.5
+"""Correlation time of the force, s."""
+
+
+def force(**options):
+    return RandomProcess("gust", covariance=exponential_covariance(3.0, CORRELATION), units="N", **options)
+
+
+def oscillator(process, damping=DAMPING):
+    """Mass on a spring with a random force; its position at rest is 1 m."""
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    body = mechanism.body("body", mass=MASS, position=1.0)
+    mechanism.add(SpringDamper("spring", mechanism.ground, body, 0, 0, STIFFNESS, damping=damping, free_length=1))
+    mechanism.add(PointForce("push", body, 0, process()))
+    return mechanism, body
+
+
+def run(mechanism, samples, times, **options):
+    return uqmbd.Study("s", mechanism, times, [MonteCarlo(samples=samples, seed=7, **options)]).run()["monte-carlo"]
+
+
+@pytest.mark.thorough
+def test_sampled_motions_have_the_stationary_deviation():
+    mechanism, body = oscillator(force(cutoff=20.0))
+    for name, expression in (("position", body.position[0]), ("velocity", body.velocity[0])):
+        mechanism.output(name, expression)
+        mechanism.output(f"deviation_of_{name}", stationary_std(expression))
+    times = np.concatenate([[0.0], np.arange(6.0, 14.0)])
+    node = run(mechanism, 800, times)
+    found = node["samples"]["response"].values[:, :, 1:].std(axis=2, mean=np.array([1.0, 0.0])[None, :, None])
+    found = np.sqrt(np.square(found).mean(axis=0))
+    expected = node["scalars/statistics"]["mean"].values
+    # eight times a second apart are almost independent; four standard errors
+    assert np.abs(found / expected - 1).max() < 4 / np.sqrt(2 * 800 * 6)
+
+
+def discretised(level, end, step, count, seed):
+    """Return whether the position exceeds a level, for exactly discretised motions at many times, from rest."""
+    rate = 1 / CORRELATION
+    a = np.array([[0, 1, 0], [-STIFFNESS / MASS, -DAMPING / MASS, 1 / MASS], [0, 0, -rate]])
+    noise = np.zeros((3, 3))
+    noise[2, 2] = 2 * rate * 3.0**2
+    # Van Loan 1978: transition and covariance of a step
+    block = scipy.linalg.expm(step * np.block([[-a, noise], [np.zeros((3, 3)), a.T]]))
+    transition = block[3:, 3:].T
+    root = np.linalg.cholesky(transition @ block[:3, 3:])
+    generator = np.random.default_rng(seed)
+    state = np.zeros((count, 3))
+    state[:, 2] = 3.0 * generator.standard_normal(count)
+    above = np.zeros(count, dtype=bool)
+    for _ in range(round(end / step)):
+        state = state @ transition.T + generator.standard_normal((count, 3)) @ root.T
+        above |= state[:, 0] > level
+    return above.mean()
+
+
+@pytest.mark.slow
+def test_first_passage_probability():
+    """Probability that a level is exceeded within ten seconds, against 100,000 motions of exact discretisation."""
+    level, end = 0.25, 10.0
+    mechanism, body = oscillator(force(cutoff=30.0))
+    mechanism.output("position", body.position[0], units="m")
+    mechanism.require("near", body.position[0] <= 1.0 + level)
+    node = run(mechanism, 4000, np.linspace(0, end, 101))
+    found = float(node["requirements"]["violation_probability"])
+    expected = discretised(level, end, 0.005, 100_000, 3)
+    assert 0.1 < expected < 0.9
+    error = np.sqrt(expected * (1 - expected) * (1 / 4000 + 1 / 100_000))
+    assert abs(found - expected) < 3 * error + 0.003, (found, expected, error)
+
+
+@pytest.mark.slow
+def test_the_split_of_the_variance_is_that_of_the_closed_form():
+    """The square of the position x: given the damping, x is normal with the variance s(damping)."""
+    damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
+    mechanism, body = oscillator(force(cutoff=20.0), damping)
+    mechanism.output("square", (body.position[0] - 1) ** 2, units="m^2")
+    node = run(mechanism, 8000, [0.0, 14.0], sobol_indices=True)
+    shares = node["statistics"]["variance_share"].sel(output="square").values[:, 1]
+    ends = node["statistics"]["variance_share_interval"].sel(output="square").values[:, :, 1]
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    values = 3.25 + 2.75 * nodes
+    rate = 1 / CORRELATION
+    noise = np.diag([0, 0, 2 * rate * 3.0**2])
+    a = [np.array([[0, 1, 0], [-STIFFNESS, -c, 1], [0, 0, -rate]]) for c in values]
+    variance = np.array([scipy.linalg.solve_continuous_lyapunov(x, -noise)[0, 0] for x in a])
+    mean, square = weights @ variance / 2, weights @ variance**2 / 2
+    expected = (square - mean**2) / (3 * square - mean**2)
+    half = (ends[1, 0] - ends[0, 0]) / 2
+    assert half < 0.1
+    assert abs(shares[0] - expected) < 2 * half, (shares, expected, half)
+    np.testing.assert_allclose(shares.sum(), 1.0, atol=1e-9)
+
+
+def test_the_variance_is_split_with_one_and_with_several_processes():
+    damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
+    times = [0.0, 1.0, 2.0]
+    for second in (False, True):
+        mechanism, body = oscillator(force(cutoff=5.0), damping)
+        if second:
+            other = RandomProcess("wave", covariance=exponential_covariance(1.0, 1.0), units="N", cutoff=5.0)
+            mechanism.add(PointForce("second", body, 0, other()))
+        mechanism.output("position", body.position[0], units="m")
+        node = run(mechanism, 64, times, sobol_indices=True)
+        data = node["statistics"]
+        assert data["origin"].values.tolist() == ["parameters", "paths", "both"]
+        np.testing.assert_allclose(data["variance_share"].sum("origin").values[0, 1:], 1.0, atol=1e-9)
+        assert node.attrs["realisations"] == 64 + 32 * (4 if second else 2)
+        if not second:
+            paths = data["variance_share"].sel(origin="paths")
+            np.testing.assert_array_equal(paths, data["sobol_first"].sel(input="gust"))
+
+
+def test_a_delayed_wheel_has_the_same_path():
+    """Two wheels on one road: the second moves as the first did 0.1 s before."""
+    road = RandomProcess("road", psd=iso8608("C", band=(0.05, 2.0)), over="distance", units="m")
+    mechanism = uqmbd.Mechanism("wheels", uqmbd.Line(gravity=-9.81))
+    for name, offset in (("front", 0.0), ("rear", -2.0)):
+        wheel = mechanism.body(name, mass=40, position=0.3)
+        path = road(20 * uqmbd.t + offset)
+        mechanism.add(
+            RadialTyre(f"tyre_{name}", mechanism.ground, wheel, 0, road=path, radius=0.32, stiffness=2e4, damping=2e3)
+        )
+        mechanism.output(name, wheel.position[0], units="m")
+    node = run(mechanism, 4, np.linspace(0, 3, 61))
+    front, rear = np.moveaxis(node["samples"]["response"].values, 1, 0)
+    np.testing.assert_allclose(rear[:, 42:], front[:, 40:-2], atol=2e-5)
+    assert np.ptp(front) > 1e-3
+
+
+def test_the_loss_of_each_output_is_that_of_the_limited_spectrum():
+    limit = 2.0
+    process = force(cutoff=limit)
+    mechanism, body = oscillator(process)
+    mechanism.output("position", body.position[0], units="m")
+    mechanism.output("acceleration", body.acceleration[0], units="m/s^2")
+    study = uqmbd.Study("s", mechanism, [0.0, 1.0], [MonteCarlo(samples=2)])
+    (finding,) = [x for x in uqmbd.findings(study) if "sampled paths" in x.message]
+    found = []
+    for band in ((0.0, limit), (0.0, np.inf)):
+        density = PowerSpectralDensity(lambda f: process.two_sided(2 * np.pi * f) * 2 * np.pi, "two", "Hz", band)
+        other, body = oscillator(RandomProcess("gust", psd=density, units="N"))
+        other.output("position", stationary_std(body.position[0]))
+        other.output("acceleration", stationary_std(body.acceleration[0]))
+        values = uqmbd.simulate(other, [0.0, 1.0])
+        found.append([float(values[name]) ** 2 for name in ("position", "acceleration")])
+    lost = 1 - np.divide(*found)
+    stated = [float(part.split(" %")[0].split()[-1]) / 100 for part in finding.message.split("lack")[1].split(",")]
+    np.testing.assert_allclose(stated, lost, rtol=0.06)
+    assert finding.severity is uqmbd.extend.Severity.WARNING
+
+
+def test_white_noise_has_no_path():
+    noise = RandomProcess("noise", psd=white_noise(1.0, "two", "Hz"), units="N")
+    mechanism, body = oscillator(noise)
+    mechanism.output("position", body.position[0], units="m")
+    with pytest.raises(uqmbd.StudyError, match=r"'noise'.*no finite variance, like white noise.*band="):
+        run(mechanism, 4, [0.0, 1.0])
+
+
+def test_a_path_does_not_repeat_within_a_motion():
+    mechanism, body = oscillator(force(cutoff=20.0, length=5.0))
+    mechanism.output("position", body.position[0], units="m")
+    with pytest.raises(uqmbd.StudyError, match=r"repeat after 5 s; write length=\d"):
+        run(mechanism, 4, [0.0, 6.0])
+
+
+def test_two_processes_of_one_name_are_refused():
+    mechanism, body = oscillator(force(cutoff=20.0))
+    other = RandomProcess("gust", covariance=exponential_covariance(1.0, 1.0), units="N", cutoff=5.0)
+    mechanism.add(PointForce("second", body, 0, other()))
+    mechanism.output("position", body.position[0], units="m")
+    with pytest.raises(uqmbd.StudyError, match=r"two different random processes have the name 'gust'"):
+        run(mechanism, 4, [0.0, 1.0])
