@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, Program, ProgramWriter, cached, compile_kernel, replaced
+from uqmbd.compiled import Kernel, PathTable, Program, ProgramWriter, cached, compile_kernel, replaced
 from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
@@ -217,7 +217,7 @@ def fused(
 
         names = {column: se.Symbol(f"_y{column}") for column in columns.values()}
         sums: dict[tuple[Any, ...], list[Any]] = {}
-        tables: dict[str, SplineTable] = {}
+        tables: dict[str, SplineTable | PathTable] = {}
         for block, place in zip(blocks, places, strict=True):
             derived = derive(block)
             swap = {

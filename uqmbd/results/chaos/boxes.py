@@ -193,7 +193,7 @@ def read_surrogate(
     inputs = zip(*(data[x].values for x in ("input", "input_units", "input_description")), strict=True)
     labels = Labels(
         outputs=output_infos(data),
-        inputs=tuple(InputInfo(*map(str, texts)) for texts in inputs),
+        inputs=tuple(InputInfo(str(name), str(units), str(text)) for name, units, text in inputs),
         times=np.array(data["time"].values, dtype=float) if "time" in data.coords else None,
     )
     return data, labels, GermSpace.from_dataset(data)
