@@ -42,7 +42,7 @@ def check_units(title: str, component: Component, space: Space) -> None:
     Raise AssertionError if a dimension is wrong. The test omits terms without a parameter in other units than m, such
     as a term with an implicit stiffness of one. It also omits powers with a parameter as exponent, which affects the
     units of their factor, and components with a law of the user. A state without stated units has the units of its
-    rate times seconds.
+    rate times seconds, which do not show whether a term contains implicit numbers.
     """
     declared = component.parameters()
     options = [component.values.get(key) for key, parameter in declared.items() if parameter.kind == "option"]
@@ -57,6 +57,7 @@ def check_units(title: str, component: Component, space: Space) -> None:
     terms, _ = component.stated(local)
     states = {symbol: _stated(name, local.units[name]) for name, symbol in local.states.items()}
     named = _named(title, local, states)
+    declared_states = {symbol for symbol, state in states.items() if state.units}
     for term in terms:  # a state without stated units has the units of its rate times seconds
         if isinstance(term, Auxiliary) and not states[term.state].units:
             units = units_of(as_symbolic(term.rate).xreplace(named) * _SECOND, exact=True)
@@ -66,9 +67,8 @@ def check_units(title: str, component: Component, space: Space) -> None:
         for what, expression, units in _claims(term, states):
             inserted = expression.xreplace(named)
             symbols = expression.free_symbols | _within(expression, local)
-            if _tells(
-                inserted, symbols | {states[s] for s in symbols & set(states)}, [*values.values(), *states.values()]
-            ):
+            stated = [states[s] for s in symbols & declared_states]
+            if _tells(inserted, symbols | set(stated), [*values.values(), *stated]):
                 _require(title, what, inserted, units)
 
 
