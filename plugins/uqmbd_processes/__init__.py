@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uqmbd
 from uqmbd_processes.checks import LostVariance, UnusedProcesses
+from uqmbd_processes.common_paths import CommonPaths
 from uqmbd_processes.densities import PowerSpectralDensity
 from uqmbd_processes.filters import exponential_covariance
 from uqmbd_processes.process import RandomProcess
@@ -18,6 +19,7 @@ from uqmbd_processes.stationary import (
 )
 
 __all__ = [
+    "CommonPaths",
     "PowerSpectralDensity",
     "RandomProcess",
     "crossing_rate",
@@ -45,3 +47,9 @@ def uqmbd_checks() -> list[type]:
 def uqmbd_report_sections() -> list[type]:
     """Return the report sections of this package."""
     return [VarianceSection]
+
+
+@uqmbd.hookimpl
+def uqmbd_propagators() -> list[type]:
+    """Return the propagators of this package."""
+    return [CommonPaths]

@@ -26,6 +26,8 @@ MUCH = 0.01
 """Share of the variance of an output above the highest frequency of sampled paths that is a probable mistake."""
 
 
+NONE = "its linear response is zero"
+
 UNITS = {"distance": "cycle/m", "time": "Hz"}
 """Unit of the frequency of a process."""
 
@@ -65,8 +67,8 @@ class LostVariance:
             return
         shares, unknown = _lost_shares(mechanism, float(study.times[0]))
         parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
-        parts += [f"an unknown part of {output!r} ({reason})" for output, reason in unknown.items()]
-        much = bool(unknown) or max(shares.values(), default=0.0) > MUCH
+        parts += [f"an unknown part of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
+        much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
         ends = [f"{p.sampled_band[1] / (2 * math.pi):.4g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items()]
         yield uqmbd.extend.Finding(
             uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
@@ -79,14 +81,15 @@ class LostVariance:
 
 @uqmbd.extend.linear_output(power=0)
 def _lost_share(system: LinearSystem) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the share of the variance above the highest frequencies of the sampled paths."""
+    """Return the share of the variance above the highest frequencies of the sampled paths; -1 without a variance."""
     whole, reasons = moments(system, (0,))
     sources = [channel.source for channel in system.channels]
     own = [k for k, p in enumerate(sources) if math.isfinite(p.variance) and p.lost_variance]
     tails = tuple(replace(system.channels[k], source=_tail(sources[k])) for k in own)
     lost, more = moments(replace(system, b=system.b[:, :, own], e=system.e[:, :, own], channels=tails), (0,))
     with np.errstate(all="ignore"):
-        return lost[0] / whole[0], [one or other for one, other in zip(reasons, more, strict=True)]
+        share = np.where(whole[0] == 0, -1.0, lost[0] / whole[0])
+        return share, [one or other for one, other in zip(reasons, more, strict=True)]
 
 
 def _percent(share: float) -> str:
@@ -101,7 +104,10 @@ def _tail(process: RandomProcess) -> RandomProcess:
 
 
 def _lost_shares(mechanism: Any, time: float) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the lost share of the variance of each output at the means, and reasons for unknown ones."""
+    """Return the lost share of the variance of each output at the means, and reasons for unknown ones.
+
+    The reason is an empty text if the linear response of an output is zero.
+    """
     shares: dict[str, float] = {}
     unknown: dict[str, str] = {}
     for output in mechanism.outputs.values():
@@ -113,7 +119,9 @@ def _lost_shares(mechanism: Any, time: float) -> tuple[dict[str, float], dict[st
         except (uqmbd.StudyError, uqmbd.AssemblyError, uqmbd.IntegrationError) as error:
             unknown[output.name] = str(error).rstrip(".")
             continue
-        if math.isfinite(share):
+        if share < 0:
+            unknown[output.name] = ""
+        else:
             shares[output.name] = share
     return shares, unknown
 

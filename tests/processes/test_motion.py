@@ -10,6 +10,7 @@ import scipy.linalg
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_processes import (
+    CommonPaths,
     PowerSpectralDensity,
     RandomProcess,
     exponential_covariance,
@@ -17,6 +18,7 @@ from uqmbd_processes import (
     stationary_std,
     white_noise,
 )
+from uqmbd_processes.common_paths import _statistics
 from uqmbd_springs import PointForce, RadialTyre, SpringDamper
 
 MASS, STIFFNESS, DAMPING = 1.0, 36.0, 2.4
@@ -194,3 +196,65 @@ def test_two_processes_of_one_name_are_refused():
     mechanism.output("position", body.position[0], units="m")
     with pytest.raises(uqmbd.StudyError, match=r"two different random processes have the name 'gust'"):
         run(mechanism, 4, [0.0, 1.0])
+
+
+def squared(damping):
+    mechanism, body = oscillator(force(cutoff=10.0), damping)
+    mechanism.output("square", (body.position[0] - 1) ** 2, units="m^2")
+    mechanism.output("position", body.position[0], units="m")
+    return mechanism
+
+
+def stationary_variances(values):
+    rate = 1 / CORRELATION
+    noise = np.diag([0, 0, 2 * rate * 3.0**2])
+    a = [np.array([[0, 1, 0], [-STIFFNESS, -c, 1], [0, 0, -rate]]) for c in values]
+    return np.array([scipy.linalg.solve_continuous_lyapunov(x, -noise)[0, 0] for x in a])
+
+
+@pytest.mark.thorough
+def test_common_paths_have_the_moments_and_shares_of_the_closed_form():
+    damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
+    study = uqmbd.Study("s", squared(damping), [0.0, 14.0], [CommonPaths(order=4, paths=150)])
+    data = study.run()["common-paths/statistics"].to_dataset().isel(time=1)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    variance = stationary_variances(3.25 + 2.75 * nodes)
+    mean, square = weights @ variance / 2, weights @ variance**2 / 2
+    expected = {"square": np.sqrt(3 * square - mean**2), "position": np.sqrt(mean)}
+    for name, std in expected.items():
+        one = data.sel(output=name)
+        assert abs(float(one["std"]) - std) < 4 * float(one["std_error_std"]) < 0.6 * std
+        assert float(one["stated_error"]) < 0.1 * std
+    low, high = data["variance_share_interval"].sel(output="square", origin="parameters").values
+    assert high - low < 0.1
+    share = (square - mean**2) / (3 * square - mean**2)
+    assert low - (high - low) / 2 < share < high + (high - low) / 2
+
+
+def test_jackknife_intervals_of_common_paths_cover_the_shares():
+    """Coefficients are drawn directly: shares and standard deviations are known."""
+    generator = np.random.default_rng(5)
+    axes = uqmbd.extend.labels([("y", "m")], [], [0.0, 1.0])
+    means, stds = np.array([1.0, 0.6, 0.3]), np.array([0.8, 0.4, 0.2])
+    parts = np.array([(means[1:] ** 2).sum(), stds[0] ** 2, (stds[1:] ** 2).sum()])
+    held = np.zeros(4)
+    for _ in range(400):
+        c = (means + stds * generator.standard_normal((40, 3)))[:, :, None, None] * np.ones((1, 2))
+        data = _statistics(axes, c, np.zeros((40, 1, 2))).isel(output=0, time=0)
+        low, high = data["variance_share_interval"].values
+        held[:3] += (low <= parts / parts.sum()) & (parts / parts.sum() <= high)
+        std, error = float(data["std"]), float(data["std_error_std"])
+        held[3] += abs(std - np.sqrt(parts.sum())) <= 2.02 * error
+    assert (held / 400 > 0.9).all(), held / 400
+
+
+def test_common_paths_need_paths_and_parameters():
+    mechanism, body = oscillator(force(cutoff=20.0))
+    mechanism.output("position", body.position[0], units="m")
+    with pytest.raises(uqmbd.StudyError, match="no random variables but its random processes; use MonteCarlo"):
+        uqmbd.Study("s", mechanism, [0.0, 1.0], [CommonPaths()]).run()
+    damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
+    mechanism, body = oscillator(force(cutoff=20.0), damping)
+    mechanism.output("deviation", stationary_std(body.position[0]), units="m")
+    with pytest.raises(uqmbd.StudyError, match="do not depend on sampled paths"):
+        uqmbd.Study("s", mechanism, [0.0, 1.0], [CommonPaths()]).run()

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd import plugins
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning
 from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
@@ -86,9 +87,12 @@ def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
     keys = [variable.name for variable in inputs.variables if variable.is_key]
     if not keys or propagator.accepts_keys:
         return None
+    found = plugins.propagators().items()
+    known = ", ".join(repr(name) for name, method in found if getattr(method, "accepts_keys", False)) or "none"
     return (
         f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
-        f"{propagator.name!r} cannot build a surrogate. Use MonteCarlo, or outputs of the stationary response"
+        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({known}), or outputs of the "
+        "stationary response"
     )
 
 
