@@ -43,7 +43,7 @@ from uqmbd_montecarlo.lowfidelity import (
 )
 from uqmbd_montecarlo.pickfreeze import obstacle_of
 from uqmbd_montecarlo.sensitivity import SobolRun, group_count, rows_at_once, run_sobol
-from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, surrogate_of
+from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, no_surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
@@ -229,7 +229,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         inputs = study.mechanism.inputs
         if reason := uqmbd.extend.nothing_random(inputs, study.mechanism.name):
             return reason
-        if reason := self._no_surrogate(inputs):
+        if reason := no_surrogate(self.control, inputs):
             return reason
         if isinstance(self.control, uqmbd.extend.Propagator) and (found := self.control.obstacle(study)):
             return f"the control {self.control.name!r} is not possible: {found}"
@@ -242,22 +242,10 @@ class MonteCarlo(uqmbd.extend.Propagator):
                 return found
         return obstacle_of(inputs) if self.sobol_indices else None
 
-    def _no_surrogate(self, inputs: uqmbd.extend.JointInput) -> str | None:
-        """Return the reason why a surrogate cannot be the control: the outputs depend on sampled paths."""
-        if self.control is None or isinstance(self.control, LowFidelity):
-            return None
-        keys = [variable.name for variable in inputs.variables if variable.is_key]
-        if not keys:
-            return None
-        return (
-            f"control is {self.control!r}, but no surrogate exists for outputs that depend on sampled paths of "
-            f"{keys[0]!r}; omit control, or use a study of less accuracy with the same processes"
-        )
-
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Sample, compute, and return statistics."""
         problem.require_random()
-        if reason := self._no_surrogate(problem.inputs):
+        if reason := no_surrogate(self.control, problem.inputs):
             raise uqmbd.StudyError(f"{problem.label}: {reason}.")
         if self.sobol_indices and (obstacle := obstacle_of(problem.inputs)):
             raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")

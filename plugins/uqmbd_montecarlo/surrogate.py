@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from uqmbd.results import PolynomialChaos
 from uqmbd.typing import Array
 from uqmbd_montecarlo.controlledsums import ROUNDING
 
-__all__ = ["ChaosControl", "ControlSurrogate", "surrogate_of"]
+__all__ = ["ChaosControl", "ControlSurrogate", "no_surrogate", "surrogate_of"]
 
 
 @dataclass(frozen=True)
@@ -97,3 +98,14 @@ class ChaosControl:
         uniform = self._uniform[first : first + count]
         values = self._chaos.evaluate_germs(self._chaos.space.from_uniform(uniform)).reshape(count, -1)
         return np.asarray((values - self.centre) / self.unit)
+
+
+def no_surrogate(control: Any, inputs: uqmbd.extend.JointInput) -> str | None:
+    """Return the reason why a surrogate cannot be the control: the outputs depend on sampled paths; None if it can."""
+    keys = [variable.name for variable in inputs.variables if variable.is_key]
+    if not keys or not isinstance(control, (uqmbd.extend.Propagator, PolynomialChaos)):
+        return None
+    return (
+        f"control is {control!r}, but no surrogate exists for outputs that depend on sampled paths of {keys[0]!r}; omit "
+        "control, or use a study of less accuracy with the same processes"
+    )

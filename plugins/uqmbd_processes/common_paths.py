@@ -1,7 +1,7 @@
 """Polynomial chaos over the parameters of a mechanism, averaged over common sampled paths of its random processes.
 
-Every path is combined with the same nodes of the parameters, so that the response to one path is a smooth function of
-them (common random numbers). The coefficients of all paths give the split of the variance (Le Maitre and Knio,
+Every path is combined with the same nodes of the parameters (common random numbers). The response to one path is a
+smooth function of the parameters. The coefficients of all paths give the split of the variance (Le Maitre and Knio,
 Reliability Engineering and System Safety 135 (2015) 107-124).
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 
-__all__ = ["CommonPaths"]
+__all__ = ["CommonPaths", "statistics_of_paths"]
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class CommonPaths(uqmbd.extend.Propagator):
                 f"most frequent reason: {found.reason}"
             )
         with problem.timed("error estimation"):
-            statistics = _statistics(problem.labels, np.array(coefficients), np.array(errors))
+            statistics = statistics_of_paths(problem.labels, np.array(coefficients), np.array(errors))
         return problem.node(
             self, statistics, realisations=found.count, counters=found.counters, attrs={"failures": found.failures}
         )
@@ -186,7 +186,7 @@ def _obstacle(inputs: uqmbd.extend.JointInput) -> str | None:
     return None
 
 
-def _statistics(labels: uqmbd.extend.Labels, c: Array, errors: Array) -> xr.Dataset:
+def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) -> xr.Dataset:
     """Return the statistics of coefficients (path, term, output, time) and mean square errors (path, output, time)."""
     from scipy.special import stdtrit
 

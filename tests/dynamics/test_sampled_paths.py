@@ -214,3 +214,15 @@ def test_results_of_another_shape_are_refused():
 
     with pytest.raises(uqmbd.StudyError, match=r"excitation 'shaking': sample_paths returned coefficients between"):
         samples(oscillator(uqmbd.extend.excitation(Wrong(), uqmbd.t)))
+
+
+def test_a_source_without_paths_has_no_motion():
+    @dataclass(frozen=True)
+    class Force:
+        name: str = "force"
+        units: str = "m"
+
+    with pytest.raises(
+        uqmbd.StudyError, match=r"output 'position' requires a simulated motion.* without sampled paths"
+    ):
+        samples(oscillator(uqmbd.extend.excitation(Force(), uqmbd.t)))

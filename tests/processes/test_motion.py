@@ -18,7 +18,7 @@ from uqmbd_processes import (
     stationary_std,
     white_noise,
 )
-from uqmbd_processes.common_paths import _statistics
+from uqmbd_processes.common_paths import statistics_of_paths
 from uqmbd_springs import PointForce, RadialTyre, SpringDamper
 
 MASS, STIFFNESS, DAMPING = 1.0, 36.0, 2.4
@@ -240,7 +240,7 @@ def test_jackknife_intervals_of_common_paths_cover_the_shares():
     held = np.zeros(4)
     for _ in range(400):
         c = (means + stds * generator.standard_normal((40, 3)))[:, :, None, None] * np.ones((1, 2))
-        data = _statistics(axes, c, np.zeros((40, 1, 2))).isel(output=0, time=0)
+        data = statistics_of_paths(axes, c, np.zeros((40, 1, 2))).isel(output=0, time=0)
         low, high = data["variance_share_interval"].values
         held[:3] += (low <= parts / parts.sum()) & (parts / parts.sum() <= high)
         std, error = float(data["std"]), float(data["std_error_std"])

@@ -19,8 +19,9 @@ PATH = np.dtype([("step", "f8"), ("begin", "i8"), ("count", "i8"), ("coefficient
 """Path in memory, as ``Path`` of ``tables.h``."""
 
 DEVIATION = 5e-4
-"""Deviation of the next interval from the cubic before a knot, relative to the size of a path, where the path has eight
-knots in its shortest wavelength and little power there."""
+"""Deviation of the next interval from the cubic before a knot, relative to the size of a path.
+
+The path has eight knots in its shortest wavelength, and little power at this wavelength."""
 
 COUNTS = 100.0
 """Deviation, relative to the tolerance, that matters to a step over a knot, as for tables over time."""

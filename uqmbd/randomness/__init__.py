@@ -18,6 +18,7 @@ from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncate_germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput, why_not_drawn
+from uqmbd.randomness.keys import path_key
 from uqmbd.randomness.monomials import as_numpoly
 from uqmbd.randomness.numpy_reductions import install as install_in_numpy
 from uqmbd.randomness.quadrature import (
@@ -35,7 +36,7 @@ from uqmbd.randomness.random_matrix import random_factor, random_root
 from uqmbd.randomness.space import GermBox, GermSpace, located
 from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import Toleranced, iso286, stated_tolerance, tolerance
-from uqmbd.randomness.variable import RandomVariable, path_key, random_vector, uniform_variable
+from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
 __all__ = [
     "Design",
