@@ -106,6 +106,6 @@ def no_surrogate(control: Any, inputs: uqmbd.extend.JointInput) -> str | None:
     if not keys or not isinstance(control, (uqmbd.extend.Propagator, PolynomialChaos)):
         return None
     return (
-        f"control is {control!r}, but no surrogate exists for outputs that depend on sampled paths of {keys[0]!r}; omit "
-        "control, or use a study of less accuracy with the same processes"
+        f"control is {control!r}, but no surrogate exists for outputs that depend on sampled paths of {keys[0]!r}; "
+        "omit control, or use a study of less accuracy with the same processes"
     )

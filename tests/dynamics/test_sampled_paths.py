@@ -183,7 +183,7 @@ def test_methods_that_need_smoothness_refuse_keys(method):
     mechanism.require("low", mechanism.bodies["body"].position[0] <= 3.4)
     study = uqmbd.Study("s", mechanism, TIMES, [method])
     with pytest.raises(
-        uqmbd.StudyError, match=r"sampled paths of 'shaking'.*accepts them \('common-paths'.*'monte-carlo'"
+        uqmbd.StudyError, match=r"sampled paths of 'shaking'.*accepts them \(.*'monte-carlo'"
     ):
         study.run()
 
