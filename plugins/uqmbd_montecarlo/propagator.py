@@ -95,8 +95,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         be independent. The samples form N = `samples` / 2 pairs, and each input needs N further realisations. The total
         is N (d + 2) realisations for d inputs. At most `keep` realisations are in memory at once.
 
-        If there are sampled paths of random processes, ``variance_share`` contains the shares of the variance due to
-        parameters alone, paths alone, and interactions of both. With several processes they need N more realisations.
+        With sampled paths, ``variance_share`` contains the shares of parameters alone, paths alone, and both.
 
         For designs with dependent points (Sobol', Halton, Latin hypercube), the two samples of a pair are the halves of
         a point in 2 d dimensions. The intervals are then computed over the replicates. All other statistics are
