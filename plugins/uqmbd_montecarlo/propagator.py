@@ -226,9 +226,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Return the obstacle: no random input in the mechanism, or an impossible option."""
         inputs = study.mechanism.inputs
-        if reason := uqmbd.extend.nothing_random(inputs, study.mechanism.name):
-            return reason
-        if reason := no_surrogate(self.control, inputs):
+        nothing = uqmbd.extend.nothing_random(inputs, study.mechanism.name)
+        if reason := nothing or no_surrogate(self.control, inputs):
             return reason
         if isinstance(self.control, uqmbd.extend.Propagator) and (found := self.control.obstacle(study)):
             return f"the control {self.control.name!r} is not possible: {found}"
