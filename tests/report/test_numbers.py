@@ -183,7 +183,7 @@ def test_quantiles_are_shown_with_their_stored_intervals(tmp_path, samples: int,
             assert f'{row[f"q{level}"]} <span class="soft within">{row[f"within{level}"]}</span>' in page
     ends = tree["monte-carlo/scalars/statistics/quantile_interval"].sel(probability=0.95).isel(output=0)
     low, high = format_cells(ends.transpose("bound").values.tolist(), scale=7.0)
-    assert f"m ({low} to {high})" in page and np.isfinite(float(ends[1])) == bounded
+    assert f'm <span class="soft within">{low} to {high}</span>' in page and np.isfinite(float(ends[1])) == bounded
 
 
 def test_quantiles_of_narrow_distributions_have_digits_that_differ() -> None:
