@@ -1,4 +1,7 @@
-"""Random processes: roads, gusts, motions of the ground, and the stationary response of linearised mechanisms."""
+"""Random processes: roads, gusts, motions of the ground, and the stationary response of linearised mechanisms.
+
+Also spectra, orders and cycles of simulated motions.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ from uqmbd_processes.checks import LostVariance, UnusedProcesses
 from uqmbd_processes.common_paths import CommonPaths
 from uqmbd_processes.densities import PowerSpectralDensity
 from uqmbd_processes.filters import exponential_covariance
+from uqmbd_processes.motion_spectra import estimated_psd, order_amplitude
 from uqmbd_processes.process import RandomProcess
+from uqmbd_processes.rainflow_cycles import rainflow_counts, rainflow_damage
 from uqmbd_processes.reporting import VarianceSection
 from uqmbd_processes.spectra import davenport_coherence, iso8608, kaimal, kanai_tajimi, von_karman, white_noise
 from uqmbd_processes.stationary import (
@@ -24,12 +29,16 @@ __all__ = [
     "RandomProcess",
     "crossing_rate",
     "davenport_coherence",
+    "estimated_psd",
     "expected_maximum",
     "exponential_covariance",
     "fatigue_damage",
     "iso8608",
     "kaimal",
     "kanai_tajimi",
+    "order_amplitude",
+    "rainflow_counts",
+    "rainflow_damage",
     "stationary_psd",
     "stationary_std",
     "von_karman",

@@ -9,11 +9,13 @@ import uqmbd
 from uqmbd_processes import (
     RandomProcess,
     crossing_rate,
+    estimated_psd,
     expected_maximum,
     fatigue_damage,
     iso8608,
     kaimal,
     kanai_tajimi,
+    order_amplitude,
     stationary_psd,
     stationary_std,
     von_karman,
@@ -33,6 +35,9 @@ QUANTITIES = {
     "maximum": (lambda mass: expected_maximum(mass.position[0], 600), ("m",)),
     "maximum by Poisson": (lambda mass: expected_maximum(mass.position[0], 600, rule="poisson"), ("m",)),
     "damage": (lambda mass: fatigue_damage(mass.position[0], 600, exponent=4, coefficient=9.0), ("1",)),
+    "estimate": (lambda mass: estimated_psd(mass.position[0], 2, segment=9), ("m^2/Hz", "m^2 s", "m^2 s/rad")),
+    "estimate per rad/s": (lambda mass: estimated_psd(mass.position[0], 2, segment=9, per="rad/s"), ("m^2 s/rad",)),
+    "order": (lambda mass: order_amplitude(mass.position[0], 3.0 * uqmbd.t, 2), ("m",)),
     "process": (lambda mass: stationary_std(FORCE()), ("N",)),
 }
 
@@ -59,6 +64,12 @@ def test_wrong_units_of_a_stationary_output_are_reported(name, units):
     alike = {"m^2/Hz", "m^2 s", "m^2 s/rad"}, {"1/s", "Hz"}
     fits = set(right).union(*(group for group in alike if group & set(right)))
     assert bool(told) == (units not in fits)
+
+
+def test_an_angle_in_other_units_is_reported():
+    mechanism, mass = oscillator()
+    with pytest.warns(uqmbd.UnitsWarning, match="mass.x is in m, but its declared units are rad"):
+        mechanism.output("x", order_amplitude(mass.position[0], mass.position[0], 2), units="m")
 
 
 def test_metres_as_millimetres_are_an_error():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.summaries.domain import Domain, domain_map
+from uqmbd.dynamics.summaries.polynomials import MotionPolynomials
 from uqmbd.dynamics.summaries.summaries import (
     MissingReason,
     SummaryMap,
@@ -11,4 +12,13 @@ from uqmbd.dynamics.summaries.summaries import (
     summary_map,
 )
 
-__all__ = ["Domain", "MissingReason", "SummaryMap", "domain_map", "running_minimum", "summarised", "summary_map"]
+__all__ = [
+    "Domain",
+    "MissingReason",
+    "MotionPolynomials",
+    "SummaryMap",
+    "domain_map",
+    "running_minimum",
+    "summarised",
+    "summary_map",
+]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.summaries.domain import Domain, domain_map, not_finite_since, outside_since, unresolved
 from uqmbd.dynamics.summaries.extremes import SAME, find_extremes
 from uqmbd.dynamics.summaries.motion import motion_of
+from uqmbd.dynamics.summaries.polynomials import MotionPolynomials
 from uqmbd.dynamics.summaries.resolved import SHARE, StepParts, part_table, resolve_outputs, values_at
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import CustomSummary, DeclaredSummary, Output, Summary
@@ -50,15 +51,49 @@ def custom_values(parts: StepParts, column: int, declared: DeclaredSummary, numb
     found = np.full(len(parts.first), np.nan)
     for k, (first, last) in enumerate(zip(parts.first, np.append(parts.first[1:], len(values)), strict=True)):
         if np.isfinite(values[first:last]).all():
-            found[k] = _number(declared, values[first:last].ravel(), weights[first:last].ravel(), numbers)
+            found[k] = _number(declared, (values[first:last].ravel(), weights[first:last].ravel()), numbers)
     return found
 
 
-def _number(declared: DeclaredSummary, values: Array, weights: Array, numbers: tuple[float, ...]) -> float:
-    """Return the number of one realisation; raise StudyError if the function raises, or returns no real number."""
+def polynomial_values(parts: StepParts, seen: SummaryMap) -> dict[int, tuple[Array, list[str]]]:
+    """Apply declared functions of polynomials; return values (R,) and reasons of missing ones, by summary.
+
+    The functions of one realisation are called in turn, so that they can share intermediate results.
+    """
+    wanted = [k for k, x in enumerate(seen.functions) if x is not None and x[0].polynomials]
+    found = {k: (np.full(len(parts.first), np.nan), [""] * len(parts.first)) for k in wanted}
+    lasts = np.append(parts.first[1:], len(parts.order))
+    for row, (first, last) in enumerate(zip(parts.first.tolist(), lasts.tolist(), strict=True)):
+        known: dict[tuple[int, ...], MotionPolynomials] = {}
+        for k in wanted:
+            columns = (seen.columns[k], *seen.further[k])
+            if columns not in known:
+                part = np.arange(first, last)
+                moving = parts.end[part] > parts.begin[part]
+                part = part[moving] if moving.any() else part
+                series = np.stack([parts.of("coefficients", column, part) for column in columns])
+                known[columns] = MotionPolynomials(parts.begin[part], parts.end[part], series)
+            declared, numbers = seen.functions[k] or (None, ())
+            if declared is not None and np.isfinite(known[columns].coefficients).all():
+                value = _number(declared, (known[columns],), numbers)
+                found[k][0][row] = np.nan if isinstance(value, str) else value
+                found[k][1][row] = value if isinstance(value, str) else ""
+    return found
+
+
+def _number(declared: DeclaredSummary, given: tuple[Any, ...], numbers: tuple[float, ...]) -> float | str:
+    """Return the number of one realisation, or the reason why it has none.
+
+    Raise StudyError if the function raises, or returns no real number.
+    """
     where = f"the summary {declared.__module__}.{declared.__qualname__}"
     try:
-        found = np.asarray(declared.function(values, weights, *numbers))
+        value = declared.function(*given, *numbers)
+        if declared.polynomials and isinstance(value, str) and value:
+            return value
+        found = np.asarray(value)
+    except StudyError:
+        raise
     except Exception as error:
         raise StudyError(f"{where} raised {type(error).__name__}: {error}") from error
     if found.size != 1 or found.dtype.kind not in "fiu":
@@ -119,6 +154,7 @@ class SummaryMap:
     ending: OutputMap
     # for each summary: function of a plugin or study, and its numbers; None for other summaries
     functions: tuple[tuple[DeclaredSummary, tuple[float, ...]] | None, ...]
+    further: tuple[tuple[int, ...], ...]  # outputs of further expressions of each summary in `along`
     domain: Domain  # conditions for finite real values of the expressions
 
     @property
@@ -130,7 +166,15 @@ class SummaryMap:
     def needs(self) -> list[Need]:
         """Quantities to resolve."""
         every = zip(self.kinds, self.columns, strict=True)
-        return list(dict.fromkeys(Need(*_NEEDS[kind], column) for kind, column in every if kind in _NEEDS))
+        found = [Need(*_NEEDS[kind], column) for kind, column in every if kind in _NEEDS]
+        found += [Need(INTEGRAL, 0.0, column) for columns in self.further for column in columns]
+        return list(dict.fromkeys(found))
+
+    @property
+    def followed(self) -> list[tuple[int, int]]:
+        """Summaries along the motion and the outputs that they need, in the order of the expressions of `domain`."""
+        along = [k for k, kind in enumerate(self.kinds) if kind != "final"]
+        return [(k, column) for k in along for column in (self.columns[k], *self.further[k])]
 
 
 _EXTREMES = {"maximum": (1.0, 0), "minimum": (-1.0, 0), "time_of_maximum": (1.0, 1), "time_of_minimum": (-1.0, 1)}
@@ -154,9 +198,9 @@ _NEEDS = {
 def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], OutputMap]) -> SummaryMap:
     """Compile the summarised expressions; `compiled` returns a map of outputs."""
     ending = [s for s in found if s.kind == "final"]
-    expressions = list(dict.fromkeys(s.summed for s in found if s.kind != "final"))
-    last = list(dict.fromkeys(s.summed for s in ending))
     along = [s for s in found if s.kind != "final"]
+    expressions = list(dict.fromkeys(e for s in along for e in (s.summed, *s.further)))
+    last = list(dict.fromkeys(s.summed for s in ending))
     summed, ends = (compiled([Output(str(e), e, "") for e in part]) for part in (expressions, last))
     return SummaryMap(
         tuple(str(s) for s in found),
@@ -165,7 +209,12 @@ def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], Out
         summed,
         ends,
         tuple((s.declared, s.numbers) if isinstance(s, CustomSummary) else None for s in found),
-        domain_map([s.args[0] for s in along], [s.summed for s in along], compiled),
+        tuple(tuple(expressions.index(e) for e in s.further) for s in found),
+        domain_map(
+            [e for s in along for e in (s.args[0], *s.further)],
+            [e for s in along for e in (s.summed, *s.further)],
+            compiled,
+        ),
     )
 
 
@@ -198,30 +247,36 @@ def summarised(
                 _note(reasons, np.arange(len(members)), k, lost)
     if not seen.needs_dense_output:
         return found, reasons
-    along = [k for k, kind in enumerate(seen.kinds) if kind != "final"]
+    followed = seen.followed
 
     def collect(rows: Index, parts: StepParts, allowed: Array, since: Array) -> None:
-        for k, lost in zip(along, since.T, strict=True):
+        computed = polynomial_values(parts, seen)
+        for k in dict.fromkeys(number for number, _ in followed):
             kind, column = seen.kinds[k], seen.columns[k]
+            own = [place for place, (number, _) in enumerate(followed) if number == k]
+            lost = since[:, own].min(axis=1)
             if kind in _EXTREMES:
                 sign, which = _EXTREMES[kind]
                 values = find_extremes(parts, allowed, column, sign)[which]
             elif kind == "first_time":
                 values = first_times(parts, column)
                 lost = np.where(values < lost, np.inf, lost)  # later values do not count
+            elif k in computed:
+                values = computed[k][0]
             elif (custom := seen.functions[k]) is not None:
                 values = custom_values(parts, column, *custom)
-                for row in rows[~np.isfinite(values)].tolist():
-                    text = f"is not finite: {seen.names[k]} returned no finite number"
-                    reasons[row] = reasons[row] or MissingReason(Status.NOT_FINITE, k, "is not finite", text)
             else:
                 total, length = integrals(parts, column)
                 values = np.sqrt(np.maximum(total / length, 0.0)) if kind == "root_mean_square" else total
             found[rows, k] = values
             rough = _rough_since(parts, column, allowed, _NEEDS[kind][0], values)
+            for other in seen.further[k]:
+                rough = np.minimum(rough, _rough_since(parts, other, allowed, INTEGRAL, values))
             _note(reasons, rows, k, lost, rough)
+            if seen.functions[k] is not None:
+                _note_functions(reasons, rows, k, seen.names[k], values, computed[k][1] if k in computed else [])
 
-    columns = [seen.columns[k] for k in along]
+    columns = [column for _, column in followed]
     _resolve(batch, seen.along, columns, seen.domain, trajectories, members, seen.needs, collect)
     return found, reasons
 
@@ -253,6 +308,19 @@ def _note(
         times = np.full(len(rows), np.inf) if since is None else since
         for k in np.flatnonzero(times < np.inf).tolist():
             reasons[rows[k]] = reasons[rows[k]] or MissingReason(status, number, fault, text.format(times[k]))
+
+
+def _note_functions(
+    reasons: list[MissingReason | None], rows: Index, number: int, name: str, values: Array, stated: Sequence[str]
+) -> None:
+    """Record why a declared function has no values (R,) in realisations `rows`, with the reasons that it stated."""
+    for row, why in zip(rows.tolist(), stated or [""] * len(rows), strict=True):
+        if why:
+            found = MissingReason(Status.OTHER, number, "has no value", f"is unsuitable: {why}")
+            reasons[row] = reasons[row] or found
+    for row in rows[~np.isfinite(values)].tolist():
+        text = f"is not finite: {name} returned no finite number"
+        reasons[row] = reasons[row] or MissingReason(Status.NOT_FINITE, number, "is not finite", text)
 
 
 def _rough_since(parts: StepParts, column: int, allowed: Array, kind: int, values: Array) -> Array:

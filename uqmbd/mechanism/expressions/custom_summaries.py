@@ -1,11 +1,14 @@
-"""Summaries of motions by Python functions of plugins and studies, which receive values and weights."""
+"""Summaries of motions by Python functions of plugins and studies.
+
+The functions receive values and weights, or polynomials of several expressions.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import types
-from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Self, overload
 
 import sympy
 
@@ -15,32 +18,46 @@ from uqmbd.mechanism.expressions.computable import FunctionData
 from uqmbd.mechanism.expressions.summaries import Summary
 from uqmbd.mechanism.expressions.timeless import single
 from uqmbd.mechanism.expressions.user_values import shown
+from uqmbd.units import Unit, read_units
 
 __all__ = ["CustomSummary", "DeclaredSummary", "function_digest", "summary"]
 
 
 class DeclaredSummary:
-    """Declared summary function; a call with an expression and numbers returns a quantity for outputs."""
+    """Declared summary function; a call with expressions and numbers returns a quantity for outputs."""
 
-    def __init__(self, function: Callable[..., float]) -> None:
-        self.function = function
+    def __init__(
+        self,
+        function: Callable[..., float | str],
+        further: tuple[str, ...] = (),
+        power: int | None = None,
+        unit: Unit | None = None,
+        *,
+        polynomials: bool = False,
+    ) -> None:
+        self.function, self.polynomials = function, polynomials
+        self.further, self.power, self.unit = further, power, unit
         self.__name__, self.__qualname__ = function.__name__, function.__qualname__
         self.__module__, self.__doc__ = function.__module__, function.__doc__
         self.digest = function_digest(function)
 
-    def __call__(self, expression: Any, *numbers: float) -> sympy.Expr:
-        """Return the summary of an expression; `numbers` are further arguments of the function."""
-        name = self.__name__
+    def __call__(self, expression: Any, *others: Any) -> sympy.Expr:
+        """Return the summary of an expression; `others` are further expressions, then numbers."""
+        name = self.__name__.lstrip("_")
+        count = len(self.further)
+        if len(others) < count:
+            raise StudyError(f"{name} was given {1 + len(others)} expressions; expected {1 + count}.")
         try:
-            summed = single(name, expression)
+            summed = [single(name, x) for x in (expression, *others[:count])]
         except StudyError as error:
             raise StudyError(str(error).replace(f"uqmbd.{name}(", f"{name}(")) from None
-        for number in numbers:
+        for number in others[count:]:
             if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
                 raise StudyError(
                     f"{name}: an argument after the expression is {shown(number)}; expected finite numbers."
                 )
-        found: sympy.Expr = CustomSummary(summed, SummaryFunction(self), *map(sympy.Float, numbers))
+        numbers = map(sympy.Float, others[count:])
+        found: sympy.Expr = CustomSummary(summed[0], SummaryFunction(self), *summed[1:], *numbers)
         return found
 
     def __reduce__(self) -> str:
@@ -81,17 +98,47 @@ class CustomSummary(Summary):
         return found
 
     @property
+    def further(self) -> tuple[sympy.Expr, ...]:
+        """Further expressions that the function receives."""
+        return tuple(self.args[2 : 2 + len(self.declared.further)])
+
+    @property
     def numbers(self) -> tuple[float, ...]:
         """Further arguments of the function."""
-        return tuple(float(number) for number in self.args[2:])
+        return tuple(float(number) for number in self.args[2 + len(self.declared.further) :])
 
     def _sympystr(self, printer: Any) -> str:
-        arguments = [printer.doprint(self.args[0]), *(f"{number:g}" for number in self.numbers)]
-        return f"{self.declared.__name__}({', '.join(arguments)})"
+        expressions = [printer.doprint(x) for x in (self.args[0], *self.further)]
+        arguments = [*expressions, *(f"{number:g}" for number in self.numbers)]
+        return f"{self.declared.__name__.lstrip('_')}({', '.join(arguments)})"
+
+
+@overload
+def summary(
+    function: Callable[..., float | str],
+    *,
+    polynomials: bool = False,
+    further: Sequence[str] = (),
+    power: int | None = None,
+    units: str = "",
+) -> DeclaredSummary: ...
+
+
+@overload
+def summary(
+    *, polynomials: bool = False, further: Sequence[str] = (), power: int | None = None, units: str = ""
+) -> Callable[[Callable[..., float | str]], DeclaredSummary]: ...
 
 
 @typechecked
-def summary(function: Callable[..., float]) -> Callable[..., sympy.Expr]:
+def summary(
+    function: Callable[..., float | str] | None = None,
+    *,
+    polynomials: bool = False,
+    further: Sequence[str] = (),
+    power: int | None = None,
+    units: str = "",
+) -> Any:
     """Declare a summary of a motion, such as a percentile over time; every method can propagate the summary.
 
     Parameters
@@ -100,18 +147,30 @@ def summary(function: Callable[..., float]) -> Callable[..., sympy.Expr]:
         Function of a module that worker processes can import. ``function(values, weights, *numbers)`` returns one
         finite number for a realisation. The array ``values`` (N,) contains the values of the expression at N points of
         the motion, 1024 or more. The array ``weights`` (N,) contains the duration that each point represents, s. N
-        differs between realisations.
+        differs between realisations. Without `function`, the call returns a decorator.
+    polynomials : bool
+        The function is ``function(motion, *numbers)`` instead, with an `uqmbd.extend.MotionPolynomials`. It returns
+        a number, or the reason why the realisation has no value: a clause, without a full stop.
+    further : sequence of str
+        Units of further expressions, which follow the first one in calls: ``("rad",)`` for an angle. An empty text
+        accepts every unit. Requires `polynomials`.
+    power : int, optional
+        The quantity has the units of the first expression to this power, times `units`: 2 for a power spectral density,
+        0 for a number of cycles. Default: uqmbd does not check the units of the quantity.
+    units : str
+        Further factor of the units, such as ``"s"``.
 
     Returns
     -------
     callable
-        Function ``function(expression, *numbers)``, which returns a scalar quantity for outputs and requirements. The
-        units of the quantity are not checked.
+        Function ``function(expression, *further, *numbers)``, which returns a scalar quantity for outputs and
+        requirements.
 
     Raises
     ------
     uqmbd.StudyError
-        If `function` is not a function, or its argument is not a single expression.
+        If `function` is not a function, or the units are unknown. Also if an argument of the quantity is not a single
+        expression.
 
     Notes
     -----
@@ -126,7 +185,7 @@ def summary(function: Callable[..., float]) -> Callable[..., sympy.Expr]:
     >>> import uqmbd
     >>> def fourth_norm(values, weights):
     ...     return (weights @ values**4 / weights.sum()) ** 0.25
-    >>> norm = uqmbd.extend.summary(fourth_norm)
+    >>> norm = uqmbd.extend.summary(fourth_norm, power=1)
     >>> mechanism = uqmbd.Mechanism("throw", uqmbd.Translational())
     >>> ball = mechanism.body("ball", mass=1, velocity=(2, 0))
     >>> mechanism.output("norm", norm(ball.position[0]), units="m")
@@ -134,9 +193,25 @@ def summary(function: Callable[..., float]) -> Callable[..., sympy.Expr]:
     >>> bool(np.isclose(found["norm"], 6 / 5**0.25))
     True
     """
-    if not isinstance(function, types.FunctionType):
-        raise StudyError(f"summary: the argument is {shown(function)}; expected a function written in Python.")
-    return DeclaredSummary(function)
+    unit = read_units(units or "1")
+    if unit is None or (units and power is None):
+        raise StudyError(
+            f"summary: units is {units!r} and power is {power}; expected known units, and the power of the units of "
+            "the expression, such as power=2, units='s'."
+        )
+    strange = [x for x in further if not isinstance(x, str) or (x and read_units(x) is None)]
+    if strange or (further and not polynomials) or isinstance(further, str):
+        raise StudyError(
+            f"summary: further is {further!r}; expected known units of expressions, such as ('rad',), with "
+            "polynomials=True."
+        )
+
+    def declare(written: Any) -> DeclaredSummary:
+        if not isinstance(written, types.FunctionType):
+            raise StudyError(f"summary: the argument is {shown(written)}; expected a function written in Python.")
+        return DeclaredSummary(written, tuple(further), power, unit, polynomials=polynomials)
+
+    return declare if function is None else declare(function)
 
 
 def function_digest(function: Callable[..., Any]) -> str:

@@ -32,6 +32,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import FUNCTIONS
+from uqmbd.mechanism.expressions.custom_summaries import CustomSummary
 from uqmbd.mechanism.expressions.excitations import Excitation
 from uqmbd.mechanism.expressions.linear_outputs import LinearOutput
 from uqmbd.mechanism.expressions.measures import (
@@ -198,7 +199,10 @@ class _Walk:
         if isinstance(part, ModeShape):
             return product(self.measure(part.args[0]), raised(self.measure(part.args[1]), Fraction(-1)))
         if isinstance(part, LinearOutput):
-            return self._linear(part)
+            return self._declared(part.seen, part.declared.power, part.declared.unit)
+        if isinstance(part, CustomSummary):
+            self._further(part)
+            return self._declared(part.summed, part.declared.power, part.declared.unit)
         if isinstance(part, Excitation):
             unit = read_units(part.args[1].source.units) if part.args[2] == 0 else None
             return None if unit is None else MeasuredProduct(unit)
@@ -216,8 +220,16 @@ class _Walk:
                 self.measure(inner)
         return None
 
-    def _linear(self, part: LinearOutput) -> Measure:
-        inner, power, unit = self.measure(part.seen), part.declared.power, part.declared.unit
+    def _further(self, part: CustomSummary) -> None:
+        """Compare the units of further expressions with the declared ones."""
+        for expression, units in zip(part.further, part.declared.further, strict=True):
+            measure, declared = self.measure(expression), read_units(units)
+            if isinstance(measure, MeasuredProduct) and units and declared is not None:
+                self.compare(expression, measure, declared, units)
+
+    def _declared(self, expression: sympy.Expr, power: int | None, unit: Unit | None) -> Measure:
+        """Return the units of an expression to a power, times a unit."""
+        inner = self.measure(expression)
         if power is None or unit is None:
             return None
         # the units of the expression do not matter for a rate

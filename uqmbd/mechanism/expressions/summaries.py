@@ -46,6 +46,11 @@ class Summary(Placeholder, sympy.Function):
         found: sympy.Expr = self.args[0]
         return found
 
+    @property
+    def further(self) -> tuple[sympy.Expr, ...]:
+        """Further expressions that the summary follows over time."""
+        return ()
+
     def _sympystr(self, printer: Any) -> str:
         return f"{self.kind}({printer.doprint(self.args[0])})"
 

@@ -1,0 +1,309 @@
+"""Outputs in frequency of simulated motions: Welch's estimate of a spectral density, and amplitudes of orders.
+
+Both integrate the polynomials of the motion with Gauss' rule. The motion is not sampled: the results do not depend on
+output times, and have no aliases.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd_processes.filters import check_positive
+
+__all__ = ["check_skip", "estimated_psd", "order_amplitude", "remaining"]
+
+if TYPE_CHECKING:
+    from uqmbd.extend import MotionPolynomials
+
+Array = NDArray[np.float64]
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+SLACK = 1e-6
+"""Part of a segment or of a turn by which a run may be too short, because its end is rounded or integrated."""
+
+MOST_DENOMINATOR = 12
+"""Largest denominator of an order."""
+
+
+def check_skip(where: str, skip: Any) -> float:
+    """Return a duration at the beginning of the motion; raise if it is negative or no number."""
+    if isinstance(skip, bool) or not isinstance(skip, (int, float, np.number)) or not 0 <= skip < math.inf:
+        raise uqmbd.StudyError(f"{where}: skip is {skip!r}; expected a duration in s, zero or more.")
+    return float(skip)
+
+
+def remaining(where: str, motion: MotionPolynomials, skip: float) -> tuple[float, float]:
+    """Return the begin and the end of the motion without its first part, s; raise if nothing is left."""
+    begin, end = float(motion.begin[0]) + skip, float(motion.end[-1])
+    if begin >= end:
+        raise uqmbd.StudyError(
+            f"{where}: skip is {skip:g} s, but the run lasts {end - begin + skip:g} s; use a longer run, or a smaller "
+            "skip=."
+        )
+    return begin, end
+
+
+def _panels(edges: Array, counts: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Divide intervals between edges into panels: nodes and weights of Gauss' rule, (panel, node) each."""
+    interval = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(interval)) - np.repeat(np.cumsum(counts) - counts, counts)
+    length = (np.diff(edges) / counts)[interval]
+    begin = edges[:-1][interval] + number * length
+    return begin[:, None] + length[:, None] * (NODES + 1) / 2, length[:, None] * WEIGHTS / 2
+
+
+def _edges(motion: MotionPolynomials, begin: float, end: float, more: Sequence[float] | Array = ()) -> Array:
+    """Return the ends of the parts of a motion between two times, with further times."""
+    inner = motion.begin[(motion.begin > begin) & (motion.begin < end)]
+    return np.unique(np.concatenate([[begin, end], inner, np.asarray(more, dtype=float)]))
+
+
+@lru_cache(maxsize=4)
+def _values_in_blocks(
+    motion: MotionPolynomials, begin: float, block: float, count: int, frequency: float
+) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Return nodes, weights and values, and the first node of each block of the motion.
+
+    The panels are at most one period of the frequency, Hz.
+    """
+    bounds = np.asarray(begin + block * np.arange(count + 1), dtype=float)
+    bounds[-1] = min(bounds[-1], motion.end[-1])
+    edges = _edges(motion, begin, float(bounds[-1]), bounds)
+    nodes, weights = _panels(edges, np.maximum(1, np.ceil(frequency * np.diff(edges))).astype(np.int64))
+    times = nodes.ravel()
+    values = motion.at(times)[0]
+    return times, weights.ravel(), values, np.searchsorted(times, bounds[:-1])
+
+
+@uqmbd.extend.summary(polynomials=True, power=2, units="s")
+def _estimated_psd(motion: MotionPolynomials, frequency: float, segment: float, skip: float, scale: float) -> float:
+    """Return Welch's estimate at a frequency, Hz: the two-sided density per Hz times a number."""
+    begin, end = remaining("estimated_psd", motion, skip)
+    count = math.floor(2 * (end - begin) / segment + SLACK) - 1  # segments
+    if count < 1:
+        raise uqmbd.StudyError(
+            f"estimated_psd: the run lasts {end - begin:g} s after skip={skip:g}, less than one segment of {segment:g} "
+            "s; use a longer run, or a shorter segment=."
+        )
+    octave = 2.0 ** math.ceil(math.log2(frequency))  # frequencies of an octave use the same values
+    times, weights, values, first = _values_in_blocks(motion, begin, segment / 2, count + 1, octave)
+    wave = weights * np.exp(-2j * math.pi * frequency * (times - begin))
+    window = np.cos(2 * math.pi * (times - begin) / segment)
+    # Hann's window of segment j is (1 - (-1)^j window) / 2
+    sums = [np.add.reduceat(x, first) for x in (wave * values, wave * values * window, wave, wave * window)]
+    one, two, three, four = (x[:-1] + x[1:] for x in sums)
+    mean = np.add.reduceat(weights * values, first)
+    sign = np.where(np.arange(count) % 2, -1.0, 1.0)
+    transform = (one - sign * two - (mean[:-1] + mean[1:]) / segment * (three - sign * four)) / 2
+    return float(scale * np.mean(np.abs(transform) ** 2) / (3 * segment / 8))
+
+
+@uqmbd.extend.summary(polynomials=True, further=("rad",), power=1)
+def _order_amplitude(motion: MotionPolynomials, numerator: float, denominator: float, skip: float) -> float | str:
+    """Return the amplitude of an order, a fraction, by an integral over whole turns of the angle."""
+    begin, end = remaining("order_amplitude", motion, skip)
+    edges = _edges(motion, begin, end)
+    times, _ = _panels(edges, np.ones(len(edges) - 1, dtype=np.int64))
+    angle = motion.at(np.concatenate([[begin], times.ravel(), [end]]))[1]
+    falling = np.flatnonzero(np.maximum.accumulate(angle) - angle > SLACK * max(2 * math.pi, np.abs(angle).max()))
+    if len(falling):
+        when = np.concatenate([[begin], times.ravel(), [end]])[falling[0]]
+        return (
+            f"the angle decreases at t = {when:.6g} s; expected an increasing angle that counts all turns, such as "
+            "joint.angle"
+        )
+    turns = (angle[-1] - angle[0]) / (2 * math.pi)
+    whole = math.floor(turns / denominator + SLACK) * denominator
+    if whole < denominator:
+        return (
+            f"the angle completes {turns:.4g} turns; the order {numerator / denominator:g} needs at least "
+            f"{denominator:g}"
+        )
+    target = angle[0] + 2 * math.pi * whole
+    stop = end if target >= angle[-1] else _time_of(motion, target, begin, end)
+    edges = _edges(motion, begin, stop)
+    order = numerator / denominator
+    passed = np.diff(motion.at(edges)[1])
+    counts = np.maximum(1, np.ceil(order * np.abs(passed) / (2 * math.pi))).astype(np.int64)
+    nodes, weights = _panels(edges, counts)
+    x, theta = motion.at(nodes.ravel())
+    measure = weights.ravel() * motion.at(nodes.ravel(), derivative=1)[1]
+    x = x - measure @ x / measure.sum()
+    return float(abs((measure * np.exp(-1j * order * (theta - angle[0]))) @ x) / (math.pi * whole))
+
+
+def _time_of(motion: MotionPolynomials, angle: float, low: float, high: float) -> float:
+    """Return the time at which the angle has a value, by bisection to rounding."""
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if motion.at(np.array([middle]))[1, 0] < angle else (low, middle)
+    return high
+
+
+def estimated_psd(
+    expression: Any,
+    frequencies: float | Sequence[float],
+    *,
+    segment: float,
+    sided: Literal["one", "two"] = "one",
+    per: Literal["Hz", "rad/s"] = "Hz",
+    skip: float = 0.0,
+) -> Any:
+    """Return Welch's estimate of the power spectral density of a motion at frequencies, for use in outputs.
+
+    The motion of a realisation is divided into segments that overlap by half. The estimate is the mean of their
+    periodograms, with Hann's window and without the mean of each segment. Each frequency is a scalar output.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        Expression of the motion, as for `uqmbd.integral`.
+    frequencies : float or sequence of float
+        Frequencies in the unit `per`, at least two per segment.
+    segment : float
+        Length L of a segment, s. The window averages the density over frequencies within 2 / L.
+    sided : {"one", "two"}
+        Sides of the density.
+    per : {"Hz", "rad/s"}
+        Unit of the frequency.
+    skip : float
+        Duration at the beginning of the motion that is left out, s, such as a transient motion.
+
+    Returns
+    -------
+    expression, or list of expressions
+        Density in the squared units of the expression per unit of the frequency, one for each frequency.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument is invalid, or the run is shorter than a segment.
+
+    Notes
+    -----
+    A run of the length T after `skip` has ``K = floor(2 T / L) - 1`` segments. For a Gaussian motion whose density is
+    constant within 2 / L, the relative standard error of the estimate is ``sqrt((1 + (1 - 1 / K) / 18) / K)``
+    [1]_. Fourier integrals over the motion replace sums over samples: the estimate does not depend on output times, and
+    there are no aliases and no highest frequency.
+
+    References
+    ----------
+    .. [1] P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE Transactions on
+       Audio and Electroacoustics 15 (1967) 70-73.
+
+    Examples
+    --------
+    The power of a cosine is half of its squared amplitude. The window spreads it over a band of the width 1.5 / L:
+
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_processes import estimated_psd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, position=0.3)
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness=(2 * np.pi) ** 2))
+    >>> mechanism.output("density", estimated_psd(mass.position[0], 1.0, segment=10), units="m^2/Hz")
+    >>> density = float(uqmbd.simulate(mechanism, [0, 20])["density"])
+    >>> bool(np.isclose(density * 1.5 / 10, 0.3**2 / 2, rtol=1e-4))
+    True
+    """
+    where = "estimated_psd"
+    if sided not in ("one", "two"):
+        raise uqmbd.StudyError(f"{where}: sided is {sided!r}; expected 'one' or 'two'.")
+    if per not in ("Hz", "rad/s"):
+        raise uqmbd.StudyError(f"{where}: per is {per!r}; expected 'Hz' or 'rad/s'.")
+    check_positive(where, segment=segment)
+    begin = check_skip(where, skip)
+    unit = 1.0 if per == "Hz" else 2 * math.pi
+    scale = (2.0 if sided == "one" else 1.0) / unit
+    single = np.ndim(frequencies) == 0
+    found = []
+    for frequency in [frequencies] if single else list(frequencies):  # type: ignore[arg-type]  # a number is single
+        check_positive(where, frequency=frequency)
+        hertz = float(frequency) / unit  # type: ignore[arg-type]
+        if hertz * segment < 2 * (1 - SLACK):
+            raise uqmbd.StudyError(
+                f"{where}: the frequency {frequency:g} {per} is below two per segment of {segment:g} s, which the "
+                f"window does not resolve; expected at least {2 * unit / segment:.4g} {per}, or use a longer segment=."
+            )
+        found.append(_estimated_psd(expression, hertz, float(segment), begin, scale))
+    return found[0] if single else found
+
+
+def order_amplitude(
+    expression: Any, angle: Any, orders: float | Sequence[float], *, skip: float = 0.0
+) -> sympy.Expr | list[sympy.Expr]:
+    """Return the amplitudes of a motion at multiples of a rotation angle, for use in outputs (order analysis).
+
+    All whole turns in the motion have the angle a. The amplitude of the order k is the absolute value of ``2 / a``
+    times the integral of ``x exp(-i k angle)`` over this angle. The speed may vary.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        Expression x of the motion, as for `uqmbd.integral`.
+    angle : SymPy expression
+        Rotation angle, rad, which increases with every turn: ``body.angle``, ``joint.angle``, ``100 * uqmbd.t``.
+    orders : float or sequence of float
+        Orders, which are positive: 1 for once per turn; 0.5 for once in two turns. Fractions have denominators up to 12
+        and use a multiple of so many turns.
+    skip : float
+        Duration at the beginning of the motion that is left out, s.
+
+    Returns
+    -------
+    expression, or list of expressions
+        Amplitude in the units of the expression, one for each order.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument is invalid.
+
+    Notes
+    -----
+    A realisation has no value if the angle decreases, or completes less than one turn. A further part of the motion
+    after the last whole turn is left out.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_processes import order_amplitude
+    >>> from uqmbd_drivers import RotationDriver
+    >>> from uqmbd_joints import Revolute
+    >>> mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
+    >>> rotor = mechanism.body("rotor", mass=1, inertia=1)
+    >>> axle = mechanism.add(Revolute("axle", mechanism.ground, rotor, (0, 0), (0, 0)))
+    >>> driver = mechanism.add(RotationDriver("drive", mechanism.ground, rotor, angle=5 * uqmbd.t + uqmbd.t**2))
+    >>> height = rotor.point((0.2, 0))[1]
+    >>> first, second = order_amplitude(height, rotor.angle, [1, 2])
+    >>> mechanism.output("first", first, units="m")
+    >>> mechanism.output("second", second, units="m")
+    >>> found = uqmbd.simulate(mechanism, [0, 3])
+    >>> round(float(found["first"]), 6), round(float(found["second"]), 6)
+    (0.2, 0.0)
+    """
+    where = "order_amplitude"
+    begin = check_skip(where, skip)
+    single = np.ndim(orders) == 0
+    found = []
+    for order in [orders] if single else list(orders):  # type: ignore[arg-type]  # a number is single
+        check_positive(where, order=order)
+        fraction = Fraction(float(order)).limit_denominator(MOST_DENOMINATOR)  # type: ignore[arg-type]
+        if not math.isclose(float(fraction), float(order), rel_tol=SLACK):  # type: ignore[arg-type]
+            raise uqmbd.StudyError(
+                f"{where}: the order {order!r} is no fraction with a denominator up to {MOST_DENOMINATOR}; its period "
+                "would be too many turns."
+            )
+        found.append(_order_amplitude(expression, angle, float(fraction.numerator), float(fraction.denominator), begin))
+    return found[0] if single else found
