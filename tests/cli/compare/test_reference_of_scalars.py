@@ -44,5 +44,14 @@ def test_the_accurate_method_is_the_reference_of_scalar_outputs(tmp_path, comman
     assert (again["reference"], again["scalar_reference"]) == ("A monte-carlo", "A collocation")
     # a chosen reference is the reference of all outputs
     status, out, _ = command_line("compare", str(path), "--reference", "monte-carlo", "--out", str(tmp_path / "one"))
-    again = load(tmp_path / "one" / "comparison.nc")["comparison"].attrs
+    one = load(tmp_path / "one" / "comparison.nc")
+    again = one["comparison"].attrs
     assert status == 0 and again["reference"] == "A monte-carlo" and "scalar_reference" not in again
+    # its few samples say nothing about the other method
+    row = one["comparison"].to_dataset().sel({"method": "A collocation", "scalar": "lift_off"})
+    assert row["scalar_verdict_kind"] == "not verified"
+    assert (
+        row["scalar_verdict"].item().startswith("not verified, too few samples of the reference: A monte-carlo has 300")
+    )
+    (line,) = assess(one).of("lift_off", "scalar")
+    assert line.method == "A collocation" and line.level == 2 and "accurate enough for a comparison" in line.reason

@@ -141,8 +141,8 @@ def kind_of(one: dict, base: dict, o: int, share: float) -> str:
     if beyond and not coarse[1] and not any(hardly):
         return "differs"
     if beyond and not coarse[1] and hardly[1] and not hardly[0]:
-        return "too few samples"
-    return "too few samples" if any(few) else "under-resolved" if coarse[1] else "agrees"
+        return "too few samples" if few[0] else "not verified"
+    return "too few samples" if few[0] else "not verified" if few[1] or coarse[1] else "agrees"
 
 
 @pytest.mark.thorough

@@ -17,7 +17,7 @@ from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgem
 from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
 from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, own_error, own_statements, replicates_of
 from uqmbd.results.assessment.recommendation import recommended, resort
-from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED, UNVERIFIED
 from uqmbd.results.chaos import spread_words
 from uqmbd.results.requirements import Answer, answers, differing, meets
 from uqmbd.results.schema import comparable, propagator_nodes
@@ -255,7 +255,7 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
 
 def _varies(one: Judgement, moves: bool) -> bool:
     """Return whether an output varies in a method (`moves`), or a method that does not agree may miss its variation."""
-    return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW))
+    return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW, UNVERIFIED))
 
 
 def _order(nodes: Mapping[str, xr.DataTree], data: xr.Dataset, advised: Iterable[str]) -> list[str]:
@@ -293,7 +293,8 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str, 
         shown = known[0] if known else first
     by = f"by {shown.method}, " if 1 < methods == len(order) else ""
     kind: Literal["scalar", "output"] = "scalar" if shown.timeless else "output"
-    verdict, other = shown.kind, reference
+    # an inaccurate reference says nothing about the method
+    verdict, other = shown.kind if shown.kind != UNVERIFIED else "", reference
     if verdict and shown.method == reference:  # find methods that agree or differ
         others = [one for one in held.values() if one is not shown]
         pairs = [(k, one.method) for k in (AGREES, NO_SPREAD, DIFFERS) for one in others if one.kind == k]

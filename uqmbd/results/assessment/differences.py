@@ -140,10 +140,11 @@ def compare(
 
         ``verdict``: statement on the output, the worst finding first. The output differs from the reference beyond both
         stated errors; the method is under-resolved or has too few samples; or it agrees, with its own stated error.
-        ``verdict_kind``: ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples`` or ``no
-        spread``. An output without spread does not vary beyond the integration error, and is ignored. ``detectable``:
-        smallest difference of standard deviations that is detected. ``own_error``: bound of the error of the standard
-        deviation, as root mean square over time. ``stated_error_max``: largest stated error over time, at
+        ``verdict_kind``: ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, ``not
+        verified`` (the reference is too inaccurate) or ``no spread``. An output without spread does not vary beyond the
+        integration error, and is ignored. ``detectable``: smallest difference of standard deviations that is detected.
+        ``own_error``: bound of the error of the standard deviation, as root mean square over time.
+        ``stated_error_max``: largest stated error over time, at
         ``stated_error_time`` (s). The three errors are relative to the standard deviation. ``own_error`` and
         ``stated_error_max`` are infinite if no error is stated.
         The denominator of the largest stated error is at least 1 % of the largest standard deviation over time.

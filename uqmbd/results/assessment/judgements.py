@@ -13,17 +13,17 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment.limits import COARSE
 from uqmbd.results.assessment.own_errors import NO_SPREAD
-from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED, UNVERIFIED
 from uqmbd.results.chaos import spread_words
 from uqmbd.wording import format_at_most
 
 __all__ = ["Judgement", "MethodVerdict", "judgements_of", "largest_error", "method_verdicts", "worst"]
 
-_SIGNS = {REFERENCE: "•", AGREES: "✓", DIFFERS: "✗", UNDER_RESOLVED: "!", FEW: "?", NO_SPREAD: "–"}
+_SIGNS = {REFERENCE: "•", AGREES: "✓", DIFFERS: "✗", UNDER_RESOLVED: "!", FEW: "?", UNVERIFIED: "?", NO_SPREAD: "–"}
 _SHORT = {REFERENCE: "the reference", NO_SPREAD: "no output varies"}
 """Short texts of verdict kinds whose names are not suitable as texts."""
 
-_ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
+_ORDER = (DIFFERS, UNDER_RESOLVED, FEW, UNVERIFIED, AGREES, REFERENCE, NO_SPREAD)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from uqmbd.results.assessment.integration_share import integration_shares
 from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
 from uqmbd.results.assessment.limits import COARSE, EXACT, WELL
 from uqmbd.results.assessment.own_errors import NO_SPREAD
-from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED, UNVERIFIED
 from uqmbd.wording import format_at_most, format_percent
 
 __all__ = ["advice", "loose", "recommend", "recommended", "resort"]
@@ -303,5 +303,5 @@ def _other(method: _RatedMethod, base: _RatedMethod) -> str:
     where = f" ({which})" if which else ""
     said = {DIFFERS: f" from {base.label}"}.get(one.kind, "")
     head, _, tail = one.text.partition(":")
-    verb = {UNDER_RESOLVED: "is ", FEW: "has "}.get(one.kind, "")
+    verb = {UNDER_RESOLVED: "is ", UNVERIFIED: "is ", FEW: "has "}.get(one.kind, "")
     return f"{method.label}{where} {verb}{head}{said}:{tail}." if tail else f"{method.label}{where}: {one.text}."

@@ -16,18 +16,28 @@ from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 from uqmbd.wording import format_percent, format_quantity
 
-__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "compare_with_reference"]
+__all__ = [
+    "AGREES",
+    "DIFFERS",
+    "FEW",
+    "NO_SPREAD",
+    "REFERENCE",
+    "UNDER_RESOLVED",
+    "UNVERIFIED",
+    "Verdict",
+    "compare_with_reference",
+]
 
 
 REFERENCE, AGREES, DIFFERS = "reference", "agrees", "differs"
-UNDER_RESOLVED, FEW = "under-resolved", "too few samples"
+UNDER_RESOLVED, FEW, UNVERIFIED = "under-resolved", "too few samples", "not verified"
 
 
 @dataclass(frozen=True)
 class Verdict:
     """Verdict on one output of a method."""
 
-    kind: str  # ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, or ``no spread``
+    kind: str  # one of the constants of this module, or `NO_SPREAD`
     # statement on the output, worst finding first: the kind in words, with numbers; for a method that agrees, its
     # stated error comes first
     text: str
@@ -86,7 +96,7 @@ def _verdict(
     bound_mean = _bound(found, base, o, level, "mean")
     bound_std = _bound(found, base, o, level, "std")
     within = _ratio(float(root_mean_square(_widths(found, base, o, bound_std, floor)[None], times)[0]), scale)
-    unseen_times, rare = _rare(found, base, o, level, names)
+    unseen_times, rare = _rare(found, base, o, level)
     tests = {}
     for claimed in (True, False):
         slack = floor + base.integration[o] + found.integration[o] + base.bias[o] + (found.bias[o] if claimed else 0.0)
@@ -96,7 +106,7 @@ def _verdict(
         )
     beyond = any(d.significant for d in tests[True])
     unexplained = any(d.significant for d in tests[False])
-    few = rare or _few(found, base, o, times, names)
+    few = rare or _few(found, base, o, times)
     stated = float(found.stated[o])
     of_base = float(base.stated[o])
     # large terms of the highest order indicate missing terms, unless verification shows that the surrogate is exact
@@ -105,12 +115,12 @@ def _verdict(
     if not base.varies[o] and not (found.varies[o] and tests[True][1].significant):
         moved = "; ".join(_differences(found, base, o, times, units, tests[True][:1]))
         if rare and not moved:
-            return Verdict(FEW, f"too few samples to tell: {rare}", within)
+            return _of_few(rare, names, within)
         return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
     what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
     if beyond and not coarse and not (found.drawn and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
-        if base.drawn and base.samples < LEAST_SAMPLES:
-            return Verdict(FEW, f"too few samples to tell: {few}", within)
+        if few and base.drawn and base.samples < LEAST_SAMPLES:
+            return _of_few(few, names, within)
         return Verdict(DIFFERS, f"differs: {what}", within)
     if coarse:
         what_of = "its surrogate" if found.surrogate else "it"
@@ -120,16 +130,25 @@ def _verdict(
         )  # fmt: skip
         return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
     if few:
-        return Verdict(FEW, f"too few samples to tell: {few}", within)
+        return _of_few(few, names, within)
     if of_base > COARSE:
         text = f"the stated error of {names[1]}, the reference, is {format_percent(of_base)}: too large for a verdict"
-        return Verdict(UNDER_RESOLVED, f"under-resolved: {text}", within)
+        return Verdict(UNVERIFIED, f"not verified: {text}", within)
     unseen = (
         f" (a difference of the standard deviation below {format_percent(within)} cannot be detected)" if within else ""
     )
     large = found.told[o].max(initial=0.0) > (ROUGH if found.drawn else EXACT)
     inside = " within that" if large else ""
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
+
+
+def _of_few(few: tuple[int, str], names: tuple[str, str], within: float) -> Verdict:
+    """Return the verdict for too few samples of the method (0), or of the reference (1), which verifies nothing."""
+    which, text = few
+    kind, words = ((FEW, "too few samples to tell"), (UNVERIFIED, "not verified, too few samples of the reference"))[
+        which
+    ]
+    return Verdict(kind, f"{words}: {names[which]} has {text}", within)
 
 
 def _describe_error(found: OwnError, o: int, times: Array) -> str:
@@ -201,23 +220,21 @@ def _parts(method: OwnError, o: int, name: str) -> Array:
     return np.asarray(off / divisor(size) * _noise(method, o, name))
 
 
-def _rare(
-    found: OwnError, base: OwnError, o: int, level: float, names: tuple[str, str]
-) -> tuple[NDArray[np.bool_], str]:
-    """Return the times (T,) at which samples do not vary although another method does, and the label of these samples.
+def _rare(found: OwnError, base: OwnError, o: int, level: float) -> tuple[NDArray[np.bool_], tuple[int, str] | None]:
+    """Return the times (T,) at which samples do not vary although another method does, and whose samples these are.
 
     An event of probability p causes a kurtosis of at least about 1 / p. The probability that n samples do not contain
     the event is (1 - p)^n.
     """
-    times, said = np.zeros(found.std.shape[1], dtype=bool), ""
-    for method, other, name in ((found, base, names[0]), (base, found, names[1])):
+    times, said = np.zeros(found.std.shape[1], dtype=bool), None
+    for which, (method, other) in enumerate(((found, base), (base, found))):
         if not method.drawn:
             continue
         chance = 1.0 / np.maximum(other.kurtosis[o], 1.0 + 1e-9)
         missed = (method.std[o] == 0) & (other.std[o] > 0) & (method.samples * np.log1p(-chance) > np.log(level))
         if missed.any():
             times |= missed
-            said = f"{name} has {method.samples}, which may contain none of the rare events that cause the variation"
+            said = which, f"{method.samples}, which may contain none of the rare events that cause the variation"
     return times, said
 
 
@@ -257,18 +274,18 @@ def _widths(found: OwnError, base: OwnError, o: int, bound: Array, floor: float)
     return np.asarray(bound * noise + found.bias[o] + base.bias[o] + floor)
 
 
-def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str, str]) -> str:
-    """Return a text on the method with too few samples; empty if both have enough."""
-    for method, name in ((found, names[0]), (base, names[1])):
+def _few(found: OwnError, base: OwnError, o: int, times: Array) -> tuple[int, str] | None:
+    """Return which of both has too few samples (0: the method), with a text; None if both have enough."""
+    for which, method in enumerate((found, base)):
         if not method.drawn:
             continue
         if method.samples < ENOUGH_SAMPLES:
-            return f"{name} has {method.samples}"
+            return which, f"{method.samples}"
         scale = float(root_mean_square(method.std[o : o + 1], times)[0])
         error = _ratio(1.96 * float(root_mean_square(method.noise_std[o : o + 1], times)[0]), scale)
         if error > ROUGH:
-            return f"{name} has {method.samples}, which give the standard deviation to within {format_percent(error)}"
-    return ""
+            return which, f"{method.samples}, which give the standard deviation to within {format_percent(error)}"
+    return None
 
 
 def _differences(
