@@ -35,7 +35,7 @@ SPEED = 20.0
 
 
 def quarter_car(road=ROAD, damping=0.0, mass=300.0):
-    """Return the linear quarter car of studies/quarter_car.py without lift-off, and its quantities."""
+    """Return a linear quarter car without lift-off, and its quantities."""
     car = uqmbd.Mechanism("quarter_car", uqmbd.Line(gravity=-9.81))
     wheel, body = car.body("wheel", mass=40, position=0.3), car.body("body", mass=mass, position=0.8)
     car.add(SpringDamper("suspension", wheel, body, 0, 0, stiffness=20_000, damping=1_200, free_length=0.65))

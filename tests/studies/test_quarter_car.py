@@ -1,4 +1,4 @@
-"""The quarter car: its road against the covariance it stands for, its response against linear algebra."""
+"""The quarter car on a rough road: the stationary response against quadrature, the sampled one against both."""
 
 from __future__ import annotations
 
@@ -8,114 +8,118 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.integrate
-import sympy
+import scipy.interpolate
+import scipy.stats
 
 import uqmbd
 from uqmbd_collocation import Collocation
-from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_processes import RandomProcess, iso8608
 
-STUDY = Path(__file__).parents[2] / "studies" / "quarter_car.py"
+STUDIES = Path(__file__).parents[2] / "studies"
 
 
 @pytest.fixture(scope="module")
 def made():
-    return runpy.run_path(str(STUDY))
+    return runpy.run_path(str(STUDIES / "quarter_car.py"))
 
 
-def test_eigenvalues_of_the_road(made):
-    """Against those of the covariance matrix on a fine grid (Nystrom's method)."""
-    count = 1000
-    x = (np.arange(count) + 0.5) / count * 2 * made["HALF"]
-    covariance = made["DEVIATION"] ** 2 * np.exp(-abs(x[:, None] - x) / made["CORRELATION"])
-    expected = np.sort(np.linalg.eigvalsh(covariance * (x[1] - x[0])))[::-1][: made["TERMS"]]
-    np.testing.assert_allclose([value for _, value in made["modes"]], expected, rtol=5e-4)
-    assert made["LEFT_OUT"] == pytest.approx(1 - expected.sum() / (made["DEVIATION"] ** 2 * 2 * made["HALF"]), abs=2e-4)
+@pytest.fixture(scope="module")
+def sampled():
+    return runpy.run_path(str(STUDIES / "quarter_car_paths.py"))
 
 
-def response(made, times):
-    """Standard deviations of body height, suspension travel and tyre force, by the linear equations of motion."""
-    ms, mu, ks, cs, kt, ct = 300, 40, 20_000, 1_200, 180_000, 100
-    found = []
-    for variable in sorted(made["road"].free_symbols - {uqmbd.t}, key=str):
-        wave = made["road"].coeff(variable)
-        height = sympy.lambdify(uqmbd.t, wave)
-        slope = sympy.lambdify(uqmbd.t, wave.diff(uqmbd.t))
-
-        def rate(t, y, height=height, slope=slope):
-            zs, zu, vs, vu = y
-            pull = ks * (zu - zs) + cs * (vu - vs)
-            push = kt * (height(t) - zu) + ct * (slope(t) - vu)
-            return [vs, vu, pull / ms, (push - pull) / mu]
-
-        # at rest on a road that moves: its rate bears on the tyre's damper
-        start = float(height(0.0) + ct / kt * slope(0.0))
-        solved = scipy.integrate.solve_ivp(rate, (0, 2), [start, start, 0, 0], t_eval=times, rtol=1e-9, atol=1e-12).y
-        push = kt * (height(times) - solved[1]) + ct * (slope(times) - solved[3])
-        found.append([solved[0], solved[0] - solved[1], push])
-    return np.sqrt((np.array(found) ** 2).sum(axis=0))
-
-
-@pytest.mark.thorough
-def test_the_spread_is_found(made):
-    """Twelve inputs, in all of which the car is linear: to 1e-4 (the tyre never lifts off)."""
-    expected = response(made, made["study"].times)
-    most = expected.max(axis=1, keepdims=True)
-    found = made["study"].propagate(Collocation(order=1, method="regression"))["statistics"]["std"]
-    chosen = found.sel(output=["body_height", "suspension_travel", "tyre_force"]).values
-    np.testing.assert_allclose(chosen / most, expected / most, atol=1e-4)
-
-
-@pytest.mark.thorough
-def test_three_methods_find_the_spread(made):
-    """Twelve inputs: both expansions to 1e-4, samples within their errors (the tyre never lifts off)."""
-    study = made["study"]
-    times = study.times
-    expected = response(made, times)
-    most = expected.max(axis=1, keepdims=True)
-    chosen = ["body_height", "suspension_travel", "tyre_force"]
-    for method in (Collocation(order=2, method="regression"), Galerkin(order=1, rule="sobol", samples=64)):
-        std = study.propagate(method)["statistics"]["std"].sel(output=chosen).values
-        np.testing.assert_allclose(std / most, expected / most, atol=1e-4)
-    sampled = study.propagate(MonteCarlo(samples=300, seed=2))["statistics"].sel(output=chosen)
-    away = abs(sampled["std"].values - expected) / (sampled["std_error_std"].values + 1e-6 * most)
-    assert away.max() < 5
-
-
-def test_the_road_is_a_mean_over_the_contact_patch(made):
-    """Each wave, integrated over the patch by a Gauss rule, at three times."""
-    patch, speed = made["PATCH"], made["SPEED"]
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    fine, mean = made["random_road"](5, 0.0), made["random_road"](5, patch)
-    for k in range(1, 6):
-        (variable,) = (one for one in fine.free_symbols if str(one) == f"road_{k}")
-        (other,) = (one for one in mean.free_symbols if str(one) == f"road_{k}")
-        wave = sympy.lambdify(uqmbd.t, fine.coeff(variable))
-        averaged = sympy.lambdify(uqmbd.t, mean.coeff(other))
-        for time in (0.3, 1.0, 1.7):
-            expected = weights @ [wave(time + patch / 2 * x / speed) for x in nodes] / 2
-            assert averaged(time) == pytest.approx(expected, rel=1e-9, abs=1e-15)
-
-
-@pytest.mark.slow
-def test_outputs_converge_with_the_number_of_terms(made):
-    """To integrals of the transfer function and the spectral density of the road, from 1 s on: the start is over."""
-    rate = made["SPEED"] / made["CORRELATION"]
-    omega = np.concatenate([np.linspace(1e-3, 400, 40_001), np.linspace(400.1, 40_000, 400_000)])
-    density = made["DEVIATION"] ** 2 * 2 * rate / (omega**2 + rate**2) / np.pi
-    density *= np.sinc(omega / made["SPEED"] * made["PATCH"] / 2 / np.pi) ** 2
+def by_quadrature(mass, stiffness, damping, tyre, speed=20.0):
+    """Return the outputs of the study (K, 4) for inputs (K,), by the transfer function on a logarithmic grid."""
+    edges = np.log(2 * np.pi * speed * np.geomspace(0.01, 10.0, 201))
+    x, w = np.polynomial.legendre.leggauss(4)
+    omega = np.exp(((edges[1:, None] + edges[:-1, None]) / 2 + np.diff(edges)[:, None] / 2 * x).ravel())
+    weight = (np.diff(edges)[:, None] / 2 * w).ravel() * omega / (2 * np.pi)
+    density = 256e-6 * (omega / (2 * np.pi * speed) / 0.1) ** -2 / speed * weight  # one-sided per Hz
+    mass, stiffness, damping, tyre = (np.asarray(one, dtype=float)[:, None] for one in (mass, stiffness, damping, tyre))
+    load = (mass + 40) * 9.81
+    tyre = tyre / (1 + (tyre * 1e-4 / load) ** 2 / 4)  # the tangent of its force, which is smooth within 0.1 mm
     s = 1j * omega
-    suspension, tyre = 20_000 + 1_200 * s, 180_000 + 100 * s
-    ratio = suspension / (300 * s**2 + suspension)
-    wheel = tyre / (40 * s**2 + suspension * (1 - ratio) + tyre)
-    outputs = {"body_acceleration": s**2 * ratio * wheel, "suspension_travel": (ratio - 1) * wheel}
-    times = np.linspace(0, 2, 41)
-    found = {}
-    for terms in (12, 96):
-        study = uqmbd.Study("road", made["quarter_car"](made["random_road"](terms)), times, start="equilibrium")
-        std = study.propagate(Collocation(order=1, method="regression"))["statistics"]["std"]
-        found[terms] = {name: float(np.sqrt((std.sel(output=name)[..., 20:] ** 2).mean())) for name in outputs}
-    for name, transfer in outputs.items():
-        exact = np.sqrt(scipy.integrate.trapezoid(density * abs(transfer) ** 2, omega))
-        assert found[12][name] < 0.9 * exact
-        assert found[96][name] == pytest.approx(exact, rel=0.01)
+    strut = stiffness + damping * s
+    ratio = strut / (mass * s**2 + strut)
+    wheel = tyre / (40 * s**2 + strut * (1 - ratio) + tyre)
+    acceleration, travel, force = s**2 * ratio * wheel, (ratio - 1) * wheel, tyre * (1 - wheel)
+
+    def moment(transfer, power=0):
+        return (abs(transfer) ** 2 * omega**power) @ density
+
+    load = load[:, 0]
+    lift_offs = 60 / (2 * np.pi) * np.sqrt(moment(force, 2) / moment(force)) * np.exp(-(load**2) / 2 / moment(force))
+    g = np.sqrt(2 * np.log(600 / (2 * np.pi) * np.sqrt(moment(travel, 2) / moment(travel))))
+    largest = 1000 * np.sqrt(moment(travel)) * (g + 0.5772156649 / g)
+    return np.stack([np.sqrt(moment(acceleration)), np.sqrt(moment(force)) / load, lift_offs, largest], axis=1)
+
+
+@pytest.mark.thorough
+def test_outputs_agree_with_quadrature_of_the_transfer_function(made):
+    samples = made["study"].propagate(MonteCarlo(samples=20, seed=3))["scalars/samples"].to_dataset()
+    inputs = {name: samples["inputs"].sel(input=name).values for name in samples["input"].values}
+    names = ("body_mass", "stiffness", "damping", "tyre_stiffness")
+    expected = by_quadrature(*(inputs[name] for name in names))
+    np.testing.assert_allclose(samples["response"].values, expected, rtol=1e-6)
+
+
+@pytest.mark.thorough
+def test_collocation_and_counts_agree_with_many_samples(made):
+    """4,000 realisations by quadrature: means, and probabilities of violation, of both methods."""
+    rng = np.random.default_rng(5)
+    count = 4_000
+    values = by_quadrature(
+        rng.uniform(260, 380, count), rng.normal(20e3, 1e3, count), rng.uniform(900, 1500, count),
+        rng.normal(180e3, 12e3, count),
+    )  # fmt: skip
+    tree = made["study"].propagate(Collocation(order=4))
+    std = tree["scalars/statistics"]["std"].values
+    np.testing.assert_allclose(std, values.std(axis=0), rtol=0.05)
+    np.testing.assert_allclose(tree["scalars/statistics"]["mean"].values, values.mean(axis=0), atol=5 * std.max() / 100)
+    for name, violated in (("comfortable", values[:, 0] > 1.5), ("contact", values[:, 2] > 1)):
+        found = float(tree["requirements"]["violation_probability"].sel(requirement=name))
+        interval = scipy.stats.binomtest(int(violated.sum()), count).proportion_ci(0.999)
+        assert interval.low < found < interval.high
+
+
+@pytest.mark.thorough
+def test_a_sampled_motion_is_that_of_the_equations_written_by_hand(sampled):
+    """One road of class D, as a B-spline, and the nonlinear car in scipy."""
+    road = RandomProcess("road", psd=iso8608("D", band=(0.01, 10.0)), over="distance", units="m", cutoff=2.0)
+    key, duration, mass, damping = 0.3, 2.0, 370.0, 1000.0
+    first, step, coefficients = road.sample_paths([road], np.array([key]), 0.0, 20.0 * duration)
+    values = np.ravel(coefficients)
+    spline = scipy.interpolate.BSpline(first + step * np.arange(-3, len(values) + 1), values, 3)
+
+    def forces(t, zu, zs, vu, vs):
+        short = sampled["DESIGN_LENGTH"] - zs + zu
+        pressed = short - sampled["CLEARANCE"]
+        pressed = (pressed + np.hypot(pressed, sampled["TRANSITION"])) / 2
+        strut = 20e3 * (short + 320 * 9.81 / 20e3) - damping * (vs - vu) + sampled["PROGRESSION"] * pressed**2
+        load = 180e3 * (spline(20 * t) + 0.32 - zu)
+        return strut, (load + np.hypot(load, 18.0)) / 2
+
+    def rate(t, y):
+        strut, tyre = forces(t, *y)
+        return [y[2], y[3], (tyre - strut) / 40 - 9.81, strut / mass - 9.81]
+
+    found = uqmbd.simulate(
+        sampled["quarter_car"]("D"), np.linspace(0, duration, 201), {"body_mass": mass, "damping": damping, "road": key},
+        start="equilibrium",
+    )  # fmt: skip
+    rest = scipy.optimize.fsolve(lambda z: rate(0.0, [*z, 0.0, 0.0])[2:], [0.3, 0.75], xtol=1e-13)
+    solved = scipy.integrate.solve_ivp(
+        rate, (0, duration), [*rest, 0, 0], t_eval=found["time"].values, rtol=1e-9, atol=1e-12, max_step=2e-3
+    ).y
+    acceleration = np.array([rate(t, y)[3] for t, y in zip(found["time"].values, solved.T, strict=True)])
+    np.testing.assert_allclose(found["acceleration"].values, acceleration, atol=2e-4)
+    assert acceleration.max() > 3
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("road_class, low, high", [("B", 0.96, 1.02), ("D", 1.03, 1.12)])
+def test_the_linear_response_agrees_while_the_car_does_not_touch_its_stop(sampled, road_class, low, high):
+    study = sampled["study_of"](road_class)
+    means = study.propagate(MonteCarlo(samples=64, seed=2))["scalars/statistics"]["mean"]
+    assert low < float(means.sel(output="comfort") / means.sel(output="linear_comfort")) < high

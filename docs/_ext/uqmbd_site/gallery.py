@@ -29,7 +29,8 @@ LIMIT = 900
 
 TOPICS = {
     "First examples": ("pendulum", "slider_crank", "slider_crank_driven", "four_bar"),
-    "Vehicles": ("motorcycle", "quarter_car", "suspension"),
+    "Vehicles": ("motorcycle", "quarter_car", "quarter_car_paths", "half_car", "suspension"),
+    "Random vibration": ("earthquake",),
     "Spatial mechanisms and robots": ("agile_eye", "robot"),
     "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),
     "Long simulations": ("slider_crank_rotating", "long_time"),
