@@ -38,7 +38,7 @@ STATEMENTS = {
     "uqmbd.randomness": 5_570,
     "uqmbd.report": 8_270,
     "uqmbd.results": 9_430,
-    "uqmbd.testing": 2500,
+    "uqmbd.testing": 2_630,
     "uqmbd.units": 285,
     "uqmbd_calibration": 3388,
     "uqmbd_collocation": 3_950,

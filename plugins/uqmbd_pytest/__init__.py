@@ -17,6 +17,7 @@ __all__ = [
     "uqmbd_command",
     "uqmbd_component",
     "uqmbd_design",
+    "uqmbd_excitation",
     "uqmbd_integrator",
     "uqmbd_propagator",
     "uqmbd_section",
@@ -53,6 +54,14 @@ def uqmbd_design() -> Callable[..., None]:
     from uqmbd.testing import check_design
 
     return check_design
+
+
+@pytest.fixture(scope="session")
+def uqmbd_excitation() -> Callable[..., None]:
+    """Return the check of an excitation with sampled paths: `uqmbd.testing.check_excitation`."""
+    from uqmbd.testing import check_excitation
+
+    return check_excitation
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ from __future__ import annotations
 from uqmbd.testing.command import check_command
 from uqmbd.testing.components import check_component
 from uqmbd.testing.design import check_design
+from uqmbd.testing.excitation import check_excitation
 from uqmbd.testing.integrators import check_integrator
 from uqmbd.testing.propagators import check_propagator
 from uqmbd.testing.section import check_section
@@ -21,6 +22,7 @@ __all__ = [
     "check_command",
     "check_component",
     "check_design",
+    "check_excitation",
     "check_integrator",
     "check_propagator",
     "check_section",
