@@ -7,12 +7,14 @@ import functools
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
 
 __all__ = [
     "ANY",
+    "SeriesPlace",
     "check_arguments",
     "check_label",
     "check_name",
@@ -26,6 +28,17 @@ __all__ = [
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class SeriesPlace:
+    """Place of a scalar output in a series of outputs along an axis."""
+
+    series: str  # name of the series
+    position: float  # in the units of the axis
+    axis: str
+    units: str  # of the axis
+
 
 _BREAKS = frozenset("\t\n\r\u2028\u2029")
 """Characters that break tables and messages."""

@@ -211,8 +211,9 @@ def stationary_psd(
 
     Returns
     -------
-    expression, or list of expressions
-        Density in the squared units of the expression per unit of the frequency, one for each frequency.
+    expression, or uqmbd.extend.OutputSeries
+        Density in the squared units of the expression per unit of the frequency; one for each frequency, which
+        ``mechanism.output(name, ...)`` records as a series.
 
     Raises
     ------
@@ -240,7 +241,9 @@ def stationary_psd(
     for frequency in [frequencies] if single else list(frequencies):  # type: ignore[arg-type]  # a number is single
         check_positive(where, frequency=frequency)
         found.append(_stationary_psd(expression, float(frequency) * factor, scale, at=at))  # type: ignore[arg-type]
-    return found[0] if single else found
+    if single:
+        return found[0]
+    return uqmbd.extend.OutputSeries(found, list(frequencies), "frequency", per)  # type: ignore[arg-type]  # a sequence
 
 
 def crossing_rate(expression: Any, level: float, at: At = "equilibrium") -> sympy.Expr:

@@ -36,6 +36,7 @@ from .integrators import Segment as Segment
 from .integrators import SegmentedMotion as SegmentedMotion
 from .integrators import Trajectories as Trajectories
 from .integrators import mechanism_terms as mechanism_terms
+from .linear import OutputSeries as OutputSeries
 from .linear import excitation as excitation
 from .linear import linear_output as linear_output
 from .linear import path_key as path_key

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.mechanism import OutputSeries as OutputSeries
 from uqmbd.mechanism import excitation as excitation
 from uqmbd.mechanism import linear_output as linear_output
 from uqmbd.randomness import path_key as path_key

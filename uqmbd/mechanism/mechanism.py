@@ -6,6 +6,7 @@ Length: the module contains one class, and its public methods have examples.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence, Sized
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from uqmbd.arguments import typechecked
@@ -25,7 +26,15 @@ from uqmbd.mechanism.declared import (
     requirement_of,
     start_condition,
 )
-from uqmbd.mechanism.expressions import MotionSymbol, Summary, is_scalar, path_keys, random_variables, shown
+from uqmbd.mechanism.expressions import (
+    MotionSymbol,
+    OutputSeries,
+    Summary,
+    is_scalar,
+    path_keys,
+    random_variables,
+    shown,
+)
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.new_body import make_body
 from uqmbd.mechanism.new_component import prepare_component
@@ -249,6 +258,11 @@ class Mechanism:
         >>> [round(float(angle), 3) for angle in uqmbd.simulate(mechanism, [0, 0.5, 1, 1.5])["direction"]]
         [0.0, 2.0, 4.0, 6.0]
         """
+        if isinstance(expression, OutputSeries):
+            for one, (quantity, place) in expression.named(check_name(name, "output")).items():
+                found = output_of(self, one, quantity, units, angle=angle, over=over)
+                self.scalars[one] = replace(found, place=place)
+            return
         found = output_of(self, name, expression, units, angle=angle, over=over)
         (self.scalars if is_scalar(found.expression) else self.outputs)[name] = found
 

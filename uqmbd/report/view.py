@@ -15,7 +15,7 @@ from uqmbd.errors import Finding, Severity
 from uqmbd.results import failed_methods, propagator_nodes, varying
 from uqmbd.results.assessment import Assessment, IntegrationShare, assess, integration_shares, own_statements
 from uqmbd.results.chaos import surrogate_parts
-from uqmbd.results.schema import total_realisations
+from uqmbd.results.schema import output_places, total_realisations
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
 
@@ -276,6 +276,21 @@ class StudyResult:
     def scalar_names(self) -> list[str]:
         """Return the names of all scalar outputs, in the order of the study."""
         return list(dict.fromkeys(name for method in self.scalars.values() for name in method.names))
+
+    @cached_property
+    def series(self) -> dict[str, str]:
+        """Return the name of the series of each scalar output that belongs to one."""
+        return {
+            str(name): place.series
+            for method in self.scalars.values()
+            for name, place in zip(method.names, output_places(method.statistics), strict=True)
+            if place
+        }
+
+    @cached_property
+    def single_scalars(self) -> list[str]:
+        """Return the names of the scalar outputs outside series; of all scalar outputs if there are no others."""
+        return [name for name in self.scalar_names if name not in self.series] or self.scalar_names
 
     def alike(self, label: str) -> StudyResult:
         """Return the result of the methods with the same input distributions as a given method."""

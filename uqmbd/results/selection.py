@@ -11,14 +11,21 @@ import xarray as xr
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
-from uqmbd.results.schema import CF, propagator_nodes, united
+from uqmbd.results.schema import CF, output_places, propagator_nodes, united
 
 __all__ = ["by_output", "output"]
 
 RESPONSE = "response"
 """Name of the variable with the output itself, not a statistic of the output."""
 
-_OF_OUTPUTS = ("output_units", "output_angle")
+_OF_OUTPUTS = (
+    "output_units",
+    "output_angle",
+    "output_series",
+    "output_position",
+    "output_axis",
+    "output_axis_units",
+)
 
 
 @overload
@@ -42,7 +49,8 @@ def output(
         along ``output``. Of the result of a study, its statistics are used, with a dimension ``propagator`` (labels).
         Of a node, its ``statistics`` are used, including those of scalar outputs.
     name : str
-        Name of the output.
+        Name of the output, or of a series of scalar outputs, such as spectral densities. A series has its axis as a
+        dimension, such as ``frequency``.
     input : str, optional
         Name of an input, which selects its part of variables along ``input``: Sobol' indices, derivatives.
 
@@ -158,7 +166,14 @@ def _statistics(node: xr.DataTree) -> list[xr.Dataset]:
 
 
 def _having(node: xr.DataTree, name: str) -> xr.Dataset | None:
-    return next((one for one in _statistics(node) if name in _names(one)), None)
+    return next((one for one in _statistics(node) if name in _names(one) or name in _series(one)), None)
+
+
+def _series(data: xr.Dataset) -> list[str]:
+    """Return the names of the series of outputs."""
+    return (
+        list(dict.fromkeys(place.series for place in output_places(data) if place)) if "output" in data.coords else []
+    )
 
 
 def _with_output(node: xr.DataTree, name: str) -> xr.Dataset:
@@ -182,8 +197,10 @@ def _chosen(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
     """Select an output, and add its name and unit to each variable."""
     if name in data.data_vars and "output" not in data[name].dims:  # one variable for each output
         return _motion(data, name)
+    if name in _series(data) and "output" in data.dims:
+        return _chosen_series(data, name, input)
     if name not in _names(data):
-        raise _unknown("output", name, _names(data))
+        raise _unknown("output", name, [*_names(data), *_series(data)])
     of_output = [str(key) for key, one in data.data_vars.items() if "output" in one.dims or "output" not in data.dims]
     found = data.sel(output=name) if "output" in data.dims else data
     if input is not None:
@@ -200,6 +217,20 @@ def _chosen(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
         found[RESPONSE].attrs["turn"] = float(turn)
     told: dict[str, Any] = {"Conventions": CF} if all(_has_unit(one) for one in found.data_vars.values()) else {}
     return found.drop_vars([x for x in _OF_OUTPUTS if x in found.coords]).assign_attrs(told)
+
+
+def _chosen_series(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
+    """Select a series of outputs, and join its outputs along its axis."""
+    places = {str(x): place for x, place in zip(data["output"].values, output_places(data), strict=True)}
+    own = {x: place for x, place in places.items() if place and place.series == name}
+    axis, units = next((place.axis, place.units) for place in own.values())
+    positions = xr.DataArray([place.position for place in own.values()], dims=axis, name=axis, attrs={"units": units})
+    parts = [_chosen(data, x, input).drop_vars("output") for x in own]
+    found: xr.Dataset = xr.concat(parts, dim=positions, combine_attrs="override")
+    first = next(iter(own))
+    for one in found.data_vars.values():
+        one.attrs["long_name"] = str(one.attrs.get("long_name", "")).replace(first, name)
+    return found
 
 
 def _motion(data: xr.Dataset, name: str) -> xr.Dataset:

@@ -43,7 +43,7 @@ from uqmbd.mechanism import (
     Summary,
     shown,
 )
-from uqmbd.names import did_you_mean
+from uqmbd.names import SeriesPlace, did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
@@ -88,6 +88,7 @@ class ScalarMap:
 
     names: tuple[str, ...]  # in the user's spelling
     units: tuple[str, ...]  # in the user's spelling
+    places: tuple[SeriesPlace | None, ...]  # in series of outputs
     modal: ModeMap  # required quantities of modes: frequencies (Hz), damping ratios, shapes
     motion: tuple[str, ...]  # names of the required results of an integration
     resting: OutputMap  # expressions at static equilibrium
@@ -182,6 +183,7 @@ def scalar_map(
     return ScalarMap(
         tuple(o.name for o in outputs),
         tuple(o.units for o in outputs),
+        tuple(o.place for o in outputs),
         mode_map(modal, lambda part: compiled(part, gradients="motion")),
         tuple(str(s) for s in motion),
         resting,

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import sympy
 
+from uqmbd.names import SeriesPlace
+
 __all__ = ["TURNS", "Output"]
 
 TURNS = {"rad": 2 * math.pi, "deg": 360.0}
@@ -25,6 +27,8 @@ class Output:
         Length of one turn in the units of an angle; 0 for other outputs.
     over : str
         Name of a second output, over which reports also draw this output. Empty: reports draw it over time only.
+    place : SeriesPlace or None
+        Place in a series of scalar outputs, such as spectral densities over the frequency.
 
     Examples
     --------
@@ -41,3 +45,4 @@ class Output:
     units: str
     turn: float = 0.0
     over: str = ""
+    place: SeriesPlace | None = None

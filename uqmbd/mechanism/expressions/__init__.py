@@ -18,6 +18,7 @@ from uqmbd.mechanism.expressions.excitations import (
     path_keys,
 )
 from uqmbd.mechanism.expressions.linear_outputs import DeclaredLinearOutput, LinearOutput, linear_output
+from uqmbd.mechanism.expressions.series import OutputSeries
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
     Final,
@@ -76,6 +77,7 @@ __all__ = [
     "ExcitationSymbol",
     "LinearOutput",
     "ORDERS",
+    "OutputSeries",
     "MEAN_KEY",
     "PathSymbol",
     "SampledPath",

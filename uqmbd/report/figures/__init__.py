@@ -47,6 +47,7 @@ from uqmbd.report.figures.requirements import (
 )
 from uqmbd.report.figures.sample_convergence import convergence, design_of, settling_chart
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, of_output, runs_of
+from uqmbd.report.figures.series import in_series, series_chart
 from uqmbd.report.figures.sobol import (
     OF_GERMS,
     Indices,
@@ -82,6 +83,8 @@ from uqmbd.report.figures.timeless import (
 )
 
 __all__ = [
+    "in_series",
+    "series_chart",
     "density",
     "known_densities",
     "Approach",

@@ -18,6 +18,7 @@ from uqmbd.report.charts import Views, draw_on_paper
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
 from uqmbd.report.figures.kernel_density import DensityCurve, densities, density_chart
 from uqmbd.report.figures.selection import Results, nodes_of
+from uqmbd.report.figures.series import in_series
 from uqmbd.report.view import Method
 from uqmbd.results import AlignedChaos, scalar_nodes, surrogate
 from uqmbd.results.assessment import COARSE
@@ -64,7 +65,9 @@ def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | Non
     """Return the methods, in the order of their line styles, and the scalar outputs; None without scalar outputs."""
     inner = {label: Method(label, node) for label, node in scalar_nodes(nodes_of(results)).items()}
     units = {name: method.units(name) for method in inner.values() for name in method.names}
-    names = list(dict.fromkeys(name for method in inner.values() for name in method.names))[:MOST_SCALARS]
+    every = list(dict.fromkeys(name for method in inner.values() for name in method.names))
+    together = in_series({label: method.statistics for label, method in inner.items()})
+    names = ([name for name in every if name not in together] or every)[:MOST_SCALARS]
     responses = {label: found for label, method in inner.items() if (found := _responses(method))}
     responses = dict(list(responses.items())[:METHODS])
     if not names or not responses:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -73,7 +73,7 @@ def asked(result: StudyResult) -> Content:
         )
         rows = [_history(result, one, because) for one, because in zip(every, reasons, strict=False)]
         return {"kind": "outputs", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
-    every = [one for name in result.scalar_names for one in result.assessment.of(name, "scalar")]
+    every = [one for name in result.single_scalars for one in result.assessment.of(name, "scalar")]
     reasons = _alike(
         [of_scalar(result.alike(one.method), one.quantity) for one in every[:ROWS]],
         lambda k: of_scalar(result.alike(every[k].method), every[k].quantity, correlations=True),
@@ -256,7 +256,7 @@ def content(result: StudyResult) -> Content:
     name = in_view(result)
     found, of_what = _influences(_latest(result), shown, name)
     known = result.assessment
-    lines = _lines(known.reliability)
+    lines = _lines(_one_of_each_series(known.reliability, result.series))
     return {
         "contributions": [],
         "problems": [*result.problems, *known.contradictions],
@@ -275,6 +275,20 @@ def content(result: StudyResult) -> Content:
 
 
 ANSWERS = TemplateSection("Answers", "answers", content)
+
+
+def _one_of_each_series(
+    reliability: Sequence[OutputReliability], series: Mapping[str, str]
+) -> tuple[OutputReliability, ...]:
+    """Return the reliability, the least reliable first, with one output of each series and method."""
+    seen: set[tuple[str, str]] = set()
+    found = []
+    for one in reliability:
+        key = one.method, series.get(one.quantity, "")
+        if one.kind != "scalar" or not key[1] or key not in seen:
+            found.append(one)
+        seen.add(key)
+    return tuple(found)
 
 
 def _lines(found: Sequence[OutputReliability]) -> list[Content]:
@@ -321,7 +335,7 @@ def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influen
         one = str(row["name"])
         if shown["kind"] == "scalars" and (found := of_scalar(result, one)):
             return found, one
-    for one in result.scalar_names:
+    for one in result.single_scalars:
         if found := of_scalar(result, one):
             return found, one
     return None, name

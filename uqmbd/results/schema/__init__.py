@@ -10,6 +10,7 @@ from uqmbd.results.schema.axes import (
     labels,
     output_index,
     output_infos,
+    output_places,
     time_index,
 )
 from uqmbd.results.schema.datasets import (
@@ -76,6 +77,7 @@ __all__ = [
     "node_parts",
     "output_index",
     "output_infos",
+    "output_places",
     "product_of_units",
     "propagator_node",
     "propagator_nodes",

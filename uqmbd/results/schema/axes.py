@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.arguments import NotNegative, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.names import unwritable
+from uqmbd.names import SeriesPlace, unwritable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +35,8 @@ class OutputInfo:
         Units of the output; empty if none are stated.
     turn : float
         Length of a turn, in these units; 0 if the output is not an angle.
+    place : SeriesPlace, optional
+        Place in a series of scalar outputs, such as spectral densities over the frequency.
 
     Examples
     --------
@@ -46,6 +49,7 @@ class OutputInfo:
     name: str
     units: str = ""
     turn: NotNegative = 0.0
+    place: SeriesPlace | None = None
 
 
 @typechecked
@@ -124,7 +128,11 @@ class Labels:
         return np.array([o.turn for o in self.outputs], dtype=float)
 
     def output_coords(self) -> dict[str, Any]:
-        """Return the coordinates ``output``, ``output_units``; for angles ``output_angle``; with times ``time``."""
+        """Return the coordinates ``output``, ``output_units``; for angles ``output_angle``; with times ``time``.
+
+        If outputs belong to series, the coordinates ``output_series``, ``output_position``, ``output_axis`` and
+        ``output_axis_units`` contain their places.
+        """
         coords: dict[str, Any] = {
             "output": ("output", fixed_width(o.name for o in self.outputs)),
             "output_units": ("output", fixed_width(o.units for o in self.outputs)),
@@ -135,6 +143,13 @@ class Labels:
                 "comment": "moments and quantiles of angles are those of the unwrapped angle, which counts turns",
             }
             coords["output_angle"] = ("output", self.turns, about)
+        places = [o.place for o in self.outputs]
+        if any(places):
+            known = [SeriesPlace("", math.nan, "", "") if place is None else place for place in places]
+            coords["output_series"] = ("output", fixed_width(x.series for x in known))
+            coords["output_position"] = ("output", np.array([x.position for x in known]))
+            coords["output_axis"] = ("output", fixed_width(x.axis for x in known))
+            coords["output_axis_units"] = ("output", fixed_width(x.units for x in known))
         if self.times is not None:
             coords["time"] = ("time", self.times, {"units": "s", "long_name": "time"})
         return coords
@@ -214,7 +229,21 @@ def output_infos(data: xr.Dataset) -> tuple[OutputInfo, ...]:
     """Read outputs from the coordinates of :meth:`Labels.output_coords`."""
     names, units = data["output"].values, data["output_units"].values
     turns = data["output_angle"].values if "output_angle" in data.coords else np.zeros(len(names))
-    return tuple(OutputInfo(str(n), str(u), float(t)) for n, u, t in zip(names, units, turns, strict=True))
+    places = output_places(data)
+    return tuple(
+        OutputInfo(str(n), str(u), float(t), p) for n, u, t, p in zip(names, units, turns, places, strict=True)
+    )
+
+
+def output_places(data: xr.Dataset | xr.DataArray) -> list[SeriesPlace | None]:
+    """Read the place of each output in a series; None if it belongs to none."""
+    if "output_series" not in data.coords:
+        return [None] * data["output"].size
+    parts = [np.atleast_1d(data[f"output_{name}"].values) for name in ("series", "position", "axis", "axis_units")]
+    return [
+        SeriesPlace(str(series), float(position), str(axis), str(units)) if series else None
+        for series, position, axis, units in zip(*parts, strict=True)
+    ]
 
 
 def output_index(labels: Labels, name: str) -> int:

@@ -25,8 +25,10 @@ __all__ = ["EVENTS", "SCALARS"]
 
 def describe_scalars(result: StudyResult) -> Content | None:
     """Return the content of the section; None if there are no such outputs."""
-    names, inner = result.scalar_names, result.scalars.values()
-    if not names:
+    inner = result.scalars.values()
+    statistics = {method.label: method.statistics for method in inner}
+    names = [name for name in result.scalar_names if name not in result.series]
+    if not result.scalar_names:
         return None
     rows = [row for name in names for row in _rows(inner, name)]
     drawn = (
@@ -39,9 +41,18 @@ def describe_scalars(result: StudyResult) -> Content | None:
                 "outputs-without-time",
             )
         ]
-        if any({"samples", "chaos"} & set(method.node.children) for method in inner)
+        if names and any({"samples", "chaos"} & set(method.node.children) for method in inner)
         else []
     )
+    if result.series:
+        drawn.append(
+            charted(
+                lambda: figures.series_chart(statistics),
+                "Means and quantiles of series of scalar outputs.",
+                "Series of scalar outputs: mean, and band of 95 % of the realisations.",
+                "series-of-outputs",
+            )
+        )
     return {
         "words": [*_integration(inner), *_bounds(inner), *(said for method in inner for said in _words(method))],
         "rows": rows,
