@@ -32,12 +32,27 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class SeriesPlace:
-    """Place of a scalar output in a series of outputs along an axis."""
+    """Place of a scalar output in a series of outputs along an axis (`uqmbd.extend.OutputSeries`).
 
-    series: str  # name of the series
-    position: float  # in the units of the axis
+    Attributes
+    ----------
+    series : str
+        Name of the series.
+    position : float
+        Position along the axis, in its units.
+    axis, units : str
+        Name and units of the axis.
+
+    Examples
+    --------
+    >>> SeriesPlace("psd", 0.5, "frequency", "Hz").position
+    0.5
+    """
+
+    series: str
+    position: float
     axis: str
-    units: str  # of the axis
+    units: str
 
 
 _BREAKS = frozenset("\t\n\r\u2028\u2029")

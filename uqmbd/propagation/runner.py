@@ -245,9 +245,7 @@ class ProblemData:
             outputs = [OutputInfo(requirement.name, requirement.units) for requirement in self.requirements]
         else:
             seen = self.model.scalars if self.kind == "scalars" else self.model.outputs
-            turns = [0.0] * len(seen.names) if self.kind == "scalars" else seen.turns.tolist()
-            places = seen.places if self.kind == "scalars" else [None] * len(seen.names)
-            outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, turns, places, strict=True)]
+            outputs = list(map(OutputInfo, seen.names, seen.units, seen.turns.tolist(), seen.places))
         if self.chosen is not None:
             outputs = [output for output in outputs if output.name in self.chosen]
         return labels(outputs, [input_info(v) for v in self.inputs.variables], self.times)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +13,14 @@ import xarray as xr
 
 from uqmbd.errors import Finding, Severity
 from uqmbd.results import failed_methods, propagator_nodes, varying
-from uqmbd.results.assessment import Assessment, IntegrationShare, assess, integration_shares, own_statements
+from uqmbd.results.assessment import (
+    Assessment,
+    IntegrationShare,
+    OutputReliability,
+    assess,
+    integration_shares,
+    own_statements,
+)
 from uqmbd.results.chaos import surrogate_parts
 from uqmbd.results.schema import output_places, total_realisations
 from uqmbd.results.statistics import rtol_of
@@ -291,6 +298,17 @@ class StudyResult:
     def single_scalars(self) -> list[str]:
         """Return the names of the scalar outputs outside series; of all scalar outputs if there are no others."""
         return [name for name in self.scalar_names if name not in self.series] or self.scalar_names
+
+    def distinct(self, reliability: Sequence[OutputReliability]) -> tuple[OutputReliability, ...]:
+        """Return the reliability, the least reliable first, with one output of each series and method."""
+        seen: set[tuple[str, str]] = set()
+        found = []
+        for one in reliability:
+            key = one.method, self.series.get(one.quantity, "")
+            if one.kind != "scalar" or not key[1] or key not in seen:
+                found.append(one)
+            seen.add(key)
+        return tuple(found)
 
     def alike(self, label: str) -> StudyResult:
         """Return the result of the methods with the same input distributions as a given method."""

@@ -104,6 +104,11 @@ class OutputMap:
     # directions of contacts; their forces are the last arguments
     directions: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
+    @property
+    def places(self) -> tuple[None, ...]:
+        """Places in series of scalar outputs: none."""
+        return (None,) * len(self.names)
+
     def __call__(self, state: Array, inputs: Array, parameters: Array, forces: Array | None = None) -> Array:
         """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape.
 

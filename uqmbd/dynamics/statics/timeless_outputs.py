@@ -102,6 +102,11 @@ class ScalarMap:
     late: tuple[str, ...]  # for each output: message on a realisation with a censored argument
 
     @property
+    def turns(self) -> Array:
+        """Length of a turn of each output (O,): 0, because scalar outputs are not unwrapped."""
+        return np.zeros(len(self.names))
+
+    @property
     def needs_motion(self) -> bool:
         """Whether the motion must be integrated."""
         return bool(self.motion or self.summed.names)

@@ -73,7 +73,24 @@ class OutputSeries(tuple[sympy.Expr, ...]):
         return self
 
     def named(self, name: str) -> dict[str, tuple[sympy.Expr, SeriesPlace]]:
-        """Return the quantities and their places by the names of their outputs, such as ``psd at 0.5 Hz``."""
+        """Return the quantities and their places by the names of their outputs, such as ``psd at 0.5 Hz``.
+
+        Parameters
+        ----------
+        name : str
+            Name of the series.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If an expression changes with time.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> list(uqmbd.extend.OutputSeries([uqmbd.eigenfrequency(1)], [0.5], "speed", "m/s").named("rate"))
+        ['rate at 0.5 m/s']
+        """
         for quantity in self:
             if not is_scalar(quantity):
                 raise StudyError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -256,7 +256,7 @@ def content(result: StudyResult) -> Content:
     name = in_view(result)
     found, of_what = _influences(_latest(result), shown, name)
     known = result.assessment
-    lines = _lines(_one_of_each_series(known.reliability, result.series))
+    lines = _lines(result.distinct(known.reliability))
     return {
         "contributions": [],
         "problems": [*result.problems, *known.contradictions],
@@ -275,20 +275,6 @@ def content(result: StudyResult) -> Content:
 
 
 ANSWERS = TemplateSection("Answers", "answers", content)
-
-
-def _one_of_each_series(
-    reliability: Sequence[OutputReliability], series: Mapping[str, str]
-) -> tuple[OutputReliability, ...]:
-    """Return the reliability, the least reliable first, with one output of each series and method."""
-    seen: set[tuple[str, str]] = set()
-    found = []
-    for one in reliability:
-        key = one.method, series.get(one.quantity, "")
-        if one.kind != "scalar" or not key[1] or key not in seen:
-            found.append(one)
-        seen.add(key)
-    return tuple(found)
 
 
 def _lines(found: Sequence[OutputReliability]) -> list[Content]:
