@@ -22,7 +22,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 818,
+    "uqmbd": 830,
     "uqmbd.arguments": 500,
     "uqmbd.cli": 1620,
     "uqmbd.clusters": 275,
@@ -30,14 +30,14 @@ STATEMENTS = {
     "uqmbd.dynamics": 14_180,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 170,
-    "uqmbd.mechanism": 4_960,
+    "uqmbd.mechanism": 5_000,
     "uqmbd.new": 231,
     "uqmbd.plugins": 385,
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_570,
     "uqmbd.randomness": 5_570,
-    "uqmbd.report": 8_270,
-    "uqmbd.results": 9_430,
+    "uqmbd.report": 8_330,
+    "uqmbd.results": 9_460,
     "uqmbd.testing": 2_630,
     "uqmbd.units": 285,
     "uqmbd_calibration": 3388,
