@@ -416,5 +416,5 @@ class MonteCarlo(uqmbd.extend.Propagator):
             wall_time=wall_time,
             counters=dict(counters),
             children=children,
-            attrs=attrs,
+            attrs=attrs | {"sample_size": self.samples},
         )

@@ -75,7 +75,7 @@ def _chart(label: str, one: xr.Dataset) -> str:
     mean = _weighted(one)
     means = ", ".join(f"{text} {100 * mean[origin]:.0f} %" for origin, text in ORIGINS.items())
     caption = f"Shares of the variance of {name}{f' ({label})' if label else ''}; over all times: {means}."
-    title = f"variance of {name}"
+    title = f"share of the variance of {name}"
     return chart_html(title, one["time"].values, curves, caption, caption, units="1")
 
 

@@ -124,6 +124,14 @@ def test_the_report_says_of_which_samples(curved: uqmbd.Study, tmp_path: Path) -
     assert "Quantiles are computed from counts between edges; their error is at most" in text
 
 
+@pytest.mark.thorough
+def test_realisations_for_indices_are_not_samples_of_the_statistics(curved: uqmbd.Study, tmp_path: Path) -> None:
+    tree = curved.with_propagators([MonteCarlo(samples=40, seed=1, sobol_indices=True)]).run()
+    assert tree["monte-carlo"].attrs["realisations"] > 40 == tree["monte-carlo"].attrs["sample_size"]
+    text = " ".join(write_report(tree, tmp_path / "report.html").read_text().split())
+    assert "160 samples instead of 40 would halve" in text and "Statistics of monte-carlo use all" not in text
+
+
 def test_a_full_disk_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     class Full:
         def seek(self, place: int) -> None:

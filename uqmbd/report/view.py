@@ -74,6 +74,11 @@ class Method:
         return int(self.node.attrs.get("statistics_samples", self.realisations))
 
     @property
+    def sample_size(self) -> int:
+        """Return the number of samples, without realisations for other estimates such as Sobol' indices."""
+        return int(self.node.attrs.get("sample_size", self.realisations))
+
+    @property
     def failures(self) -> int:
         """Return the number of failed realisations."""
         return int(self.node.attrs.get("failures", 0))

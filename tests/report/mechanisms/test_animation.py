@@ -248,6 +248,7 @@ def test_a_study_without_times_has_a_report_without_an_animation_and_without_a_p
     assert "no output times" in note and "no_motion" not in tree.attrs and "motion" not in tree.children
     page = write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The mechanism could not be drawn" not in page and 'id="mechanism"' not in page
+    assert "not drawn, because the study has no results over time" in page and "contain no poses" not in page
 
 
 @pytest.mark.thorough

@@ -263,6 +263,7 @@ def content(result: StudyResult) -> Content:
         "failures": _failures(result),
         "asked": shown,
         "mechanism": mechanism_picture(result),
+        "timeless": all(node.dataset.sizes.get("time", 0) < 2 for node in result.tree.subtree),
         "picture": _picture(result, name),
         "poses": named_poses(result),
         "in_view": name,

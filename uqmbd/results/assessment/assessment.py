@@ -384,12 +384,10 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
         verdict = "The second digit of the standard deviation is uncertain"
     else:
         verdict = "This is a rough estimate, and more samples are needed"
-    total = int(node.attrs.get("realisations", 0))
-    counted = int(node.attrs.get("statistics_samples", total))
-    better = f"{_halving(counted)} the stated error"
+    better = f"{_halving(node)} the stated error"
     if replicates_of(node):
         better += ", or more, because this sampling design often converges faster"
-    if counted < total:
+    if node.attrs.get("statistics_samples", math.inf) < node.attrs.get("realisations", 0):
         better = "another method estimates it more accurately"
     whose = f"The stated error of {label}" if methods > 1 else "The stated error"
     of_which = f"of {one.output}, " if len(stated) > 1 else ""
@@ -399,7 +397,10 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
     )
 
 
-def _halving(count: int) -> str:
+def _halving(node: xr.DataTree) -> str:
+    """State the number of samples that halves an error."""
+    sizes = ("statistics_samples", "sample_size", "realisations")
+    count = next((int(node.attrs[name]) for name in sizes if name in node.attrs), 0)
     return f"{format_count(4 * count, 'sample')} instead of {format_integer(count)} would halve"
 
 
@@ -411,9 +412,8 @@ def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
     one = max(some, key=lambda one: one.error)
     inner = node.children.get("scalars", node)
     sampled = "samples" in node.children or "samples" in inner.children
-    count = int(node.attrs.get("statistics_samples", node.attrs.get("realisations", 0)))
     if sampled:
-        return (f"{one.output} has a {one.stated}: {_halving(count)} it.",)
+        return (f"{one.output} has a {one.stated}: {_halving(node)} it.",)
     held = inner if one.timeless else node
     names = [str(name) for name in held.children["statistics"].to_dataset()["output"].values]
     needed = resort(own_error(held, rtol_of(node), dependence=False).words[names.index(one.output)][1])

@@ -88,8 +88,8 @@ def _outcome(method: Method, compared: bool) -> list[str]:
             f"The statistics of {label} use the {format_integer(counted)} realisations that were sampled from the "
             f"distributions of the inputs. The other {format_integer(total - counted)} were chosen to find violations."
         )
-    elif kept < total:
-        text.append(_describe_stored(method, total, kept))
+    elif kept < method.sample_size:
+        text.append(_describe_stored(method, method.sample_size, kept))
     if method.ends_at is not None:
         text.append(
             f"Results of {label} end at t = {format_number(method.ends_at)} s, before the end of the "
