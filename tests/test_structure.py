@@ -48,7 +48,7 @@ STATEMENTS = {
     "uqmbd_joints": 610,
     "uqmbd_models": 1620,
     "uqmbd_montecarlo": 1_250,
-    "uqmbd_processes": 1_960,
+    "uqmbd_processes": 1_970,
     "uqmbd_pytest": 36,
     "uqmbd_reliability": 1940,
     "uqmbd_springs": 500,

@@ -26,7 +26,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+TERMS = 8
+"""Terms of the Taylor series of the exponential in a cell. Gauss' rule is exact for their products with the motion."""
+
+CELLS = 16
+"""Cells in the shortest period. The phase changes by at most 0.6 rad in a cell; the series has an error of 2e-9."""
 
 SLACK = 1e-6
 """Part of a segment or of a turn by which a run may be too short, because its end is rounded or integrated."""
@@ -69,20 +75,38 @@ def _edges(motion: MotionPolynomials, begin: float, end: float, more: Sequence[f
 
 
 @lru_cache(maxsize=4)
-def _values_in_blocks(
-    motion: MotionPolynomials, begin: float, block: float, count: int, frequency: float
-) -> tuple[Array, Array, Array, NDArray[np.int64]]:
-    """Return nodes, weights and values, and the first node of each block of the motion.
+def _moments(motion: MotionPolynomials, begin: float, block: float, count: int, cells: int) -> Array:
+    """Return integrals of the motion times ``s^m`` in equal cells of each block, (block, cell, m).
 
-    The panels are at most one period of the frequency, Hz.
+    The place s in a cell is between -1 and 1.
     """
-    bounds = np.asarray(begin + block * np.arange(count + 1), dtype=float)
+    bounds = np.asarray(begin + block / cells * np.arange(count * cells + 1), dtype=float)
     bounds[-1] = min(bounds[-1], motion.end[-1])
     edges = _edges(motion, begin, float(bounds[-1]), bounds)
-    nodes, weights = _panels(edges, np.maximum(1, np.ceil(frequency * np.diff(edges))).astype(np.int64))
-    times = nodes.ravel()
-    values = motion.at(times)[0]
-    return times, weights.ravel(), values, np.searchsorted(times, bounds[:-1])
+    nodes, weights = _panels(edges, np.ones(len(edges) - 1, dtype=np.int64))
+    first = np.searchsorted(edges, bounds[:-1]) * len(NODES)
+    cell = np.repeat(np.arange(count * cells), np.diff(np.append(first, nodes.size)))
+    place = (nodes.ravel() - begin) * (2 * cells / block) - (2 * cell + 1)
+    integrand = weights.ravel() * motion.at(nodes.ravel())[0]
+    found = np.empty((count * cells, TERMS))
+    for m in range(TERMS):
+        found[:, m] = np.add.reduceat(integrand, first)
+        integrand *= place
+    return found.reshape(count, cells, TERMS)
+
+
+def _transforms(moments: Array, block: float, frequency: float) -> tuple[Array, Array]:
+    """Return Fourier integrals of the motion and of 1 over each block, with the phase zero at the first block.
+
+    The exponential in a cell is a Taylor series; the angular frequency is positive.
+    """
+    count, cells, _ = moments.shape
+    half = block / cells / 2
+    series = np.array([(-1j * frequency * half) ** m / math.factorial(m) for m in range(TERMS)])
+    centres = block * np.arange(count)[:, None] + half * (2 * np.arange(cells) + 1)
+    wave = np.exp(-1j * frequency * block * np.arange(count))
+    one = wave * (1 - np.exp(-1j * frequency * block)) / (1j * frequency)
+    return np.sum((moments @ series) * np.exp(-1j * frequency * centres), axis=1), one
 
 
 @uqmbd.extend.summary(polynomials=True, power=2, units="s")
@@ -95,16 +119,20 @@ def _estimated_psd(motion: MotionPolynomials, frequency: float, segment: float, 
             f"estimated_psd: the run lasts {end - begin:g} s after skip={skip:g}, less than one segment of {segment:g} "
             "s; use a longer run, or a shorter segment=."
         )
-    octave = 2.0 ** math.ceil(math.log2(frequency))  # frequencies of an octave use the same values
-    times, weights, values, first = _values_in_blocks(motion, begin, segment / 2, count + 1, octave)
-    wave = weights * np.exp(-2j * math.pi * frequency * (times - begin))
-    window = np.cos(2 * math.pi * (times - begin) / segment)
-    # Hann's window of segment j is (1 - (-1)^j window) / 2
-    sums = [np.add.reduceat(x, first) for x in (wave * values, wave * values * window, wave, wave * window)]
-    one, two, three, four = (x[:-1] + x[1:] for x in sums)
-    mean = np.add.reduceat(weights * values, first)
+    highest = 8.0 ** math.ceil(math.log(frequency, 8) - SLACK)  # similar frequencies use the same moments
+    block = segment / 2
+    moments = _moments(motion, begin, block, count + 1, math.ceil(CELLS * highest * block))
+    shift = 2 * math.pi / segment
+    angular = 2 * math.pi * frequency
+    middle, low, high = (_transforms(moments, block, w) for w in (angular, angular - shift, angular + shift))
+    # Hann's window of segment j is (1 - (-1)^j cos(shift t)) / 2
     sign = np.where(np.arange(count) % 2, -1.0, 1.0)
-    transform = (one - sign * two - (mean[:-1] + mean[1:]) / segment * (three - sign * four)) / 2
+    x, one = (
+        ((m[:-1] + m[1:]) - sign * (a[:-1] + a[1:] + b[:-1] + b[1:]) / 2) / 2
+        for m, a, b in zip(middle, low, high, strict=True)
+    )
+    sums = moments[:, :, 0].sum(axis=1)
+    transform = x - (sums[:-1] + sums[1:]) / segment * one
     return float(scale * np.mean(np.abs(transform) ** 2) / (3 * segment / 8))
 
 
@@ -134,7 +162,7 @@ def _order_amplitude(motion: MotionPolynomials, numerator: float, denominator: f
     edges = _edges(motion, begin, stop)
     order = numerator / denominator
     passed = np.diff(motion.at(edges)[1])
-    counts = np.maximum(1, np.ceil(order * np.abs(passed) / (2 * math.pi))).astype(np.int64)
+    counts = np.maximum(1, np.ceil(order * np.abs(passed) / math.pi)).astype(np.int64)  # half periods
     nodes, weights = _panels(edges, counts)
     x, theta = motion.at(nodes.ravel())
     measure = weights.ravel() * motion.at(nodes.ravel(), derivative=1)[1]

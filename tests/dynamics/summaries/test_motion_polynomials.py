@@ -142,6 +142,12 @@ def _nothing(motion):
     return 1.0
 
 
+def test_declarations_of_one_function_with_different_units_differ():
+    x = oscillator()[1].position[0]
+    one, same, other = (uqmbd.extend.summary(_nothing, polynomials=True, power=k)(x) for k in (1, 1, 2))
+    assert one == same != other
+
+
 @pytest.mark.parametrize(
     ("declare", "text"),
     [

@@ -39,7 +39,7 @@ class DeclaredSummary:
         self.further, self.power, self.unit = further, power, unit
         self.__name__, self.__qualname__ = function.__name__, function.__qualname__
         self.__module__, self.__doc__ = function.__module__, function.__doc__
-        self.digest = function_digest(function)
+        self.digest = function_digest(function) + repr((further, power, unit, polynomials))
 
     def __call__(self, expression: Any, *others: Any) -> sympy.Expr:
         """Return the summary of an expression; `others` are further expressions, then numbers."""
