@@ -56,21 +56,22 @@ def frame(absorber=True):
     """Return the frame and the drift of its first storey (m)."""
     mechanism = uqmbd.Mechanism("frame", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
     shaking, damping = (-intensity * ground(), 0), 2 * damping_ratio * stiffness / FIRST
-    below = mechanism.ground
-    for k in range(1, STOREYS + 1):
-        place = (0, HEIGHT * k)
-        floor = mechanism.body(f"floor_{k}", mass=MASS, inertia=1e6, position=place)
-        mechanism.add(Prismatic(f"guide_{k}", mechanism.ground, floor, place, (0, 0), axis_i=(1, 0), axis_j=(1, 0)))
+    places = [(0, HEIGHT * (k + 1)) for k in range(STOREYS)]
+    floors = [
+        mechanism.body(f"floor_{k + 1}", mass=MASS, inertia=1e6, position=place) for k, place in enumerate(places)
+    ]
+    for k, (below, floor) in enumerate(zip([mechanism.ground, *floors[:-1]], floors, strict=True), 1):
+        guide = Prismatic(f"guide_{k}", mechanism.ground, floor, places[k - 1], (0, 0), axis_i=(1, 0), axis_j=(1, 0))
+        mechanism.add(guide)
         mechanism.add(SlidingSpringDamper(f"storey_{k}", below, floor, (0, HEIGHT), (0, 0), (1, 0), stiffness, damping))
         mechanism.add(Gravity(f"shaking_{k}", floor, shaking))
-        below = floor
     if absorber:
         bob = mechanism.body("bob", mass=BOB, inertia=1.0, position=(0, HEIGHT * STOREYS - LENGTH))
-        mechanism.add(Revolute("hinge", below, bob, (0, 0), (0, LENGTH)))
+        mechanism.add(Revolute("hinge", floors[-1], bob, (0, 0), (0, LENGTH)))
         friction = 2 * absorber_ratio * FIRST * BOB * LENGTH**2
-        mechanism.add(TorsionSpringDamper("damper", below, bob, stiffness=0, damping=friction))
+        mechanism.add(TorsionSpringDamper("damper", floors[-1], bob, stiffness=0, damping=friction))
         mechanism.add(Gravity("shaking_bob", bob, shaking))
-    return mechanism, mechanism.bodies["floor_1"].position[0]
+    return mechanism, floors[0].position[0]
 
 
 def largest_drift(drift):
@@ -107,7 +108,7 @@ def main():
         shaken.require("limit", sympy.Abs(moved) <= LIMIT)
         method = MonteCarlo(samples=400, seed=1)
         tree = uqmbd.Study("sampled", shaken, [0, DURATION], [method], start="equilibrium").run()["monte-carlo"]
-        means = tree["scalars/statistics"]["mean"].sel
+        means = tree["scalars/statistics"].to_dataset()["mean"].sel
         counted = tree["requirements"].to_dataset().sel(requirement="limit")
         low, high = 100 * counted["interval"].values
         print(
