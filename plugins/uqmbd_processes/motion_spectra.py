@@ -80,19 +80,20 @@ def _moments(motion: MotionPolynomials, begin: float, block: float, count: int, 
 
     The place s in a cell is between -1 and 1.
     """
-    bounds = np.asarray(begin + block / cells * np.arange(count * cells + 1), dtype=float)
-    bounds[-1] = min(bounds[-1], motion.end[-1])
-    edges = _edges(motion, begin, float(bounds[-1]), bounds)
-    nodes, weights = _panels(edges, np.ones(len(edges) - 1, dtype=np.int64))
-    first = np.searchsorted(edges, bounds[:-1]) * len(NODES)
-    cell = np.repeat(np.arange(count * cells), np.diff(np.append(first, nodes.size)))
-    place = (nodes.ravel() - begin) * (2 * cells / block) - (2 * cell + 1)
-    integrand = weights.ravel() * motion.at(nodes.ravel())[0]
-    found = np.empty((count * cells, TERMS))
-    for m in range(TERMS):
-        found[:, m] = np.add.reduceat(integrand, first)
-        integrand *= place
-    return found.reshape(count, cells, TERMS)
+    found = np.empty((count, cells, TERMS))
+    for k in range(count):  # one block at a time bounds the memory
+        bounds = begin + block * (k + np.arange(cells + 1) / cells)
+        bounds[-1] = min(bounds[-1], motion.end[-1])
+        edges = _edges(motion, float(bounds[0]), float(bounds[-1]), bounds)
+        nodes, weights = _panels(edges, np.ones(len(edges) - 1, dtype=np.int64))
+        first = np.searchsorted(edges, bounds[:-1]) * len(NODES)
+        cell = np.repeat(np.arange(cells), np.diff(np.append(first, nodes.size)))
+        place = (nodes.ravel() - bounds[0]) * (2 * cells / block) - (2 * cell + 1)
+        integrand = weights.ravel() * motion.at(nodes.ravel())[0]
+        for m in range(TERMS):
+            found[k, :, m] = np.add.reduceat(integrand, first)
+            integrand *= place
+    return found
 
 
 def _transforms(moments: Array, block: float, frequency: float) -> tuple[Array, Array]:
