@@ -176,6 +176,12 @@ def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str
     """Raise StudyError if an option cannot be used."""
     if not isinstance(noise, str) or noise not in ("normal", "student"):
         raise uqmbd.StudyError(f"calibrate: noise is {noise!r}; expected 'normal' or 'student'.")
+    if keys := [variable.name for variable in study.mechanism.inputs.variables if variable.is_key]:
+        raise uqmbd.StudyError(
+            f"calibrate: the outputs of study {study.name!r} depend on sampled paths of {keys[0]!r}, on which no "
+            "likelihood depends smoothly. Calibrate outputs of the stationary response, or replace the process by a "
+            "spline through the record."
+        )
     least = {"realisations": 1, "draws": 100, "chains": 2, "seed": 0}
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least[name]:

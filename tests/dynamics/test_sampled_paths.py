@@ -214,6 +214,74 @@ def test_results_of_another_shape_are_refused():
         samples(oscillator(uqmbd.extend.excitation(Wrong(), uqmbd.t)))
 
 
+def test_keys_outside_their_range_are_refused():
+    mechanism = oscillator(uqmbd.extend.excitation(Wave(), uqmbd.t))
+    for key in (-2.0, 1.5, 1e6):
+        with pytest.raises(
+            uqmbd.StudyError, match="'shaking' is .* the key of a sampled path; expected a number from 0"
+        ):
+            uqmbd.simulate(mechanism, TIMES, {"shaking": key})
+
+
+def test_a_surrogate_over_keys_is_refused_wherever_it_is_fitted():
+    mechanism = oscillator(uqmbd.extend.excitation(Wave(), uqmbd.t))
+    study = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo(samples=2)])
+    with pytest.raises(uqmbd.StudyError, match="collocation: the outputs depend on sampled paths of 'shaking'"):
+        study.problem(Collocation(order=2))
+
+
+@dataclass(frozen=True)
+class Short(Wave):
+    """Wave with paths up to 6 only."""
+
+    def sample_paths(self, sources, keys, begin, end):
+        if end > 6:
+            raise uqmbd.StudyError(f"the path to {end:.3g} is too long.")
+        return super().sample_paths(sources, keys, begin, end)
+
+
+def test_only_realisations_beyond_the_end_of_a_path_fail():
+    """Speeds up to 2 per second over four seconds: those above 1.5 leave the path; the others are unchanged."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1.0, 2.0), units="1/s")
+    with pytest.warns(UserWarning, match="17 of 40 realisations failed"):
+        found = samples(oscillator(uqmbd.extend.excitation(Short(), speed * uqmbd.t)), count=40)
+    expected = samples(oscillator(uqmbd.extend.excitation(Wave(), speed * uqmbd.t)), count=40)
+    fast = found["inputs"].sel(input="speed").values > 1.5
+    assert 5 < fast.sum() < 35
+    np.testing.assert_array_equal(found["status"].values != 0, fast)
+    assert all("is too long" in message for message in found["message"].values[fast])
+    np.testing.assert_array_equal(found["response"][~fast], expected["response"][~fast])
+    with pytest.raises(uqmbd.StudyError, match="the path to 8 is too long"):
+        samples(oscillator(uqmbd.extend.excitation(Short(), 2.0 * uqmbd.t)))
+
+
+def test_equal_keys_share_a_path_and_means_have_none():
+    calls = []
+
+    class Counted(Wave):
+        def sample_paths(self, sources, keys, begin, end):
+            calls.append(len(keys))
+            return super().sample_paths(sources, keys, begin, end)
+
+    mechanism = oscillator(uqmbd.extend.excitation(Counted(), uqmbd.t))
+    model = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo(samples=2)]).model
+    calls.clear()
+    Ensemble(model, np.array([[1.0, 0.3], [1.1, 0.5], [1.2, 0.3], [1.3, 0.7]]), until=4.0)
+    assert sum(calls) == 2
+    Ensemble(model, np.array([[1.0, 0.5]]), until=4.0)
+    assert sum(calls) == 2
+
+
+def test_knots_must_be_multiples_of_the_step():
+    class Shifted(Wave):
+        def sample_paths(self, sources, keys, begin, end):
+            first, step, found = super().sample_paths(sources, keys, begin, end)
+            return first + 0.3 * step, step, found
+
+    with pytest.raises(uqmbd.StudyError, match="expected a knot that is a multiple of the step"):
+        samples(oscillator(uqmbd.extend.excitation(Shifted(), uqmbd.t)))
+
+
 def test_a_source_without_paths_has_no_motion():
     @dataclass(frozen=True)
     class Force:

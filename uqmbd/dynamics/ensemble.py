@@ -97,8 +97,12 @@ class Ensemble:
         if self.model.start_at == "equilibrium":
             # given velocities apply to the equilibrium, not to the drawn pose
             drawn = assemble(replace(self.model, statements=(), conditions=None), self.parameters, self.model.time)
-            return equilibrium_start(Ensemble(self.model, self.values, start=drawn, paths=self.paths))
-        return assemble(self.model, self.parameters, self.model.time)
+            found = equilibrium_start(Ensemble(self.model, self.values, start=drawn, paths=self.paths))
+        else:
+            found = assemble(self.model, self.parameters, self.model.time)
+        if self.paths is None or not self.paths.failed:
+            return found
+        return replace(found, messages=tuple(self.paths.failed.get(k, x) for k, x in enumerate(found.messages)))
 
     @cached_property
     def breaks(self) -> Array:

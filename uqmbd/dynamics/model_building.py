@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -44,7 +43,6 @@ from uqmbd.dynamics.equations import (
     links,
     output_map,
     path_families,
-    path_values,
     state_arguments,
 )
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
@@ -57,7 +55,6 @@ from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import Component, HeldStates, Mechanism, Output, Spline, names_of_motion
-from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
@@ -174,7 +171,7 @@ def _kinematics(
         norms=norms,
         cosines=cosines,
         inputs=inputs.names,
-        parameters=ParameterMap.of(_with_keys(expressions, instances, inputs.variables), inputs.variables),
+        parameters=ParameterMap.of(expressions, inputs.variables),
         drawn=drawn,
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
@@ -209,14 +206,6 @@ def _kinematics(
         model = replace(model, conditions=conditions)
         require_conditions(f"mechanism {mechanism.name!r}", model, time, parameters)
     return model, instances, blocks
-
-
-def _with_keys(
-    expressions: list[sympy.Expr], instances: list[Instance], inputs: Sequence[RandomVariable]
-) -> list[sympy.Expr]:
-    """Return the values of the parameters with the keys of sampled paths, whose addresses replace them."""
-    keys = {k: path.key for k, path in path_values(instances, inputs).items()}
-    return [keys.get(k, e) for k, e in enumerate(expressions)]
 
 
 def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:

@@ -36,7 +36,8 @@ class SampledPaths:
         self.steps = np.zeros(len(families))  # distance of knots of each family, in units of its argument
         self._memory = np.zeros((len(values), sum(len(x.sources) for x in families)), dtype=PATH)
         self._interval: tuple[float, float] | None = None  # times, s, that the paths reach
-        self._kept: list[Array] = []  # coefficients, which must not move while their addresses are in use
+        self._coefficients: list[Array] = []  # must not move while their addresses are in use
+        self.failed: dict[int, str] = {}  # reasons of realisations without a path
 
     def insert(self, parameters: Array) -> None:
         """Write the addresses of the paths into the parameters (K, parameter)."""
@@ -51,7 +52,11 @@ class SampledPaths:
                 source += 1
 
     def reach(self, begin: float, end: float) -> None:
-        """Sample the paths between two times, s, unless they reach that far already."""
+        """Sample the paths between two times, s, unless they reach that far already.
+
+        Each realisation has an interval of its own, so that its path, and the failure of its path, do not depend on
+        others.  Equal keys with equal intervals share a path.  Raise the error of the source if no path can be sampled.
+        """
         if self._interval is not None and self._interval[0] <= begin and end <= self._interval[1]:
             return
         if self._interval is not None:
@@ -59,23 +64,43 @@ class SampledPaths:
         kept: list[Array] = []
         source = 0
         for k, family in enumerate(self.families):
-            keys = np.ascontiguousarray(self.values[:, family.column])
-            low, high = family.reach(self.values, begin, end)
-            first, step, found = _sampled(family, keys, low, high)
-            self.steps[k] = step
-            for column in range(len(family.sources)):
-                memory, rows = self._memory[:, source], found[:, column]
-                memory["step"], memory["begin"], memory["count"] = step, round(first / step), rows.shape[1]
-                memory["coefficients"] = rows.ctypes.data + rows.strides[0] * np.arange(len(rows))
-                source += 1
-            kept.append(found)
-        self._kept, self._interval = kept, (begin, end)
+            memory = self._memory[:, source : source + len(family.sources)]
+            memory["count"] = 0
+            keys, ends = self.values[:, family.column], family.reach(self.values, begin, end)
+            known = np.isfinite(ends).all(axis=1)
+            drawn = known & (keys != MEAN_KEY)
+            first = ends[known][:1] if known.any() else np.zeros((1, 2))
+            # without realisations, the source checks the interval, and states the distance of knots
+            self.steps[k] = _sampled(family, keys[:0], *first[0].tolist())[1] if not drawn.any() else self.steps[k]
+            intervals, which = np.unique(ends[drawn], axis=0, return_inverse=True)
+            for number, (low, high) in enumerate(intervals.tolist()):
+                members = np.flatnonzero(drawn)[which.ravel() == number]
+                some, own = np.unique(keys[members], return_inverse=True)
+                try:
+                    begins, step, found = _sampled(family, some, low, high)
+                except StudyError as error:
+                    if len(members) == np.count_nonzero(drawn):
+                        raise
+                    self.failed |= dict.fromkeys(members.tolist(), str(error).rstrip("."))
+                    continue
+                self.steps[k] = step
+                kept.append(found)
+                address = (
+                    found.ctypes.data + found.strides[0] * own[:, None] + found.strides[1] * np.arange(memory.shape[1])
+                )
+                part = np.zeros(address.shape, dtype=PATH)
+                part["step"], part["begin"], part["count"] = step, round(begins / step), found.shape[2]
+                part["coefficients"] = address
+                memory[members] = part
+            source += len(family.sources)
+        self._coefficients, self._interval = kept, (begin, end)
 
     def select(self, members: Index) -> SampledPaths:
         """Return the paths of some realisations; the coefficients are shared."""
         found = SampledPaths(self.families, self.values[members])
-        found.steps, found._interval, found._kept = self.steps.copy(), self._interval, self._kept
+        found.steps, found._interval, found._coefficients = self.steps.copy(), self._interval, self._coefficients
         found._memory[:] = self._memory[members]
+        found.failed = {k: self.failed[m] for k, m in enumerate(members.tolist()) if m in self.failed}
         return found
 
     def longest_steps(self, rtol: float) -> Array:
@@ -98,6 +123,11 @@ def _sampled(family: PathFamily, keys: Array, low: float, high: float) -> tuple[
         raise StudyError(
             f"excitation {sources[0].name!r}: sample_paths returned the step {step!r} and coefficients of shape "
             f"{coefficients.shape}; expected a positive step and the shape ({len(keys)}, {len(sources)}, n)."
+        )
+    if abs(first / step - round(first / step)) > 1e-6:
+        raise StudyError(
+            f"excitation {sources[0].name!r}: sample_paths returned the first knot {first:g} and the step {step:g}; "
+            "expected a knot that is a multiple of the step."
         )
     last = first + (coefficients.shape[2] - 3) * step
     if not (first <= low and high < last and np.isfinite(coefficients).all()):

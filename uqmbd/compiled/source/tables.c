@@ -35,7 +35,7 @@ void look_up(const double *edges, const double *rows, int64_t knots, int64_t ter
     }
 }
 
-/* Addresses below are none: what stands there is a number of an input. */
+/* Smaller values are not addresses. */
 #define LEAST_ADDRESS 65536.0
 
 void look_up_path(int64_t lanes, const double *x, double *found) {

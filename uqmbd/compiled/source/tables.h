@@ -25,7 +25,7 @@ typedef struct {
 
 /* Look up paths for some lanes; each lane has a path of its own.
 
-   x (2, lanes):     arguments, then addresses of paths; an address that is none stands for a path of zeros
+   x (2, lanes):     arguments, then addresses of paths; zero: a path of zeros
    found (5, lanes): the knot before the argument, and the coefficients of the cubic about it; NaN beyond the ends */
 void look_up_path(int64_t lanes, const double *x, double *found);
 

@@ -12,7 +12,7 @@ from uqmbd.dynamics.equations.layout import Layout, ParameterMap, state_argument
 from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of, squares_of
 from uqmbd.dynamics.equations.model import Model, Statement, break_times
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
-from uqmbd.dynamics.equations.paths import PathFamily, path_families, path_values
+from uqmbd.dynamics.equations.paths import PathFamily, path_families
 from uqmbd.dynamics.equations.start_conditions import Conditions, compiled_conditions, inputs_of_conditions
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
@@ -51,7 +51,6 @@ __all__ = [
     "mechanism_terms",
     "output_map",
     "path_families",
-    "path_values",
     "plain",
     "signs_of",
     "squares_of",

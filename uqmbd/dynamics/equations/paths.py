@@ -16,7 +16,7 @@ from uqmbd.mechanism import PathSymbol, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["PathFamily", "path_families", "path_values"]
+__all__ = ["PathFamily", "path_families"]
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,15 @@ class PathFamily:
     parameters: tuple[tuple[int, ...], ...]  # for each source: parameters of the model that are addresses of its path
     lines: ParameterMap  # from inputs to slopes, then offsets, of all arguments
 
-    def reach(self, values: Array, begin: float, end: float) -> tuple[float, float]:
-        """Return the interval of the arguments of inputs (K, input) between two times, s."""
+    def reach(self, values: Array, begin: float, end: float) -> Array:
+        """Return the intervals of the arguments (K, 2) for inputs (K, input) between two times, s."""
         slope, offset = np.split(self.lines(values), 2, axis=1)
-        ends = np.concatenate([slope * begin + offset, slope * end + offset])
-        ends = ends[np.isfinite(ends)]
-        return (float(ends.min()), float(ends.max())) if ends.size else (0.0, 0.0)
+        ends = np.concatenate([slope * begin + offset, slope * end + offset], axis=1)
+        return np.stack([ends.min(axis=1), ends.max(axis=1)], axis=1)
 
 
-def path_values(instances: Sequence[Instance], inputs: Sequence[RandomVariable]) -> dict[int, PathSymbol]:
-    """Return the paths whose keys are inputs, by the number of the parameter of the model."""
+def _addresses(instances: Sequence[Instance], inputs: Sequence[RandomVariable]) -> dict[int, PathSymbol]:
+    """Return the paths whose keys are inputs, by the number of the parameter that is the address."""
     found: dict[int, PathSymbol] = {}
     first = 0
     for instance in instances:
@@ -49,7 +48,7 @@ def path_values(instances: Sequence[Instance], inputs: Sequence[RandomVariable])
 def path_families(instances: Sequence[Instance], inputs: Sequence[RandomVariable]) -> tuple[PathFamily, ...]:
     """Return the families of paths whose keys are inputs, in the order of the inputs."""
     parameters: dict[PathSymbol, list[int]] = {}
-    for k, path in path_values(instances, inputs).items():
+    for k, path in _addresses(instances, inputs).items():
         parameters.setdefault(path, []).append(k)
     arguments: dict[Any, dict[sympy.Expr, None]] = {}
     for instance in instances:

@@ -119,6 +119,8 @@ def followed(
         return {**none, "response": empty, "message": np.array([jumps[0]])}
     span = 1.0
     while True:
+        if ensemble.paths is not None:
+            ensemble.paths.reach(begin, begin + span * (end - begin))
         run = cls().integrate_segments(ensemble, np.array([begin, begin + span * (end - begin)]), rtol)
         inside = sum(segment.begin < end for segment in run.segments)
         complete = len(run.segments) - 1  # the last segment has no final event

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.propagation.methods.estimate import Estimate, Sizing, readable
+from uqmbd.propagation.methods.keys import require_keys_accepted
 from uqmbd.propagation.methods.propagator import Propagator, check_propagators, labelled
 from uqmbd.propagation.methods.running import obstacle_of, run_method
 from uqmbd.propagation.methods.studied import Studied
@@ -15,6 +16,7 @@ __all__ = [
     "check_propagators",
     "labelled",
     "obstacle_of",
+    "require_keys_accepted",
     "readable",
     "run_method",
 ]

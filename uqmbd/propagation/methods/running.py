@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd import plugins
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning
 from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
@@ -27,10 +26,11 @@ from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_a
 from uqmbd.propagation.inputs import input_info
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.methods.estimate import readable
+from uqmbd.propagation.methods.keys import refused_key, require_keys_accepted
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.methods.studied import Studied
 from uqmbd.propagation.problem import Problem
-from uqmbd.randomness import JointInput, why_not_drawn
+from uqmbd.randomness import why_not_drawn
 from uqmbd.results import clopper_pearson, requirements_of
 from uqmbd.results.chaos import stored_surrogates, verified_std, verified_trials
 from uqmbd.results.schema import (
@@ -82,20 +82,6 @@ def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
     return propagator.obstacle(study)
 
 
-def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
-    """Return the reason why a method cannot compute a mechanism with sampled paths, or None."""
-    keys = [variable.name for variable in inputs.variables if variable.is_key]
-    if not keys or propagator.accepts_keys:
-        return None
-    found = plugins.propagators().items()
-    known = ", ".join(repr(name) for name, method in found if getattr(method, "accepts_keys", False)) or "none"
-    return (
-        f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
-        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({known}), or outputs of the "
-        "stationary response"
-    )
-
-
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
     """Run a method on the outputs over time, on scalar outputs, and on the margins of requirements.
 
@@ -110,8 +96,7 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``. The
     attribute ``further_realisations`` counts those that only scalar outputs or margins of requirements required.
     """
-    if refused := refused_key(propagator, problem.inputs):
-        raise StudyError(f"{problem.label}: {refused}.")
+    require_keys_accepted(propagator, problem.inputs)
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
     progress = UntilTheEnd(problem.progress, lasting=problem.label)

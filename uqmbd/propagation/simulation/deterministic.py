@@ -305,4 +305,10 @@ def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | 
             point[name] = float("nan")
         if not np.isfinite(point[name]):
             raise StudyError(f"{where}: the value of {name!r} is {value!r}; expected a finite number.")
+    for variable in inputs.variables:
+        if variable.is_key and not 0 <= point[variable.name] <= 1:
+            raise StudyError(
+                f"{where}: the value of {variable.name!r} is {point[variable.name]:g}, but it is the key of a sampled "
+                "path; expected a number from 0 to 1."
+            )
     return point

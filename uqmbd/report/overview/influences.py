@@ -175,6 +175,10 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
             continue
         samples = inner.samples.isel(output=inner.names.index(name))
         samples = samples.isel(sample=np.flatnonzero(samples["status"].values == Status.OK))
+        paths = ""
+        if "input_key" in samples.coords:  # no effect of a key is linear
+            samples = samples.isel(input=~samples["input_key"].values)
+            paths = " Sampled paths are not included; their share is a Sobol' index."
         count, columns = samples["inputs"].shape
         if not columns or count < max(30, SAMPLES * columns):
             return None
@@ -186,7 +190,7 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
         dependent = _dependent(values)
         if (dependent or correlations) and np.ptp(response) > 0:
             inputs = ", whose inputs are dependent" if dependent else ""
-            kind = f"Correlations{when} by {label}{inputs}: + increases, − decreases the output."
+            kind = f"Correlations{when} by {label}{inputs}: + increases, − decreases the output.{paths}"
             found = _standard(values).T @ _standard(response) / count
             return _sorted(samples["input"].values, found, kind, signed=True, correlations=True)
         effects, explained = _regression(values, response)
@@ -194,7 +198,7 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
             return None
         kind = (
             f"Effects{when}, as shares of the standard deviation, by a linear regression of {label} that explains "
-            f"{format_share(explained)} of the variance: + increases, − decreases the output."
+            f"{format_share(explained)} of the variance: + increases, − decreases the output.{paths}"
         )
         return _sorted(samples["input"].values, effects, kind, signed=True)
     return None
