@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,6 +92,17 @@ def _lost_share(system: LinearSystem) -> tuple[NDArray[np.float64], list[str]]:
         return share, [one or other for one, other in zip(reasons, more, strict=True)]
 
 
+@dataclass(frozen=True)
+class _Density:
+    """Density of a process, with the same text at all points of the process."""
+
+    text: str
+    process: RandomProcess = field(repr=False)
+
+    def __call__(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.process.two_sided(frequency)
+
+
 def _percent(share: float) -> str:
     return "below 0.001 %" if share < 1e-5 else f"{100 * share:.2g} %"
 
@@ -99,7 +110,8 @@ def _percent(share: float) -> str:
 def _tail(process: RandomProcess) -> RandomProcess:
     """Return the process of the frequencies above the sampled ones."""
     angular: Any = "rad/s" if process.over == "time" else "rad/m"
-    density = PowerSpectralDensity(process.two_sided, "two", angular, (process.sampled_band[1], process.band[1]))
+    function = _Density("".join(process.description.values()), process)
+    density = PowerSpectralDensity(function, "two", angular, (process.sampled_band[1], process.band[1]))
     return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None)
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import types
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd_processes.descriptions import describe_function
 from uqmbd_processes.filters import ShapingFilter
 
 __all__ = [
@@ -22,7 +21,7 @@ __all__ = [
     "Sided",
     "check_band",
     "check_density",
-    "describe_function",
+    "common_units",
     "largest_power",
 ]
 
@@ -105,6 +104,8 @@ class PowerSpectralDensity:
                     f"{where}: function returned {found!r} for the frequencies {self._samples()!r} {self.per}; "
                     "expected a density for each, finite and not negative."
                 )
+        # once, because the content of the function may change
+        object.__setattr__(self, "_text", describe_function(self.function))
 
     def _samples(self) -> Array:
         low, high = self.band
@@ -179,18 +180,8 @@ class PowerSpectralDensity:
 
     def __repr__(self) -> str:
         shape = "" if self.filter is None else f", filter={self.filter!r}"
-        named = describe_function(self.function)
+        named = vars(self)["_text"]
         return f"PowerSpectralDensity({named}, sided={self.sided!r}, per={self.per!r}, band={self.band}{shape})"
-
-
-def describe_function(function: Any) -> str:
-    """Return a text that identifies a function by its name and code, also in other processes."""
-    if not isinstance(function, types.FunctionType):
-        return repr(function)
-    code = function.__code__
-    cells = [repr(cell.cell_contents) for cell in function.__closure__ or ()]
-    text = repr((code.co_code, code.co_names, [repr(x) for x in code.co_consts if not hasattr(x, "co_code")], cells))
-    return f"{function.__module__}.{function.__qualname__}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
 def largest_power(density: Callable[[Array], Array], band: tuple[float, float]) -> tuple[float, float]:
@@ -227,6 +218,16 @@ def check_density(where: str, psd: Any, over: str) -> None:
             f"{where}: psd is a density per {psd.per} over {psd.over}, but over is {over!r}; state "
             f"over={psd.over!r}, or a density over {over}."
         )
+
+
+def common_units(where: str, units: str, known: str) -> str:
+    """Return the units of a process and of its density; raise if they differ."""
+    if units and known and not uqmbd.extend.same_units(units, known):
+        raise uqmbd.StudyError(
+            f"{where}: units is {units!r}, but psd is the density of a process in {known}. Write "
+            f"units={known!r}, and multiply the process in expressions by a factor for other units."
+        )
+    return units or known
 
 
 def check_band(where: str, band: Any) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd_processes.descriptions import check_family
 
 __all__ = ["LineSpectrum", "SampledProcess", "draw_splines", "line_powers", "line_spectrum"]
 
@@ -214,6 +215,7 @@ def draw_splines(
     if len({x.family for x in sources}) > 1:
         listed = ", ".join(sorted({repr(x.family) for x in sources}))
         raise uqmbd.StudyError(f"{where}: paths of {listed} were requested; expected points of one process.")
+    check_family(sources)
     points = sorted({x.point: x for x in sources}.items())
     places = [[p for p, _ in points].index(x.point) for x in sources]
     step = spectrum.step

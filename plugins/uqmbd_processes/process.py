@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.laws import distance
-from uqmbd_processes.densities import PowerSpectralDensity, check_density, describe_function, largest_power
+from uqmbd_processes.densities import PowerSpectralDensity, check_density, common_units, largest_power
+from uqmbd_processes.descriptions import GIVEN, describe_function, describe_options
 from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
 from uqmbd_processes.filters import ExponentialCovariance, ShapingFilter, check_positive, shaping_filter
 from uqmbd_processes.paths import LineSpectrum, draw_splines, line_powers, line_spectrum
@@ -23,9 +24,7 @@ __all__ = ["RandomProcess"]
 
 Array = NDArray[np.float64]
 
-GIVEN = ("psd", "covariance", "filter", "record")
-
-CACHED = ("_peak", "marks", "_lines", "_line_powers")
+CACHED = ("_peak", "description", "marks", "_lines", "_line_powers")
 """Values that are computed when they are needed."""
 
 
@@ -131,7 +130,7 @@ class RandomProcess:
         shape: ShapingFilter | None = None
         if self.psd is not None:
             check_density(where, self.psd, over)
-            self._check_units(where, self.psd.units)
+            object.__setattr__(self, "units", common_units(where, self.units, self.psd.units))
             density, shape = self.psd, self.psd.filter
         elif isinstance(self.covariance, ExponentialCovariance):
             shape = self.covariance.filter
@@ -143,19 +142,10 @@ class RandomProcess:
         else:
             density, record = welch_density(where, self.record, over)
             object.__setattr__(self, "record", record)
+        object.__setattr__(self, "_texts", tuple(map(describe_function, (self.covariance, self.coherence))))
         object.__setattr__(self, "_density", density)
         object.__setattr__(self, "_shape", shape)
         object.__setattr__(self, "_key", uqmbd.extend.path_key(self.family))
-
-    def _check_units(self, where: str, known: str) -> None:
-        """Adopt the units of the spectral density, and refuse others."""
-        if not self.units:
-            object.__setattr__(self, "units", known)
-        elif known and not uqmbd.extend.same_units(self.units, known):
-            raise uqmbd.StudyError(
-                f"{where}: units is {self.units!r}, but psd is the density of a process in {known}. Write "
-                f"units={known!r}, and multiply the process in expressions by a factor for other units."
-            )
 
     @property
     def shape(self) -> ShapingFilter | None:
@@ -301,11 +291,12 @@ class RandomProcess:
         ------
         uqmbd.StudyError
             If the process has no variance, or the interval is longer than 0.9 periods. Also if a period has more than
-            4,000,000 knots, or the coherences of the points are contradictory.
+            4,000,000 knots, or the coherences of the points are contradictory. Also if the sources differ in more
+            than their points.
 
         Notes
         -----
-        Processes of one name with different spectra have the same random numbers, which reduces the sampling error of
+        Processes of one name in different mechanisms have the same random numbers, which reduces the sampling error of
         comparisons. Paths at several points are correlated in the order of the coordinates.
 
         Examples
@@ -410,11 +401,12 @@ class RandomProcess:
         value = uqmbd.extend.excitation(self, uqmbd.t if argument is None else argument)
         return value + sympy.Float(self.mean) if self.mean else value
 
+    @cached_property
+    def description(self) -> dict[str, str]:
+        """All options but the name and the point, as texts; equal at all points of a process."""
+        return describe_options(self)
+
     def __repr__(self) -> str:
-        key = next(name for name in GIVEN if getattr(self, name) is not None)
-        value = getattr(self, key)
-        text = describe_function(value) if key == "covariance" else repr(value)
-        mean = f", mean={self.mean!r}" if self.mean else ""
-        more = "" if self.coherence is None else f", coherence={describe_function(self.coherence)}, point={self.point}"
-        more += "".join(f", {x}={getattr(self, x)!r}" for x in ("length", "cutoff") if getattr(self, x) is not None)
-        return f"RandomProcess({self.name!r}, {key}={text}, over={self.over!r}, units={self.units!r}{mean}{more})"
+        point = {"point": self.point} if self.coherence is not None else {}
+        listed = ", ".join(f"{key}={text}" for key, text in (self.description | point).items())
+        return f"RandomProcess({self.name!r}, {listed})"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd_processes.descriptions import check_family
 from uqmbd_processes.filters import ShapingFilter
 from uqmbd_processes.lyapunov import EPS, controllable, covariances, is_stable, separate
 from uqmbd_processes.quadrature import TOLERANCE, WORDS, density_of_response, integrate_moments, select
@@ -74,6 +75,8 @@ def _processes(system: LinearSystem) -> list[tuple[Any, list[int]]]:
     for k, channel in enumerate(system.channels):
         name = channel.source.field or channel.source.name
         found.setdefault(name, (channel.source, []))[1].append(k)
+    for _, channels in found.values():
+        check_family([system.channels[k].source for k in channels])
     return list(found.values())
 
 

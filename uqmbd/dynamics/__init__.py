@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.code_key import compute_code_key
+from uqmbd.dynamics.contents import content_key
 from uqmbd.dynamics.ensemble import Ensemble, referenced
 from uqmbd.dynamics.equations import (
     BlockSymbols,
@@ -81,6 +82,7 @@ __all__ = [
     "capabilities_of",
     "check",
     "compute_code_key",
+    "content_key",
     "constraining",
     "derive",
     "instances_of",

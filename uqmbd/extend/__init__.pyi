@@ -24,6 +24,7 @@ from .components import perpendiculars as perpendiculars
 from .components import quaternion_product as quaternion_product
 from .components import relative_quaternion as relative_quaternion
 from .components import smallest_rotation as smallest_rotation
+from .content import content_key as content_key
 from .integrators import Capabilities as Capabilities
 from .integrators import Counters as Counters
 from .integrators import Ensemble as Ensemble

@@ -1,0 +1,5 @@
+"""What plugins need that identify functions of users."""
+
+from __future__ import annotations
+
+from uqmbd.dynamics import content_key as content_key
