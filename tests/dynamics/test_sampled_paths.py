@@ -292,3 +292,15 @@ def test_a_source_without_paths_has_no_motion():
         uqmbd.StudyError, match=r"output 'position' requires a simulated motion.* without sampled paths"
     ):
         samples(oscillator(uqmbd.extend.excitation(Force(), uqmbd.t)))
+
+
+def test_long_paths_make_small_chunks():
+    class Fine(Wave):
+        def sample_paths(self, sources, keys, begin, end):
+            return 0.0, STEP, np.zeros((len(keys), len(sources), 1_000_000))
+
+    sizes = []
+    for wave in (Wave(), Fine()):
+        study = uqmbd.Study("s", oscillator(uqmbd.extend.excitation(wave, uqmbd.t)), TIMES, [MonteCarlo(samples=2)])
+        sizes.append(study.problem(study.propagators[0]).chunk_of(50_000))
+    assert sizes[0] > sizes[1] == 64

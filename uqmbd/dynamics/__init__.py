@@ -39,6 +39,7 @@ from uqmbd.dynamics.mechanism_check import Check, check
 from uqmbd.dynamics.model_building import build, constraining, kinematic_model
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
 from uqmbd.dynamics.risks import Risk, find_risks, range_findings
+from uqmbd.dynamics.sampled_paths import numbers_of
 from uqmbd.dynamics.statics import (
     Equilibrium,
     Modes,
@@ -88,6 +89,7 @@ __all__ = [
     "instances_of",
     "integrate",
     "integrator_class",
+    "numbers_of",
     "integrators",
     "kinematic_model",
     "linearise",

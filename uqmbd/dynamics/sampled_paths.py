@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.equations import PathFamily
+from uqmbd.dynamics.equations import Model, PathFamily
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import MEAN_KEY
 from uqmbd.typing import Array, Index
 
-__all__ = ["SampledPaths"]
+__all__ = ["SampledPaths", "numbers_of"]
 
 PATH = np.dtype([("step", "f8"), ("begin", "i8"), ("count", "i8"), ("coefficients", "i8")])
 """Path in memory, as ``Path`` of ``tables.h``."""
@@ -112,6 +112,18 @@ class SampledPaths:
             with np.errstate(divide="ignore", invalid="ignore"):
                 found = np.fmin(found, share * float(step) / np.abs(slopes).max(axis=1))
         return found
+
+
+def numbers_of(model: Model, means: Array, times: Array) -> int:
+    """Return the number of state and output values of a realisation at times (T,), s, with coefficients of its paths.
+
+    The paths are those at the `means` (input,) of the inputs.
+    """
+    count = len(times) * (len(model.outputs.names) + model.layout.width)
+    for family in model.paths:
+        low, high = family.reach(means[None, :], float(times[0]), float(times[-1]))[0].tolist()
+        count += len(family.sources) * _sampled(family, np.zeros(0), low, high)[2].shape[2]
+    return count
 
 
 def _sampled(family: PathFamily, keys: Array, low: float, high: float) -> tuple[float, float, Array]:

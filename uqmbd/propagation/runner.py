@@ -30,7 +30,7 @@ from uqmbd.propagation.execution import (
     Realisations,
     Spending,
     StoredChunks,
-    chunk_size,
+    chunk_size_of,
     compute_chunk,
     executor_for,
     fingerprint,
@@ -274,7 +274,7 @@ class ProblemData:
     @typechecked
     def chunk_of(self, count: Size) -> int:
         """Return the chunk size for a number of realisations, the same for all kinds of outputs."""
-        return chunk_size(count, len(self.whole_times) * (len(self.model.outputs.names) + self.model.layout.width))
+        return chunk_size_of(self.model, self.inputs.means, self.whole_times, count)
 
     @property
     def joins(self) -> bool:

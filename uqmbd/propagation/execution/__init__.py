@@ -6,7 +6,7 @@ from uqmbd.propagation.execution.checkpoints import FOLDER, Checkpoint, ChunkSto
 from uqmbd.propagation.execution.chunks import (
     Chunk,
     Kind,
-    chunk_size,
+    chunk_size_of,
     compute_chunk,
     integrated_by,
     lost_chunk,
@@ -52,7 +52,7 @@ __all__ = [
     "Realisations",
     "Spending",
     "WorkerPool",
-    "chunk_size",
+    "chunk_size_of",
     "claimed",
     "compute_chunk",
     "event_histories",

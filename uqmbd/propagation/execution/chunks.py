@@ -20,6 +20,7 @@ from uqmbd.dynamics import (
     integrate,
     integrator_class,
     margins_of,
+    numbers_of,
     scalars_of,
 )
 from uqmbd.propagation.execution.cost import machine_counter
@@ -33,6 +34,7 @@ __all__ = [
     "Chunk",
     "Kind",
     "chunk_size",
+    "chunk_size_of",
     "compute_chunk",
     "integrated_by",
     "lost_chunk",
@@ -63,6 +65,11 @@ def chunk_size(count: int, numbers: int) -> int:
     """
     most = min(count // CHUNKS, NUMBERS // max(numbers, 1), LARGEST)
     return max(CHUNK, 1 << (most.bit_length() - 1)) if most else CHUNK
+
+
+def chunk_size_of(model: Model, means: Array, times: Array, count: int) -> int:
+    """Return the number of realisations in a chunk, of `count` with a motion over the times (T,), s."""
+    return chunk_size(count, numbers_of(model, means, times))
 
 
 Kind = Literal["outputs", "scalars", "requirements"]

@@ -122,8 +122,12 @@ export function inputRow(surrogate, k, mean, verified, choose) {
     event.preventDefault();
     pick(toGerm(Math.min(Math.max(toStep(all[k]) + (by * steps) / 100, 0), steps)));
   });
+  let typing = false; // a text that is not entered yet, which an update from another input must not replace
   if (input.map) {
+    value.addEventListener("input", () => (typing = true));
+    value.addEventListener("blur", () => (typing = false));
     value.addEventListener("change", () => {
+      typing = false;
       const text = value.value.trim().replace("−", "-").replace(",", ".");
       const wanted = text === "" ? NaN : Number(text);
       const found = surrogate.germOf(k, wanted, all);
@@ -159,8 +163,8 @@ export function inputRow(surrogate, k, mean, verified, choose) {
     needle.setAttribute("x2", share(x));
     const scale = input.map ? Math.abs(spread(germs)) : 0;
     const text = input.map ? formatNumber(now, scale) : "";
-    if (input.map) value.value = plainNumber(now, scale);
-    else value.textContent = "value unknown";
+    if (input.map && !typing) value.value = plainNumber(now, scale);
+    else if (!input.map) value.textContent = "value unknown";
     const unverified = verified !== null && (x < verified[0] || x > verified[1]);
     row.classList.toggle("beyond-verified", unverified);
     const limits = unverified && input.map ? `. Beyond the verified range, ${between(verified)}: the error is unknown` : "";
