@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import prod
 from typing import Any
 
@@ -36,12 +36,13 @@ class SobolIndices:
     first_interval: Array  # (2, input, ...) lower and upper ends
     total_interval: Array  # (2, input, ...)
     shared_interval: Array  # (2, input, ...)
+    varies: Any = field(kw_only=True)  # (...) whether the response varies by more than rounding errors
 
     def part(self, members: slice) -> SobolIndices:
         """Return the indices of some inputs."""
         whole = self.first[members], self.total[members], self.shared[members]
         ends = self.first_interval, self.total_interval, self.shared_interval
-        return SobolIndices(*whole, *(x[:, members] for x in ends))
+        return SobolIndices(*whole, *(x[:, members] for x in ends), varies=self.varies)
 
 
 def obstacle_of(inputs: Any) -> str | None:
@@ -162,7 +163,8 @@ class PickFreeze:
         estimates = estimates[:, :, 0]
         shape = (estimates.shape[1], *self.shape)
         ends = np.stack([estimates - reach, estimates + reach], axis=1).reshape(3, 2, *shape)
-        return SobolIndices(*estimates.reshape(3, *shape), *ends)
+        usable = (varies & (whole[0, 0] > 0)).reshape(self.shape)
+        return SobolIndices(*estimates.reshape(3, *shape), *ends, varies=usable)
 
 
 def _estimates(sums: Array, varies: Any) -> Array:

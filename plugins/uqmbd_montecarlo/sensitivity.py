@@ -91,7 +91,7 @@ def run_sobol(
         beside = dict.fromkeys(names, "another output of the same request does not occur in some realisations")
         without = beside | _late({names[k]: late[k] for k in late}, problem.runner.observed.counted)
         unknown = np.full((2, dimension, *problem.labels.shape), np.nan)
-        indices = SobolIndices(*[unknown[0]] * 3, *[unknown] * 3)
+        indices = SobolIndices(*[unknown[0]] * 3, *[unknown] * 3, varies=True)
         return SobolRun(_variables(indices, problem, without), *nothing, replicates, dimension, without)
     first, second = pairs
     # these realisations are not samples of the inputs, so they do not enter the counts of missing outputs
@@ -175,7 +175,7 @@ def _variables(found: SobolIndices, problem: uqmbd.extend.Problem, without: Mapp
     paths = found.part(slice(keys[0], keys[0] + 1) if len(keys) == 1 else slice(count, None))
     found = found.part(slice(count))
     dims = ("input", *labels.dims)
-    about = "not cut off at 0 and 1; 0 where the output does not vary"
+    about = zero = "not cut off at 0 and 1; 0 where the output does not vary"
     names = {"sobol_first": "first-order Sobol' index", "sobol_total": "total Sobol' index"}
     variables = {}
     for name, words in names.items():
@@ -187,10 +187,11 @@ def _variables(found: SobolIndices, problem: uqmbd.extend.Problem, without: Mapp
     if 0 < len(keys) < count:
         coords["origin"] = ("origin", ["parameters", "paths", "both"])
         about = "of the variance: due to parameters alone, sampled paths alone, and interactions of both"
-        shares = np.concatenate([1.0 - paths.total, paths.first, paths.shared])
-        ends = np.concatenate([1.0 - paths.total_interval[::-1], paths.first_interval, paths.shared_interval], axis=1)
+        alone, reach = (np.where(paths.varies, 1.0 - x, 0.0) for x in (paths.total, paths.total_interval[::-1]))
+        shares = np.concatenate([alone, paths.first, paths.shared])
+        ends = np.concatenate([reach, paths.first_interval, paths.shared_interval], axis=1)
         split = ("origin", *labels.dims)
-        variables["variance_share"] = (split, shares, {"long_name": f"share {about}"})
+        variables["variance_share"] = (split, shares, {"long_name": f"share {about}", "comment": zero})
         about = f"95 % interval of the share {about}"
         variables["variance_share_interval"] = (("bound", *split), ends, {"long_name": about})
     data = xr.Dataset(variables, coords=coords)

@@ -7,6 +7,9 @@ Reliability Engineering and System Safety 135 (2015) 107-124).
 
 from __future__ import annotations
 
+import warnings
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -27,44 +30,65 @@ SPARE = 2
 """Nodes for each term of the basis, if a Gauss rule would need more."""
 
 POINTS = 8
-"""Number of verification points of the parameters."""
+"""Number of verification points of the parameters for each path."""
+
+LEAST = 8
+"""Least number of paths."""
 
 LEVEL = 0.975
 """Upper probability of 95 % intervals."""
+
+NORMAL = 1.96
+"""Number of standard errors to either side in 95 % intervals."""
+
+ROUNDING = 32.0 * np.finfo(float).eps
+"""Standard deviation, relative to the largest response, that counts as zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CommonPaths(uqmbd.extend.Propagator):
     r"""Polynomial chaos over the parameters, averaged over common paths of random processes.
 
-    The method needs fewer realisations than Monte Carlo if the parameters have much influence: the statistics over the
-    parameters have no sampling error. All other errors decrease as one over the root of `paths`.
+    The method needs fewer realisations than Monte Carlo if the parameters have much influence. Two errors remain. The
+    sampling error decreases as one over the root of `paths`. The error of the polynomials decreases with `order`.
 
     Parameters
     ----------
     order : int
         Total degree of the polynomials.
     paths : int
-        Number of paths of each process.
+        Number of paths of each process, at least 8.
     seed : int
-        Seed of the paths and of the verification points.
+        Seed of the paths, of the nodes of regressions and of the verification points.
+    max_failures : float
+        Share of paths with a failed realisation above which the run is an error. Smaller shares give a warning.
     label : str, optional
         Name of the results. Default: ``common-paths``.
+
+    Warns
+    -----
+    UserWarning
+        In a run, if paths have a failed realisation, with their number and the most frequent reason.
 
     Raises
     ------
     uqmbd.StudyError
-        In a run, if the outputs do not depend on sampled paths, or if the mechanism has no other random variables.
+        In a run, if the outputs do not depend on sampled paths, if the mechanism has no other random variables, or if
+        it has requirements.
     uqmbd.IntegrationError
-        In a run, if more than half of the paths have a failed realisation.
+        In a run, if the share of paths with a failed realisation exceeds `max_failures`, or fewer than 8 paths are
+        complete.
 
     Notes
     -----
     Let :math:`c_k(\omega)` be the coefficients of the orthonormal polynomials for a path :math:`\omega`. The variance
     due to parameters alone is :math:`\sum_{k>0} E[c_k]^2`, that due to paths alone is :math:`\mathrm{Var}\,c_0`, and
     that of interactions is :math:`\sum_{k>0} \mathrm{Var}\,c_k`. The estimators are without bias. The standard errors
-    and intervals are those of a jackknife over the paths. The stated error is that of the polynomials at random
-    parameters, for the same paths. Paths with a failed realisation are omitted, and counted.
+    and intervals are those of a jackknife over the paths. Student's t widens the standard errors, so that 1.96 of them
+    to either side are a 95 % interval. The stated error is that of the polynomials at random parameters, 8 for each
+    path. Many parameters need a regression on a Latin hypercube instead of a Gauss rule. Its error is part of the
+    stated error. Paths with a failed realisation are omitted, so that the statistics refer to the other paths. The
+    polynomials of one path do not give the probability that a requirement is violated: use MonteCarlo.
 
     Examples
     --------
@@ -88,17 +112,18 @@ class CommonPaths(uqmbd.extend.Propagator):
     accepts_keys: ClassVar[bool] = True
 
     order: Annotated[int, uqmbd.extend.Bounds(0)] = 3
-    paths: Annotated[int, uqmbd.extend.Bounds(2)] = 64
+    paths: Annotated[int, uqmbd.extend.Bounds(LEAST)] = 64
     seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
+    max_failures: Annotated[float, uqmbd.extend.Bounds(0, 1)] = 0.5
 
     def obstacle(self, study: Any) -> str | None:
-        """Return the obstacle: no sampled paths, or no other random variables."""
-        return _obstacle(study.mechanism.inputs)
+        """Return the obstacle: no sampled paths, no other random variables, or requirements."""
+        return _obstacle(study.mechanism.inputs, len(study.mechanism.requirements))
 
     def estimate(self, study: Any) -> uqmbd.extend.Estimate | None:
         """Return the number of realisations, and the memory of coefficients and responses."""
         inputs = study.mechanism.inputs
-        if _obstacle(inputs):
+        if self.obstacle(study):
             return None
         space, terms, rule = self._rule(inputs)
         count = (len(rule.nodes) + POINTS) * self.paths
@@ -118,71 +143,94 @@ class CommonPaths(uqmbd.extend.Propagator):
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Compute the response to all paths at all nodes, and return statistics."""
-        if reason := _obstacle(problem.inputs):
+        if reason := _obstacle(problem.inputs, len(problem.requirements)):
             raise uqmbd.StudyError(f"{problem.label}: {reason}.")
         space, terms, rule = self._rule(problem.inputs)
         generator = np.random.default_rng(self.seed)
         keys = generator.uniform(size=(self.paths, sum(v.is_key for v in problem.inputs.variables)))
-        test = uqmbd.extend.monte_carlo_rule(space, POINTS, self.seed + 1, "latin-hypercube").nodes
-        nodes = np.concatenate([rule.nodes, test])
-        fitted, tested = slice(0, len(rule.nodes)), slice(len(rule.nodes), None)
-        psi = space.evaluate(nodes, terms)
-        inverse = np.linalg.pinv(psi[fitted])  # for a Gauss rule this is the projection
-        found = _Paths(problem, space.to_inputs(nodes), keys)
+        # the points of one hypercube are in random order: each path has other ones
+        test = uqmbd.extend.monte_carlo_rule(space, POINTS * self.paths, self.seed + 1, "latin-hypercube").nodes
+        psi, tested = space.evaluate(rule.nodes, terms), space.evaluate(test, terms).reshape(self.paths, POINTS, -1)
+        inverse = np.linalg.pinv(psi)  # for a Gauss rule this is the projection
+        fitted = len(rule.nodes)
+        parameters = np.empty((self.paths, fitted + POINTS, rule.nodes.shape[1]))
+        parameters[:, :fitted], parameters[:, fitted:] = rule.nodes, test.reshape(self.paths, POINTS, -1)
+        found = _Paths(problem, space.to_inputs(parameters.reshape(-1, parameters.shape[2])), keys)
         coefficients, errors = [], []
-        for response in found:
-            fit = np.tensordot(inverse, response[fitted], axes=1)
+        for path, response in found:
+            fit = np.tensordot(inverse, response[:fitted], axes=1)
             coefficients.append(fit)
-            deviation = response[tested] - np.tensordot(psi[tested], fit, axes=1)
+            deviation = response[fitted:] - np.tensordot(tested[path], fit, axes=1)
             errors.append(np.square(deviation).mean(axis=0))
-        if 2 * len(coefficients) < self.paths or len(coefficients) < 2:
+        lost = self.paths - len(coefficients)
+        reason = found.reason or "an output is not finite"
+        if lost > self.max_failures * self.paths or len(coefficients) < LEAST:
             raise uqmbd.IntegrationError(
-                f"{problem.label}: {self.paths - len(coefficients)} of {self.paths} paths have a failed realisation; "
-                f"most frequent reason: {found.reason}"
+                f"{problem.label}: {lost} of {self.paths} paths have a failed realisation. Expected at least {LEAST} "
+                f"complete paths, and a share of failures of at most max_failures = {self.max_failures:g}. Most "
+                f"frequent reason: {reason}"
+            )
+        if lost:
+            warnings.warn(
+                f"{problem.label}: {lost} of {self.paths} paths have a failed realisation and are omitted; the "
+                f"statistics are conditional on the other paths. Most frequent reason: {reason}",
+                stacklevel=2,
             )
         with problem.timed("error estimation"):
             statistics = statistics_of_paths(problem.labels, np.array(coefficients), np.array(errors))
         return problem.node(
-            self, statistics, realisations=found.count, counters=found.counters, attrs={"failures": found.failures}
+            self,
+            statistics,
+            realisations=found.count,
+            counters=found.counters,
+            attrs={"failures": found.failures, "omitted_paths": lost},
         )
 
 
 class _Paths:
-    """Responses (node, output, time) to one path after another; paths with a failed realisation are omitted."""
+    """Numbers of paths and responses (node, output, time); paths with a failed realisation are omitted."""
 
     def __init__(self, problem: uqmbd.extend.Problem, parameters: Array, keys: Array) -> None:
         self.problem, self.parameters, self.keys = problem, parameters, keys
         self.count = self.failures = 0
-        self.reason = ""
+        self.reasons = Counter[str]()
         self.counters: dict[str, float] = {}
 
-    def __iter__(self) -> Any:
-        nodes = len(self.parameters)
+    @property
+    def reason(self) -> str:
+        """Most frequent reason of failures; an empty text if no realisation failed."""
+        return self.reasons.most_common(1)[0][0] if self.reasons else ""
+
+    def __iter__(self) -> Iterator[tuple[int, Array]]:
+        nodes = len(self.parameters) // len(self.keys)
         key = np.array([v.is_key for v in self.problem.inputs.variables])
         each = max(1, BATCH // nodes)
         for first in range(0, len(self.keys), each):
             block = self.keys[first : first + each]
             values = np.empty((len(block) * nodes, len(key)))
             values[:, key] = np.repeat(block, nodes, axis=0)
-            values[:, ~key] = np.tile(self.parameters, (len(block), 1))
+            values[:, ~key] = self.parameters[first * nodes : first * nodes + len(values)]
             found = self.problem.realise(values)
             self.count += len(values)
             self.failures += found.failures
-            self.reason = self.reason or found.most_frequent_reason()
+            if reason := found.most_frequent_reason():
+                self.reasons[reason] += found.failures
             self.counters = {k: self.counters.get(k, 0) + x for k, x in found.counters.items()} | {
                 k: x for k, x in self.counters.items() if k not in found.counters
             }
             response = found.response.reshape(len(block), nodes, *found.response.shape[1:])
             good = found.good.reshape(len(block), nodes).all(axis=1)
-            yield from (response[k] for k in np.flatnonzero(good))
+            yield from ((first + k, response[k]) for k in np.flatnonzero(good).tolist())
 
 
-def _obstacle(inputs: uqmbd.extend.JointInput) -> str | None:
+def _obstacle(inputs: uqmbd.extend.JointInput, requirements: int) -> str | None:
     keys = [v.name for v in inputs.variables if v.is_key]
     if not keys:
         return "the outputs do not depend on sampled paths of random processes; use Collocation or MonteCarlo"
     if len(keys) == len(inputs):
         return "the mechanism has no random variables but its random processes; use MonteCarlo"
+    if requirements:
+        return "the method does not estimate probabilities of violated requirements on sampled paths; use MonteCarlo"
     return None
 
 
@@ -207,16 +255,21 @@ def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) ->
         std = np.sqrt(np.maximum(parts.sum(axis=0), 0.0))
         error_std = error(np.sqrt(np.maximum(left.sum(axis=1), 0.0)))
         shares, left_shares = parts / parts.sum(axis=0), left / left.sum(axis=1, keepdims=True)
-    shares = np.where(std > 0, shares, 0.0)
-    reach = stdtrit(count - 1, LEVEL) * np.nan_to_num(error(left_shares))
+    varies = std > ROUNDING * np.abs(c[:, 0]).max(axis=0)
+    student = float(stdtrit(count - 1, LEVEL))
+    shares = np.where(varies | np.isnan(std), shares, 0.0)
+    reach = np.where(varies, student * np.nan_to_num(error(left_shares)), 0.0)
+    error_mean = student / NORMAL * np.sqrt(squares[0] / (count - 1) / count)
+    error_std = student / NORMAL * np.nan_to_num(error_std)
+    polynomials = np.sqrt(errors.mean(axis=0))
     found = uqmbd.extend.statistics_dataset(
         labels,
         mean=mean,
         std=std,
-        std_error_mean=np.sqrt(squares[0] / (count - 1) / count),
-        std_error_std=np.nan_to_num(error_std),
+        std_error_mean=error_mean,
+        std_error_std=error_std,
         stated_error=uqmbd.extend.StatedError(
-            np.sqrt(errors.mean(axis=0)), "absolute", "error of the polynomials", remedy="increase order"
+            polynomials, "absolute", "error of the polynomials", _remedy(std, polynomials, (error_mean, error_std))
         ),
     )
     dims = ("origin", *labels.dims)
@@ -224,6 +277,14 @@ def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) ->
         variance_share=(dims, shares),
         variance_share_interval=(("bound", *dims), np.stack([shares - reach, shares + reach])),
     )
+
+
+def _remedy(std: Array, polynomials: Array, sampling: tuple[Array, Array]) -> str:
+    """Return the advice that reduces the largest error, relative to the largest standard deviation of its output."""
+    scale = std.max(axis=-1, keepdims=True)
+    with np.errstate(all="ignore"):
+        parts = [float(np.nan_to_num(x / scale, posinf=0.0).max()) for x in (polynomials, *sampling)]
+    return "increase order" if parts[0] >= max(parts[1:]) else "use more paths"
 
 
 def _parts(total: Array, squares: Array, count: int) -> tuple[Array, Array]:

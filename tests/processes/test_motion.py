@@ -6,6 +6,7 @@ import chaospy
 import numpy as np
 import pytest
 import scipy.linalg
+import sympy
 
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
@@ -258,3 +259,96 @@ def test_common_paths_need_paths_and_parameters():
     mechanism.output("deviation", stationary_std(body.position[0]), units="m")
     with pytest.raises(uqmbd.StudyError, match="do not depend on sampled paths"):
         uqmbd.Study("s", mechanism, [0.0, 1.0], [CommonPaths()]).run()
+
+
+def random_damping():
+    return uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
+
+
+def test_an_output_that_does_not_vary_has_no_shares():
+    mechanism, body = oscillator(force(cutoff=5.0), random_damping())
+    mechanism.output("position", body.position[0], units="m")
+    mechanism.output("shifted", body.position[0] + 0.1, units="m")
+    methods = [MonteCarlo(samples=64, seed=1, sobol_indices=True), CommonPaths(order=2, paths=8)]
+    tree = uqmbd.Study("s", mechanism, [0.0, 1.0], methods).run()
+    for label in ("monte-carlo", "common-paths"):
+        data = tree[label]["statistics"]
+        for name in ("variance_share", "variance_share_interval"):
+            np.testing.assert_array_equal(data[name].isel(time=0), 0.0)
+        np.testing.assert_allclose(data["variance_share"].sum("origin").isel(time=1), 1.0, atol=1e-9)
+
+
+def failing(low):
+    """The root of a number that is negative on some paths."""
+    mechanism, body = oscillator(force(cutoff=5.0), random_damping())
+    mechanism.output("root", sympy.sqrt(body.position[0] - low), units="m^0.5")
+    return mechanism
+
+
+def test_common_paths_report_omitted_paths():
+    with pytest.warns(UserWarning, match=r"\d+ of 40 paths have a failed realisation.*conditional.*'root'"):
+        study = uqmbd.Study("s", failing(0.8), [0.0, 1.0, 2.0], [CommonPaths(order=2, paths=40)])
+        node = study.run()["common-paths"]
+    assert 0 < node.attrs["omitted_paths"] < 20 and node.attrs["failures"] >= node.attrs["omitted_paths"]
+    method = CommonPaths(order=2, paths=40, max_failures=0.01)
+    with pytest.raises(uqmbd.IntegrationError, match=r"of 40 paths have a failed.*max_failures = 0.01.*'root'"):
+        uqmbd.Study("s", failing(0.8), [0.0, 1.0, 2.0], [method]).run()
+    with pytest.raises(uqmbd.StudyError, match="paths is 7"):
+        CommonPaths(paths=7)
+
+
+def test_common_paths_refuse_requirements():
+    mechanism, body = oscillator(force(cutoff=5.0), random_damping())
+    mechanism.output("position", body.position[0], units="m")
+    mechanism.require("low", body.position[0] <= 1.1)
+    with pytest.raises(uqmbd.StudyError, match="probabilities of violated requirements.*use MonteCarlo"):
+        uqmbd.Study("s", mechanism, [0.0, 1.0], [CommonPaths()]).run()
+
+
+def test_verification_points_differ_between_paths():
+    mechanism, body = oscillator(force(cutoff=5.0), random_damping())
+    mechanism.output("position", body.position[0], units="m")
+    method = CommonPaths(order=2, paths=16)
+    seen = []
+
+    class Recorder(CommonPaths):
+        def propagate(self, problem):
+            realise = problem.realise
+
+            def recorded(values, *more):
+                seen.append(values.copy())
+                return realise(values, *more)
+
+            object.__setattr__(problem, "realise", recorded)
+            return super().propagate(problem)
+
+    study = uqmbd.Study("s", mechanism, [0.0, 1.0], [Recorder(order=2, paths=16)])
+    node = study.run()["common-paths"]
+    assert node.attrs["realisations"] == method.estimate(study).realisations == 16 * (3 + 8)
+    damping = np.concatenate(seen)[:, mechanism.inputs.names.index("damping")].reshape(16, 11)
+    assert len(np.unique(damping[:, :3])) == 3
+    # one hypercube: a point in each of 128 strata
+    strata = np.floor((damping[:, 3:] - 0.5) / 5.5 * 128).astype(int)
+    assert sorted(strata.ravel().tolist()) == list(range(128))
+
+
+@pytest.mark.parametrize("paths", [8, 16])
+def test_standard_errors_of_few_paths_cover(paths):
+    generator = np.random.default_rng(1)
+    axes = uqmbd.extend.labels([("y", "m")], [], [0.0])
+    held, truth = np.zeros(2), np.sqrt(0.3**2 + 1 + 0.2**2)
+    for _ in range(600):
+        c = (np.array([0, 0.3]) + np.array([1.0, 0.2]) * generator.standard_normal((paths, 2)))[:, :, None, None]
+        data = statistics_of_paths(axes, c, np.zeros((paths, 1, 1))).isel(output=0, time=0)
+        held[0] += abs(float(data["mean"])) <= 1.96 * float(data["std_error_mean"])
+        held[1] += abs(float(data["std"]) - truth) <= 1.96 * float(data["std_error_std"])
+    assert abs(held[0] / 600 - 0.95) < 0.025 and held[1] / 600 > 0.90, held / 600
+
+
+def test_the_advice_names_the_larger_error():
+    generator = np.random.default_rng(1)
+    axes = uqmbd.extend.labels([("y", "m")], [], [0.0])
+    c = generator.standard_normal((16, 2, 1, 1))
+    for error, remedy in ((1e-4, "use more paths"), (4.0, "increase order")):
+        data = statistics_of_paths(axes, c, np.full((16, 1, 1), error))
+        assert remedy in str(data["stated_error"].attrs)
