@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from uqmbd.extend import LinearSystem
 
 MUCH = 0.01
-"""Share of the variance of an output above the highest frequency of sampled paths that is a probable mistake."""
+"""Share of the variance that outputs lose above the cutoff, above which it is a probable mistake."""
 
 
 NONE = "its linear response is zero"
@@ -54,7 +54,7 @@ class UnusedProcesses:
 
 
 class LostVariance:
-    """State what outputs over time lose because sampled paths have a highest frequency, by the linear response."""
+    """State the share of the variance that outputs lose above the cutoff of sampled paths, by the linear response."""
 
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
         """Yield a finding for each process whose sampled paths lose variance."""

@@ -67,7 +67,7 @@ UNITS = {"distance": ("m", "cycle/m"), "time": ("s", "Hz")}
 
 
 class SampledProcess(Protocol):
-    """What the sampling of paths reads from a process, or from a process at a point."""
+    """Properties of a process that sampling reads."""
 
     @property
     def family(self) -> str:
@@ -157,12 +157,14 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
             )
     elif end == math.inf:
         high = 2 * math.pi * _rounded_up(_quantile(density, edges, above, 1 - INSIDE) / (2 * math.pi))
+    # paths with different cutoffs have the same lines if the spectrum has an end
+    whole = end if end < math.inf else high
     if length is None:
         # one-sided density per Hz or cycle/m
-        peak = 4 * math.pi * _largest(density, edges[edges <= high], edges[0])
+        peak = 4 * math.pi * _largest(density, edges[edges <= whole], edges[0])
         flat = FLATNESS * peak / (2 * float(above[0]))
         waves = FLATNESS * 2 * math.pi / low if low > 0 else 0.0
-        period = _rounded_up(max(flat, waves, LINES * 2 * math.pi / high))
+        period = _rounded_up(max(flat, waves, LINES * 2 * math.pi / whole))
     else:
         period = float(length)
         if 0 < period * low < 2 * math.pi * (1 - 1e-9):

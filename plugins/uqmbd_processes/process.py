@@ -67,9 +67,11 @@ class RandomProcess:
     length : float, optional
         Period P of sampled paths, m or s, which repeat after it. By default the longer of 16,384 shortest wavelengths
         and ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest
-        wavelengths of a road of ISO 8608, and 64 correlation lengths of an exponential covariance.
+        wavelengths of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The shortest
+        wavelength is that of the band of the spectrum, or of `cutoff` if the spectrum has no upper end.
     cutoff : float, optional
-        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Default: the end of the band;
+        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths with different cutoffs are
+        correlated if their `length` is equal. Default: the end of the band;
         for a spectrum without an end, the frequency below which 99.9 % of the variance is.
 
     Raises
@@ -297,7 +299,9 @@ class RandomProcess:
         Notes
         -----
         Processes of one name in different mechanisms have the same random numbers, which reduces the sampling error of
-        comparisons. Paths at several points are correlated in the order of the coordinates.
+        comparisons. With another `cutoff` and the same period, all common
+        harmonics are equal. The default period of a spectrum without an upper end depends on `cutoff`: give `length`.
+        Paths at several points are correlated in the order of the coordinates.
 
         Examples
         --------

@@ -433,3 +433,15 @@ def test_a_density_that_is_unbounded_at_zero_is_integrated():
     powers = line_powers(process, line_spectrum(process))
     assert powers[:2] == pytest.approx([math.sqrt(0.005) / 2, (math.sqrt(0.015) - math.sqrt(0.005)) / 2], rel=1e-6)
     assert 2 * powers.sum() == pytest.approx(1, rel=1e-7)
+
+
+@pytest.mark.parametrize("options", [{}, {"length": 100.0}])
+def test_paths_with_different_cutoffs_have_the_same_long_waves(options):
+    """With an equal period, which a spectrum with an upper end has by default."""
+    spectrum = iso8608("C", band=(0.05, 2.0)) if not options else None
+    covariance = exponential_covariance(1.0, 5.0) if options else None
+    found = []
+    for cutoff in (2.0, 0.5):
+        process = RandomProcess("x", psd=spectrum, covariance=covariance, over="distance", cutoff=cutoff, **options)
+        found.append(spline(process.sample_paths([process], keys(20), 0.0, 50.0))(np.linspace(0, 50, 200)).ravel())
+    assert np.corrcoef(*found)[0, 1] > 0.95
