@@ -59,13 +59,14 @@ class LostVariance:
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
         """Yield a finding for each process whose sampled paths lose variance."""
         mechanism = study.mechanism
-        if not mechanism.outputs or not any(variable.is_key for variable in mechanism.inputs.variables):
+        if not any(variable.is_key for variable in mechanism.inputs.variables):
             return
+        expressions = _expressions_over_time(mechanism)
         found = {p.name: p for component in mechanism.components.values() for p in _processes(component)}
         lossy = {name: p for name, p in sorted(found.items()) if math.isfinite(p.variance) and p.lost_variance}
-        if not lossy:
+        if not lossy or not expressions:
             return
-        shares, unknown = _lost_shares(mechanism, float(study.times[0]))
+        shares, unknown = _lost_shares(mechanism, expressions, float(study.times[0]))
         parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
         parts += [f"an unknown part of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
         much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
@@ -115,27 +116,42 @@ def _tail(process: RandomProcess) -> RandomProcess:
     return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None)
 
 
-def _lost_shares(mechanism: Any, time: float) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the lost share of the variance of each output at the means, and reasons for unknown ones.
+def _expressions_over_time(mechanism: Any) -> list[tuple[str, Any]]:
+    """Return names and expressions over time of outputs, requirements, and summaries in both."""
+    found = [(output.name, output.expression) for output in mechanism.outputs.values()]
+    for output in (*mechanism.scalars.values(), *mechanism.margins.values()):
+        requirement = mechanism.requirements.get(output.name) if output.name in mechanism.margins else None
+        if requirement is not None and requirement.over_time:
+            found.append((output.name, output.expression))
+        else:
+            summaries = sorted((x for x in _parts(output.expression) if hasattr(x, "further")), key=str)
+            found += [(output.name, part) for x in summaries for part in (x.args[0], *x.further)]
+    return found
 
-    The reason is an empty text if the linear response of an output is zero.
+
+def _lost_shares(
+    mechanism: Any, expressions: list[tuple[str, Any]], time: float
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the largest lost share of the variance by name at the means, and reasons for unknown ones.
+
+    The reason is an empty text if the linear response of an expression is zero.
     """
     shares: dict[str, float] = {}
     unknown: dict[str, str] = {}
-    for output in mechanism.outputs.values():
+    for name, expression in expressions:
         seen = copy.copy(mechanism)
         seen.outputs, seen.scalars, seen.requirements, seen.margins, seen._memory = {}, {}, {}, {}, {}
         try:
-            seen.output("share", _lost_share(output.expression))
+            seen.output("share", _lost_share(expression))
             share = float(uqmbd.simulate(seen, [time, time + 1.0])["share"])
         except (uqmbd.StudyError, uqmbd.AssemblyError, uqmbd.IntegrationError) as error:
-            unknown[output.name] = str(error).rstrip(".")
+            unknown[name] = str(error).rstrip(".")
             continue
         if share < 0:
-            unknown[output.name] = ""
+            unknown[name] = ""
         else:
-            shares[output.name] = share
-    return shares, unknown
+            shares[name] = max(share, shares.get(name, 0.0))
+    return {name: share for name, share in shares.items() if name not in unknown}, unknown
 
 
 def _parts(expression: Any) -> set[Any]:

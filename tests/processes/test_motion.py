@@ -175,6 +175,24 @@ def test_the_loss_of_each_output_is_that_of_the_limited_spectrum():
     assert finding.severity is uqmbd.extend.Severity.WARNING
 
 
+def test_the_loss_of_requirements_and_summaries_is_stated():
+    def finding(declare):
+        mechanism, body = oscillator(force(cutoff=2.0))
+        declare(mechanism, body)
+        study = uqmbd.Study("s", mechanism, [0.0, 1.0], [MonteCarlo(samples=2)])
+        (found,) = [x for x in uqmbd.findings(study) if "sampled paths" in x.message]
+        return found.message
+
+    expected = finding(lambda m, body: m.output("x", body.acceleration[0])).split("lack ")[1]
+    for declare in (
+        lambda m, body: m.require("x", body.acceleration[0] <= 20),
+        lambda m, body: m.require("x", uqmbd.maximum(body.acceleration[0]) <= 20),
+        lambda m, body: m.output("x", uqmbd.maximum(body.acceleration[0]) * uqmbd.minimum(body.position[0])),
+        lambda m, body: m.output("x", uqmbd.first_time(body.acceleration[0] > 20)),
+    ):
+        assert finding(declare).split("lack ")[1] == expected
+
+
 def test_white_noise_has_no_path():
     noise = RandomProcess("noise", psd=white_noise(1.0, "two", "Hz"), units="N")
     mechanism, body = oscillator(noise)
