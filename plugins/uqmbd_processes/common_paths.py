@@ -260,7 +260,7 @@ def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) ->
     shares = np.where(varies | np.isnan(std), shares, 0.0)
     reach = np.where(varies, student * np.nan_to_num(error(left_shares)), 0.0)
     error_mean = student / NORMAL * np.sqrt(squares[0] / (count - 1) / count)
-    error_std = student / NORMAL * np.nan_to_num(error_std)
+    error_std = np.where(np.isnan(std), np.nan, student / NORMAL * np.nan_to_num(error_std))
     polynomials = np.sqrt(errors.mean(axis=0))
     found = uqmbd.extend.statistics_dataset(
         labels,
@@ -284,7 +284,7 @@ def _remedy(std: Array, polynomials: Array, sampling: tuple[Array, Array]) -> st
     scale = std.max(axis=-1, keepdims=True)
     with np.errstate(all="ignore"):
         parts = [float(np.nan_to_num(x / scale, posinf=0.0).max()) for x in (polynomials, *sampling)]
-    return "increase order" if parts[0] >= max(parts[1:]) else "use more paths"
+    return "increase order" if parts[0] >= max(parts[1:]) else "use more paths, then increase order"
 
 
 def _parts(total: Array, squares: Array, count: int) -> tuple[Array, Array]:

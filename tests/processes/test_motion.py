@@ -234,7 +234,7 @@ def stationary_variances(values):
 @pytest.mark.thorough
 def test_common_paths_have_the_moments_and_shares_of_the_closed_form():
     damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
-    study = uqmbd.Study("s", squared(damping), [0.0, 14.0], [CommonPaths(order=4, paths=150)])
+    study = uqmbd.Study("s", squared(damping), [0.0, 14.0], [CommonPaths(order=5, paths=150)])
     data = study.run()["common-paths/statistics"].to_dataset().isel(time=1)
     nodes, weights = np.polynomial.legendre.leggauss(20)
     variance = stationary_variances(3.25 + 2.75 * nodes)
@@ -313,6 +313,16 @@ def test_common_paths_report_omitted_paths():
         uqmbd.Study("s", failing(0.8), [0.0, 1.0, 2.0], [method]).run()
     with pytest.raises(uqmbd.StudyError, match="paths is 7"):
         CommonPaths(paths=7)
+
+
+def test_an_output_that_does_not_always_occur_has_no_polynomials():
+    mechanism, body = oscillator(force(cutoff=5.0), random_damping())
+    mechanism.output("first", uqmbd.first_time(body.position[0] > 1.08))
+    mechanism.output("largest", uqmbd.maximum(body.position[0]))
+    with pytest.warns(uqmbd.StudyWarning, match=r"output 'first' has no statistics.*Use MonteCarlo"):
+        tree = uqmbd.Study("s", mechanism, [0.0, 3.0], [CommonPaths(order=2, paths=8)]).run()
+    data = tree["common-paths/scalars/statistics"]
+    assert np.isnan(data["std_error_std"].sel(output="first")).all() and np.isfinite(data["std"].sel(output="largest"))
 
 
 def test_common_paths_refuse_requirements():
