@@ -370,7 +370,7 @@ def test_standard_errors_of_few_paths_cover(paths):
         data = statistics_of_paths(axes, c, np.zeros((paths, 1, 1))).isel(output=0, time=0)
         held[0] += abs(float(data["mean"])) <= 1.96 * float(data["std_error_mean"])
         held[1] += abs(float(data["std"]) - truth) <= 1.96 * float(data["std_error_std"])
-    assert abs(held[0] / 600 - 0.95) < 0.025 and held[1] / 600 > 0.90, held / 600
+    assert abs(held[0] / 600 - 0.95) < 0.025 and 0.91 < held[1] / 600 < 0.985, held / 600
 
 
 def test_the_advice_names_the_larger_error():
