@@ -210,7 +210,7 @@ def estimated_psd(
 
     Returns
     -------
-    expression, or list of expressions
+    expression, or uqmbd.extend.OutputSeries
         Density in the squared units of the expression per unit of the frequency, one for each frequency.
 
     Raises
@@ -266,12 +266,14 @@ def estimated_psd(
                 f"window does not resolve; expected at least {2 * unit / segment:.4g} {per}, or use a longer segment=."
             )
         found.append(_estimated_psd(expression, hertz, float(segment), begin, scale))
-    return found[0] if single else found
+    if single:
+        return found[0]
+    return uqmbd.extend.OutputSeries(found, list(frequencies), "frequency", per)  # type: ignore[arg-type]  # a sequence
 
 
 def order_amplitude(
     expression: Any, angle: Any, orders: float | Sequence[float], *, skip: float = 0.0
-) -> sympy.Expr | list[sympy.Expr]:
+) -> sympy.Expr | uqmbd.extend.OutputSeries:
     """Return the amplitudes of a motion at multiples of a rotation angle, for use in outputs (order analysis).
 
     All whole turns in the motion have the angle a. The amplitude of the order k is the absolute value of ``2 / a``
@@ -291,7 +293,7 @@ def order_amplitude(
 
     Returns
     -------
-    expression, or list of expressions
+    expression, or uqmbd.extend.OutputSeries
         Amplitude in the units of the expression, one for each order.
 
     Raises
@@ -335,4 +337,6 @@ def order_amplitude(
                 "would be too many turns."
             )
         found.append(_order_amplitude(expression, angle, float(fraction.numerator), float(fraction.denominator), begin))
-    return found[0] if single else found
+    if single:
+        return found[0]
+    return uqmbd.extend.OutputSeries(found, list(orders), "order", "1")  # type: ignore[arg-type]  # a sequence

@@ -124,9 +124,15 @@ def test_a_prescribed_position_follows_the_path():
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_the_mean_of_the_key_stands_for_no_path():
-    found = uqmbd.simulate(oscillator(uqmbd.extend.excitation(Wave(), uqmbd.t)), TIMES)
-    np.testing.assert_allclose(found["position"], 2.0, atol=1e-9)
+def test_a_simulation_has_the_path_of_its_key():
+    """By default that of the mean of the key; the key 0 is the mean of all paths."""
+    mechanism = oscillator(uqmbd.extend.excitation(Wave(), uqmbd.t))
+    still = uqmbd.simulate(mechanism, TIMES, {"shaking": 0.0})
+    np.testing.assert_allclose(still["position"], 2.0, atol=1e-9)
+    for values, key in ((None, 0.5), ({"shaking": 0.2}, 0.2)):
+        found = uqmbd.simulate(mechanism, TIMES, values)
+        expected = uqmbd.simulate(oscillator(exact(sympy.Float(key))), TIMES)
+        np.testing.assert_allclose(found["position"], expected["position"], atol=1e-4)
 
 
 def test_results_do_not_depend_on_workers():
@@ -266,9 +272,9 @@ def test_equal_keys_share_a_path_and_means_have_none():
     mechanism = oscillator(uqmbd.extend.excitation(Counted(), uqmbd.t))
     model = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo(samples=2)]).model
     calls.clear()
-    Ensemble(model, np.array([[1.0, 0.3], [1.1, 0.5], [1.2, 0.3], [1.3, 0.7]]), until=4.0)
+    Ensemble(model, np.array([[1.0, 0.3], [1.1, 0.0], [1.2, 0.3], [1.3, 0.7]]), until=4.0)
     assert sum(calls) == 2
-    Ensemble(model, np.array([[1.0, 0.5]]), until=4.0)
+    Ensemble(model, np.array([[1.0, 0.0]]), until=4.0)
     assert sum(calls) == 2
 
 

@@ -36,8 +36,10 @@ LEFT_OUT = {
     **dict.fromkeys(
         ("ElementRefinement", "Margins", "MechanismTerms", "Problem", "ProblemData", "Realisations", "Reduced"), MADE
     ),
-    **dict.fromkeys(("Reductions", "Allocation", "Calibration"), MADE),
-    **dict.fromkeys(("Propagator", "MonteCarlo", "Collocation", "Galerkin", "Reliability", "Calibrated"), HOOK),
+    **dict.fromkeys(("Reductions", "Allocation", "Calibration", "MotionPolynomials"), MADE),
+    **dict.fromkeys(
+        ("Propagator", "MonteCarlo", "Collocation", "Galerkin", "Reliability", "Calibrated", "CommonPaths"), HOOK
+    ),
     "Accessor": "xarray makes it, of its own data",
     **dict.fromkeys(("Symbolic", "step"), SYMPY),
     "SampleStore": FILES,

@@ -243,7 +243,10 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a table of texts": (lambda: uqmbd.tabulated("text", [1.0]), "tabulated: normal is 'text'; expected real"),
     "a script of a number": (lambda: uqmbd.load_study(5), "load_study: path is 5; expected a text or a path"),
     "ends of an array": (lambda: uqmbd.spline([0, 1], [0, 1], ends=np.zeros(2)), "spline: ends is .*; expected one of"),
-    "outputs of a number": (lambda: uqmbd.to_frame(xr.DataTree(), 5), "to_frame: outputs is 5; expected a sequence"),
+    "outputs of a number": (
+        lambda: uqmbd.to_frame(xr.DataTree(), 5),
+        "to_frame: outputs is 5; expected .*a sequence of texts",
+    ),
     "a scheduler of an array": (lambda: uqmbd.Workers(dask=np.zeros(2)), "Workers: dask is .*; expected a text"),
     "a check of an array": (
         lambda: uqmbd.simulate(_mechanism(), [0, 1], check=np.zeros(2)),

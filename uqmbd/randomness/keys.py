@@ -20,7 +20,7 @@ def path_key(name: str) -> RandomVariable:
     Returns
     -------
     RandomVariable
-        Key with a uniform distribution.  The value 0.5, its mean, stands for the mean of the process.
+        Key with a uniform distribution. The value 0 means no path, but the mean of the process.
 
     Raises
     ------

@@ -180,7 +180,8 @@ ROWS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
 def test_every_method_has_a_row() -> None:
     """Also one that is added: its results are to be tested, too."""
     built_in = {name for name, kind in plugins.propagators().items() if kind.__module__.split(".")[0] in BUILT_IN}
-    assert built_in == set(ROWS)
+    # it needs sampled paths, which the mechanisms here do not have: tests/processes/test_motion.py
+    assert built_in - {"common-paths"} == set(ROWS)
 
 
 def method(name: str, words: str, of: Callable[..., uqmbd.Study]) -> uqmbd.extend.Propagator:

@@ -26,8 +26,8 @@ __all__ = [
     "path_keys",
 ]
 
-MEAN_KEY = 0.5
-"""Key of the path of zeros, the mean of all paths; the mean of the distribution of keys."""
+MEAN_KEY = 0.0
+"""Key of the path of zeros, the mean of all paths; it is no value of a uniform distribution."""
 
 ORDERS = 3
 """Number of Taylor coefficients of an excitation: its value, slope and curvature."""
