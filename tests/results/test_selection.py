@@ -136,7 +136,7 @@ def test_files_give_back_the_same_without_a_warning(tree, motion, tmp_path, kind
     # a part of it: every array is a file
     some = ("elements/statistics", "elements/chaos", "sampling/samples", "comparison")
     tree = xr.DataTree.from_dict({path: tree[path].to_dataset(inherit=False) for path in some})
-    assert {one.dtype.kind for node in tree.subtree for one in node.variables.values()} <= set("fiuU")
+    assert {one.dtype.kind for node in tree.subtree for one in node.variables.values()} <= set("bfiuU")
     assert load(save(tree, tmp_path / "ours.nc")).identical(tree)
     for name, data in {"tree": tree, "motion": xr.DataTree(motion)}.items():
         path = tmp_path / f"{name}.{suffix}"
