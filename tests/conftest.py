@@ -18,16 +18,16 @@ from uqmbd.dynamics import Ensemble, build, integrate
 from .clock import CLOCK
 from .mechanisms import oscillator, pendulum, rolling_wheel, sleigh, slider_crank, spatial_pendulum
 
-MANY = 12
+MANY = 6
 """Cases of one thorough test above which `.ci/run` runs a part of them; the slow tests have them all."""
 
-PART = 3
+PART = 4
 """`.ci/run` runs one of so many of these cases."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark two of three cases of thorough tests with many cases as slow, except with ``thorough(every_case=True)``."""
+    """Mark three of four cases of thorough tests with many cases as slow, except with ``thorough(every_case=True)``."""
     cases = {}
     for item in items:
         marker = item.get_closest_marker("thorough")
