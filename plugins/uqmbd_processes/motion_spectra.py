@@ -255,11 +255,12 @@ def estimated_psd(
     begin = check_skip(where, skip)
     unit = 1.0 if per == "Hz" else 2 * math.pi
     scale = (2.0 if sided == "one" else 1.0) / unit
-    single = np.ndim(frequencies) == 0
+    given: Any = frequencies
+    single = np.ndim(given) == 0
     found = []
-    for frequency in [frequencies] if single else list(frequencies):  # type: ignore[arg-type]  # a number is single
+    for frequency in [given] if single else list(given):
         check_positive(where, frequency=frequency)
-        hertz = float(frequency) / unit  # type: ignore[arg-type]
+        hertz = float(frequency) / unit
         if hertz * segment < 2 * (1 - SLACK):
             raise uqmbd.StudyError(
                 f"{where}: the frequency {frequency:g} {per} is below two per segment of {segment:g} s, which the "
@@ -268,7 +269,7 @@ def estimated_psd(
         found.append(_estimated_psd(expression, hertz, float(segment), begin, scale))
     if single:
         return found[0]
-    return uqmbd.extend.OutputSeries(found, list(frequencies), "frequency", per)  # type: ignore[arg-type]  # a sequence
+    return uqmbd.extend.OutputSeries(found, list(given), "frequency", per)
 
 
 def order_amplitude(
@@ -326,12 +327,13 @@ def order_amplitude(
     """
     where = "order_amplitude"
     begin = check_skip(where, skip)
-    single = np.ndim(orders) == 0
+    given: Any = orders
+    single = np.ndim(given) == 0
     found = []
-    for order in [orders] if single else list(orders):  # type: ignore[arg-type]  # a number is single
+    for order in [given] if single else list(given):
         check_positive(where, order=order)
-        fraction = Fraction(float(order)).limit_denominator(MOST_DENOMINATOR)  # type: ignore[arg-type]
-        if not math.isclose(float(fraction), float(order), rel_tol=SLACK):  # type: ignore[arg-type]
+        fraction = Fraction(float(order)).limit_denominator(MOST_DENOMINATOR)
+        if not math.isclose(float(fraction), float(order), rel_tol=SLACK):
             raise uqmbd.StudyError(
                 f"{where}: the order {order!r} is no fraction with a denominator up to {MOST_DENOMINATOR}; its period "
                 "would be too many turns."
@@ -339,4 +341,4 @@ def order_amplitude(
         found.append(_order_amplitude(expression, angle, float(fraction.numerator), float(fraction.denominator), begin))
     if single:
         return found[0]
-    return uqmbd.extend.OutputSeries(found, list(orders), "order", "1")  # type: ignore[arg-type]  # a sequence
+    return uqmbd.extend.OutputSeries(found, list(given), "order", "1")

@@ -236,14 +236,15 @@ def stationary_psd(
         raise uqmbd.StudyError(f"{where}: per is {per!r}; expected 'Hz' or 'rad/s'.")
     factor = 2 * math.pi if per == "Hz" else 1.0
     scale = factor * (2.0 if sided == "one" else 1.0)
-    single = np.ndim(frequencies) == 0
+    given: Any = frequencies
+    single = np.ndim(given) == 0
     found = []
-    for frequency in [frequencies] if single else list(frequencies):  # type: ignore[arg-type]  # a number is single
+    for frequency in [given] if single else list(given):
         check_positive(where, frequency=frequency)
-        found.append(_stationary_psd(expression, float(frequency) * factor, scale, at=at))  # type: ignore[arg-type]
+        found.append(_stationary_psd(expression, float(frequency) * factor, scale, at=at))
     if single:
         return found[0]
-    return uqmbd.extend.OutputSeries(found, list(frequencies), "frequency", per)  # type: ignore[arg-type]  # a sequence
+    return uqmbd.extend.OutputSeries(found, list(given), "frequency", per)
 
 
 def crossing_rate(expression: Any, level: float, at: At = "equilibrium") -> sympy.Expr:

@@ -169,8 +169,8 @@ def test_what_cannot_be_done_is_reported(monkeypatch):
     assert "supports one requirement only" in Reliability(method="subset").obstacle(study)
     assert Reliability().obstacle(study) is None
     assert Reliability(surrogate=Collocation(order=2)).estimate(study).realisations == 3000
-    dear = Reliability(surrogate=Collocation(order=9), max_realisations=600)
-    assert "and the analysis needs 500 more" in dear.obstacle(study)
+    costly = Reliability(surrogate=Collocation(order=9), max_realisations=600)
+    assert "and the analysis needs 500 more" in costly.obstacle(study)
     with pytest.raises(uqmbd.StudyError, match="Omit method, or omit surrogate"):
         Reliability(surrogate=Collocation(order=2), method="form")
     heavy = uqmbd.RandomVariable("h", chaospy.StudentT(2))
