@@ -31,7 +31,7 @@ class Status(IntEnum):
     """A value, as a static equilibrium or a further natural frequency, is missing, or a propagator's own reason."""
 
     CENSORED = 5
-    """The event of an output does not occur until the last time; the realisation has not failed."""
+    """The event of an output does not occur by the last time; the realisation has not failed."""
     WORKER_DIED = 6
     """The worker process died in the first and in a second attempt."""
     OUTSIDE_LIMITS = 7

@@ -111,7 +111,7 @@ def calibrate(
     given = checked_records(records, study)
     require_sampler()
     if not isinstance(on, str) or on not in ("surrogate", "mechanism"):
-        raise uqmbd.StudyError(f"calibrate: on is {on!r}; expected 'surrogate' or 'mechanism'.")
+        raise uqmbd.StudyError(f"calibrate: on={on!r}; expected 'surrogate' or 'mechanism'.")
     further = 0
     if realisations is None:
         realisations = max(FEW, EACH * len(study.mechanism.inputs))

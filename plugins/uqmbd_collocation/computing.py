@@ -18,7 +18,10 @@ __all__ = ["computed"]
 def computed(
     runs: CollocationRuns, plans: Plans, points: uqmbd.extend.VerificationPoints, limits: Limits
 ) -> tuple[Fit, Refinement | None]:
-    """Compute the planned realisations and the verification points, add them to `runs`, and return the fit."""
+    """Compute the planned realisations and the verification points, and add them to `runs`.
+
+    Return the fit, and the refinement, or None at a fixed order.
+    """
     label, space = runs.problem.label, runs.space
     if plans.adaptive == "no":
         planned = plans.plan(space, plans.order)

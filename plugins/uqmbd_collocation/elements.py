@@ -166,7 +166,7 @@ def collocate_elements(
 
 
 def _failed_share(elements: Sequence[_BoxResult]) -> float:
-    """Return the share of the probability at which realisations of elements fail."""
+    """Return the share of failed realisations, weighted by the probabilities of their elements."""
     verified = [one.verification for one in elements]
     failures = sum(int((one.runs.status != Status.OK).sum()) for one in elements)
     others = sum(len(one.runs) for one in elements) - sum(one.asked for one in verified)

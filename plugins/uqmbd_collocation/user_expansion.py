@@ -41,11 +41,12 @@ class Polynomials:
                 "Their variables must be q0, q1, ..., for the inputs in the order of their names."
             )
         values = np.array([np.asarray(c, dtype=float) for c in expansion.coefficients])
-        if values.ndim != 2 or not values.shape[1] or not np.isfinite(values).all():
+        if values.ndim != 2 or not values.shape[1]:
             raise uqmbd.StudyError(
-                f"Collocation: the expansion has the shape {values.shape[1:]}; {wanted}, as a one-dimensional array "
-                "with finite coefficients."
+                f"Collocation: the expansion has the shape {values.shape[1:]}; {wanted}, as a one-dimensional array."
             )
+        if not np.isfinite(values).all():
+            raise uqmbd.StudyError(f"Collocation: the expansion has coefficients that are not finite; {wanted}.")
         powers = np.zeros((len(values), max(columns, default=0) + 1), dtype=int)
         powers[:, columns] = expansion.exponents
         return cls(tuple(map(tuple, powers.tolist())), tuple(map(tuple, values.tolist())))
@@ -80,7 +81,8 @@ class UserExpansion:
             at, by = np.atleast_2d(np.asarray(nodes, dtype=float)), np.asarray(weights, dtype=float)
         except (TypeError, ValueError) as error:
             raise uqmbd.StudyError(
-                f"Collocation: nodes and weights must be numbers with expansion=; {error}."
+                "Collocation: with expansion=, nodes and weights must be arrays of numbers; the conversion failed: "
+                f"{error}."
             ) from None
         inputs = len(polynomials.powers[0])
         if at.ndim != 2 or by.ndim != 1 or at.shape[1] != len(by) or not len(by) or len(at) < inputs:

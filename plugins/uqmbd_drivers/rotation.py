@@ -36,8 +36,8 @@ class RotationDriver(uqmbd.Component):
     prescribed_angle = "angle"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     angle = uqmbd.Parameter("rad", "angle, an expression in uqmbd.t; zero where the two frames coincide")
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j")
 
     if TYPE_CHECKING:
 

@@ -26,7 +26,7 @@ class SpeedDriver(uqmbd.Component):
     symbol = "driver"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     speed = uqmbd.Parameter("rad/s", "angular speed, an expression in uqmbd.t")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j")
 
     if TYPE_CHECKING:
 

@@ -160,12 +160,13 @@ def galerkin_elements(
             f"failure: {reason}",
             stacklevel=3,
         )
-    remedy = "increase max_elements, raise the order, use collocation with elements, or study a shorter time"
+    remedy = "or use collocation with elements, to obtain later times; or end the study at this time"
     if count < len(problem.times):
         reason = next((work.messages[k] for k in kept if work.messages[k]), "")
         warnings.warn(
             f"{problem.label}: the integration of an element ended early; results end at t = "
-            f"{chaos.labels.times[-1]:.6g} s of {problem.times[-1]:g} s. Reason: {reason} For later times, {remedy}.",
+            f"{chaos.labels.times[-1]:.6g} s of {problem.times[-1]:g} s. Reason: {reason} "
+            f"Increase max_elements, raise the order, {remedy}.",
             stacklevel=3,
         )
     return problem.node(

@@ -28,18 +28,18 @@ def warn(
     """Warn about unreliable results."""
     times, label = problem.times, problem.label
     last = float(np.asarray(chaos.labels.times)[-1])
-    remedy = "raise the order, use collocation with elements or Monte Carlo, or study a shorter time"
+    remedy = "or use collocation with elements or Monte Carlo, to obtain later times; or end the study at this time"
     if stopped:
         warnings.warn(
             f"{label}: results end at t = {last:.6g} s of {times[-1]:g} s, because the stated error exceeds stop_at "
-            f"= {stop_at:g} for {_listed(stopped)}. For later times, {remedy}.",
+            f"= {stop_at:g} for {_listed(stopped)}. Raise the order, {remedy}.",
             stacklevel=3,
         )
     elif message:
         warnings.warn(
             f"{label}: the integration of the projected equations ended early; results end at t = "
-            f"{last:.6g} s of {times[-1]:g} s. Reason: {message} The expansion of order {order} may be "
-            f"invalid from then on: {remedy}.",
+            f"{last:.6g} s of {times[-1]:g} s. Reason: {message} After this time the expansion of "
+            f"order {order} may be invalid. Raise the order, {remedy}.",
             stacklevel=3,
         )
     suspicions = [one.words() for one in chaos.discontinuities() if one and one.clear]

@@ -29,10 +29,10 @@ class Gear(uqmbd.Component):
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     ratio = uqmbd.Parameter("1", "turns of body i per turn of body j: teeth of j over teeth of i")
     axis_i = uqmbd.Parameter(
-        "1", "axis of body i, in its frame (left out in the plane)", kind="turning_axis", body="body_i"
+        "1", "axis of body i, in its frame (omit it in planar space)", kind="turning_axis", body="body_i"
     )
     axis_j = uqmbd.Parameter(
-        "1", "axis of body j, in its frame (left out in the plane)", kind="turning_axis", body="body_j"
+        "1", "axis of body j, in its frame (omit it in planar space)", kind="turning_axis", body="body_j"
     )
     mesh = uqmbd.Parameter(
         "", "external: opposite turns; internal: alike", kind="option", default="external",
@@ -87,7 +87,7 @@ class RackAndPinion(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "centre of the pinion, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction of the rack, frame of body i", kind="axis", body="body_i")
     axis_j = uqmbd.Parameter(
-        "1", "axis of the pinion, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
+        "1", "axis of the pinion, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j"
     )
     radius = uqmbd.Parameter(
         "m", "advance per radian; negative where a positive turn moves the pinion backwards", about="point_j"

@@ -32,10 +32,10 @@ class Revolute(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter(
-        "1", "joint axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i"
+        "1", "joint axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i"
     )
     axis_j = uqmbd.Parameter(
-        "1", "joint axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
+        "1", "joint axis, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j"
     )
 
     if TYPE_CHECKING:

@@ -19,8 +19,8 @@ class RollingWheel(uqmbd.Component):
 
     The rim touches the plane, and the wheel may lean. At the contact point, the material points of both bodies have the
     same velocity. In planar space, the wheel rolls on a line. The constraint does not permit lift-off or slip.
-    `reaction_force`, which acts on the wheel at the contact, shows whether lift-off or slip would occur. The pose of a
-    flat disc is singular, and the motion ends there.
+    `reaction_force`, which acts on the wheel at the contact, shows whether lift-off or slip would occur. The pose in
+    which the disc lies flat on the plane is singular, and the motion ends there.
 
     The plane has the unit normal ``n``. The wheel has the radius ``R`` and the unit axis ``a``, and its centre is at
     the height ``h`` over the plane. Then ``h = R w``, where ``w = |n x a|``. The vector from the centre to the contact
@@ -46,7 +46,7 @@ class RollingWheel(uqmbd.Component):
     )
     axis_j = uqmbd.Parameter(
         "1",
-        "axis of the wheel, frame of body j (left out in the plane)",
+        "axis of the wheel, frame of body j (omit it in planar space)",
         kind="turning_axis",
         default=(),
         body="body_j",
@@ -175,7 +175,7 @@ class Skate(uqmbd.extend.TypedComponent):
     )
     normal_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "1",
-        "normal of the plane, frame of body i (left out in the plane)",
+        "normal of the plane, frame of body i (omit it in planar space)",
         kind="turning_axis",
         default=(),
         body="body_i",
@@ -204,7 +204,7 @@ def _directions(normal: Any) -> dict[str, Any]:
 
 
 def _slip(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
-    """Return the velocity of body j relative to body i, m/s, each taken at the material point at a world point."""
+    """Return the velocity of body j relative to body i, m/s, at the material points that are at a world point."""
     return _velocity(p.body_j, point) - _velocity(p.body_i, point)
 
 

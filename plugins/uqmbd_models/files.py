@@ -187,8 +187,9 @@ def _mujoco() -> ModuleType:
     try:
         import mujoco
     except ImportError as error:
-        reason = "" if (error.name or "").partition(".")[0] == "mujoco" else f" (it cannot be imported: {error})"
-        raise uqmbd.StudyError(f"from_mjcf needs MuJoCo, which parses the file{reason}: {INSTALL}") from None
+        raise uqmbd.StudyError(
+            f"from_mjcf parses the file with MuJoCo, which cannot be imported ({error}). Install it with: {INSTALL}"
+        ) from None
     found: ModuleType = mujoco
     if not hasattr(mujoco, "MjSpec"):
         version = getattr(mujoco, "__version__", "this one")

@@ -76,7 +76,7 @@ class MJCF:
     >>> uqmbd_models.MJCF().read("no_such_model.xml")
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: from_mjcf: no_such_model.xml: there is no such file; expected the path of a MJCF file.
+    uqmbd.errors.StudyError: from_mjcf: no_such_model.xml: there is no such file; expected the path of an MJCF file.
     """
 
     name = "mjcf"

@@ -88,7 +88,7 @@ class PowerSpectralDensity:
             )
         if self.per not in FACTORS:
             listed = ", ".join(map(repr, FACTORS))
-            raise uqmbd.StudyError(f"{where}: per is {self.per!r}; expected the unit of the frequency: {listed}.")
+            raise uqmbd.StudyError(f"{where}: per={self.per!r}; expected the unit of the frequency: {listed}.")
         check_band(where, self.band)
         object.__setattr__(self, "band", (float(self.band[0]), float(self.band[1])))
         if self.filter is None:
@@ -215,7 +215,7 @@ def check_density(where: str, psd: Any, over: str) -> None:
         )
     if psd.over != over:
         raise uqmbd.StudyError(
-            f"{where}: psd is a density per {psd.per} over {psd.over}, but over is {over!r}; state "
+            f"{where}: psd is a density per {psd.per} over {psd.over}, but over={over!r}; state "
             f"over={psd.over!r}, or a density over {over}."
         )
 

@@ -250,7 +250,7 @@ def estimated_psd(
     if sided not in ("one", "two"):
         raise uqmbd.StudyError(f"{where}: sided is {sided!r}; expected 'one' or 'two'.")
     if per not in ("Hz", "rad/s"):
-        raise uqmbd.StudyError(f"{where}: per is {per!r}; expected 'Hz' or 'rad/s'.")
+        raise uqmbd.StudyError(f"{where}: per={per!r}; expected 'Hz' or 'rad/s'.")
     check_positive(where, segment=segment)
     begin = check_skip(where, skip)
     unit = 1.0 if per == "Hz" else 2 * math.pi

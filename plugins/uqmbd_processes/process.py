@@ -112,7 +112,7 @@ class RandomProcess:
             raise uqmbd.StudyError(f"{where}: {what} given; expected one of psd=, covariance=, filter= and record=.")
         over = {distance: "distance", uqmbd.t: "time"}.get(self.over, self.over)
         if over not in ("distance", "time"):
-            raise uqmbd.StudyError(f"{where}: over is {self.over!r}; expected 'distance' or 'time'.")
+            raise uqmbd.StudyError(f"{where}: over={self.over!r}; expected 'distance' or 'time'.")
         object.__setattr__(self, "over", over)
         if not isinstance(self.units, str):
             raise uqmbd.StudyError(f"{where}: units is {self.units!r}; expected a text such as 'm'.")

@@ -27,7 +27,7 @@ ROUNDING = 1e-10
 """Noise in a response, relative to its terms, that counts as zero."""
 
 ZERO = 1e-12
-"""Variance of a response, relative to its terms, that counts as zero if its error is larger."""
+"""An inexact variance counts as zero if it, plus its error, is at most this share of the sum of its absolute terms."""
 
 UNSTABLE = 1e-6
 """Growth rate, relative to the rates of the mechanism, that counts as instability."""
@@ -81,9 +81,11 @@ def _processes(system: LinearSystem) -> list[tuple[Any, list[int]]]:
 
 
 def _decaying(system: LinearSystem) -> list[tuple[NDArray[np.int64], LinearSystem, list[str]]]:
-    """Return parts of an ensemble with decaying states: members, systems, and reasons without a response.
+    """Divide an ensemble into parts with decaying states.
 
-    In realisations with rigid-body motions, the system contains only states that are excited and seen.
+    Return for each part its members, its system, and for each member the reason why it has no stationary response, or
+    an empty text. In realisations with motions that do not decay, only the controllable and observable states of these
+    motions remain.
     """
     stable = is_stable(system.a)
     good = np.flatnonzero(stable)
@@ -127,8 +129,8 @@ def _of_process(system: LinearSystem, source: Any, channels: list[int], orders: 
     different = np.ptp(speeds, axis=0) > 1e-12 * np.abs(speeds).max(axis=0)
     if different.any():
         text = (
-            f"{system.name} has no stationary response: the random process {source.name!r} is passed at different "
-            "speeds"
+            f"{system.name} has no stationary response: the mechanism travels along the random process "
+            f"{source.name!r} at different speeds"
         )
         return {k: np.full(len(system), np.nan) for k in orders}, [text if x else "" for x in different.tolist()]
     shape: ShapingFilter | None = source.shape

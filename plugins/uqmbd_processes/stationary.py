@@ -233,7 +233,7 @@ def stationary_psd(
     if sided not in ("one", "two"):
         raise uqmbd.StudyError(f"{where}: sided is {sided!r}; expected 'one' or 'two'.")
     if per not in ("Hz", "rad/s"):
-        raise uqmbd.StudyError(f"{where}: per is {per!r}; expected 'Hz' or 'rad/s'.")
+        raise uqmbd.StudyError(f"{where}: per={per!r}; expected 'Hz' or 'rad/s'.")
     factor = 2 * math.pi if per == "Hz" else 1.0
     scale = factor * (2.0 if sided == "one" else 1.0)
     given: Any = frequencies

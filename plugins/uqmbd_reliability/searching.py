@@ -1,10 +1,10 @@
-"""Design points, the points of the limits nearest to the origin, by simultaneous searches from several starts.
+"""Find design points, the points on the limits nearest to the origin, by simultaneous searches from several starts.
 
-OpenTURNS's FORM evaluates the gradient at a point in one stack, but runs one start after another, with single points in
-between. It needs 11 calls and 20 points for a plane in two dimensions, and 26 and 50 for a parabola. A plane in 40
-dimensions needs 415 points. It cannot continue if a realisation fails, and its MultiFORM raises an error for symmetric
-branches. Here, one stack contains all starts and all requirements. With many inputs, gradients are updated instead of
-computed again.
+OpenTURNS's FORM computes all realisations of a gradient in one call. It processes one start after another, and computes
+the points of the line search one by one. It needs 11 calls and 20 points for a plane in two dimensions, and 26 and 50
+for a parabola. A plane in 40 dimensions needs 415 points. It cannot continue if a realisation fails, and its MultiFORM
+raises an error for symmetric branches. Here, one stack contains all starts and all requirements. With many inputs,
+gradients are updated instead of computed again.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class DesignPoint:
 def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
     """Return at most `most` start points (S, d) of searches.
 
-    Rays from the origin through these points seem to reach the limit soonest, with directions at least 45 degrees
-    apart. The points are moved along their rays to the estimated limit, at most to 1.5 times their distance plus one.
-    Known margins (K,) are NaN for failed realisations; `origin` is the margin of the origin.
+    The function selects given points whose rays from the origin seem to reach the limit soonest, with directions at
+    least 45 degrees apart. It moves them along their rays to the estimated limit, at most to 1.5 times their distance
+    plus one. `margins` (K,) are NaN for failed realisations; `origin` is the margin of the origin.
     """
     distance = np.linalg.norm(points, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -59,7 +59,7 @@ def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
             chosen.append(int(k))
         if len(chosen) == most:
             break
-    # interpolate behind a violation, but limit the extrapolation
+    # if the point violates the limit, this is an interpolation; otherwise limit the extrapolation
     scale = [min(met[k], 1.5 * distance[k] + 1.0) / distance[k] for k in chosen]
     return np.array([points[k] * s for k, s in zip(chosen, scale, strict=True)]).reshape(-1, points.shape[1])
 
@@ -157,10 +157,10 @@ class _SearchPath:
 
 
 def distinct(points: list[DesignPoint]) -> list[DesignPoint]:
-    """Return design points without repetitions, by requirement, those of a requirement nearest to the origin first.
+    """Return design points without repetitions, sorted by requirement, then by increasing beta.
 
-    A point is a repetition if its distance from a nearer one of the same requirement is at most ``0.3 max(beta, 1)``.
-    Here beta is the distance of the nearer one from the origin.
+    A point is a repetition if an earlier point of the same requirement is at most ``0.3 max(|beta|, 1)`` away, with
+    beta of the earlier point.
     """
     found: list[DesignPoint] = []
     for one in sorted(points, key=lambda p: (p.requirement, p.beta)):

@@ -40,7 +40,7 @@ class RotationalFriction(uqmbd.Component):
     transition = uqmbd.Parameter(
         "rad/s", "speed at which 71 % of Coulomb's moment act", default=0.01, minimum=0, exclusive=True
     )
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
 
     if TYPE_CHECKING:
 

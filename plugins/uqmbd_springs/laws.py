@@ -75,8 +75,8 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
     symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     law = uqmbd.Parameter("N m", "moment", kind="option", example=2 * length**3 + rate / 5)
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j")
 
     if TYPE_CHECKING:
 

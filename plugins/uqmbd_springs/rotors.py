@@ -31,7 +31,7 @@ class RotorInertia(uqmbd.Component):
     symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     inertia = uqmbd.Parameter("kg m^2", "inertia of the rotor, times (rotor speed / joint speed)^2", minimum=0)
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
 
     if TYPE_CHECKING:
 

@@ -30,8 +30,8 @@ class TorsionSpringDamper(uqmbd.Component):
     stiffness = uqmbd.Parameter("N m/rad", "spring rate", one_sign=True)
     damping = uqmbd.Parameter("N m s/rad", "damper rate", default=0, one_sign=True)
     free_angle = uqmbd.Parameter("rad", "angle without moment", default=0)
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j")
 
     if TYPE_CHECKING:
 

@@ -333,7 +333,7 @@ def discrete():
     "options, said",
     [
         ({"noise": "cauchy"}, "noise is 'cauchy'; expected 'normal' or 'student'"),
-        ({"on": "paper"}, "on is 'paper'"),
+        ({"on": "paper"}, "on='paper'"),
         ({"realisations": 10}, "first surrogate needs 52; expected 104"),
         ({"draws": 3}, "draws is 3"),
         ({"seed": True}, "seed is True"),

@@ -47,9 +47,9 @@ def test_all_maxima_have_draws():
 def test_a_maximum_that_no_draws_are_about_is_reported():
     """A limit of the realisations leaves none for a second surrogate."""
     found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 3.0, 0.01, realisations=100)
-    assert "1 further maxima of the posterior contain about 50 % of the probability, but no draws are near them" in said
+    assert "1 further maxima of the posterior contain about 50 % of the probability, but less than a fifth" in said
     assert found.checks["unsampled"] == pytest.approx([0.5], abs=0.02)
-    assert "of the probability, but no draws" in str(found)
+    assert "of the probability, but less than a fifth of the expected draws" in str(found)
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def test_an_input_far_from_its_prior_is_reported(truth, side):
     (far,) = found.checks["far"]
     assert far["input"] == "k"
     assert abs(far["deviations"]) == pytest.approx(15.0, abs=0.3)
-    assert f"standard deviations {side} the median of its prior" in said
+    assert f"prior standard deviations {side} the prior median" in said
     values = found.tree["observed_data"]["frequency"].values
     # the prior says next to nothing beside the record: normal, by the derivative of the frequency
     information = 3 / (0.002 * 4 * np.pi * np.sqrt(truth)) ** 2 + 1 / 4
@@ -86,4 +86,4 @@ def test_an_input_far_from_its_prior_is_reported(truth, side):
         truth + (100 - truth) / 4 / information + 4 * np.pi * truth**0.5 * (values.mean() - truth**0.5 / 2 / np.pi),
         abs=0.2 * information**-0.5,
     )
-    assert "median of its prior" not in told(prior, lambda k: k, 103.0, 0.002)[1]
+    assert "prior median" not in told(prior, lambda k: k, 103.0, 0.002)[1]

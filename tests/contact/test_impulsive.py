@@ -282,7 +282,7 @@ def test_an_event_that_never_comes_is_reported():
     mechanism, ball = point(gravity=ZERO)
     floor = mechanism.add(PlaneImpact("floor", mechanism.ground, ball, ZERO, ZERO, (0, 1)))
     mechanism.output("when", floor.event_time("impact"), units="s")
-    with pytest.warns(UserWarning, match="the event 'floor: impact 1' does not occur until the last output time"):
+    with pytest.warns(UserWarning, match="the event 'floor: impact 1' does not occur by the last output time"):
         assert np.isnan(uqmbd.simulate(mechanism, [0, 1])["when"])
     with pytest.raises(uqmbd.StudyError, match="events are counted from 1"):
         floor.event_time("impact", 0)

@@ -180,7 +180,7 @@ def test_a_monotone_motion_is_a_half_cycle_and_edges_are_closed():
         (lambda x: estimated_psd(x, [1.0, -1], segment=5), "frequency is -1"),
         (lambda x: estimated_psd(x, 0.3, segment=5), "0.3 Hz is below two per segment of 5 s.*at least 0.4 Hz"),
         (lambda x: estimated_psd(x, 1.0, segment=5, sided="both"), "sided is 'both'"),
-        (lambda x: estimated_psd(x, 1.0, segment=5, per="s"), "per is 's'"),
+        (lambda x: estimated_psd(x, 1.0, segment=5, per="s"), "per='s'"),
         (lambda x: estimated_psd(x, 1.0, segment=5, skip=-1), "skip is -1"),
         (lambda x: order_amplitude(x, uqmbd.t, 0), "order is 0"),
         (lambda x: order_amplitude(x, uqmbd.t, np.pi), "no fraction with a denominator up to 12"),

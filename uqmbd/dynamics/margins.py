@@ -117,7 +117,7 @@ def _unknown(seen: MarginMap, number: int) -> str:
     name = [one.name for one in seen.requirements if not one.over_time][number]
     what = "an event" if seen.still is not None and seen.still.of_events(number) else "a first time"
     return (
-        f"requirement {name!r}: {what} in it does not occur until the last output time, so it is unknown whether the "
+        f"requirement {name!r}: {what} in it does not occur by the last output time, so it is unknown whether the "
         "requirement is met"
     )
 

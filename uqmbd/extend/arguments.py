@@ -1,4 +1,4 @@
-"""What plugins need to check the arguments of their public functions and classes, and the options of their methods."""
+"""Argument checks for public functions and classes of plugins, and for options of their methods."""
 
 from __future__ import annotations
 

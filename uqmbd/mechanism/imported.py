@@ -327,7 +327,7 @@ def from_mjcf(
     >>> uqmbd.from_mjcf("no_such_model.xml")
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: from_mjcf: no_such_model.xml: there is no such file; expected the path of a MJCF file.
+    uqmbd.errors.StudyError: from_mjcf: no_such_model.xml: there is no such file; expected the path of an MJCF file.
     """
     return _read("mjcf", path, keyframe=keyframe, fuse=fuse, outputs=outputs)
 

@@ -88,8 +88,9 @@ class Posterior:
     def linearised(self, vectors: Array, steps: Array | float = STEP, *, expected: bool = False) -> Linearised:
         """Return cost, gradient and Hessian at some vectors.
 
-        `vectors` (K, N); `steps` (D,): central differences of the unknown inputs; `expected`: whether the Hessian is
-        for values equal to the predictions, as before any measurement.
+        `vectors` (K, N). `steps` (D,): steps of the central differences, by unknown input. `expected`: whether to
+        compute the Hessian for measured values that equal the predictions, for example if there are no measurements
+        yet.
         """
         count, wide = vectors.shape
         inputs = len(self.unknowns.inputs)

@@ -61,8 +61,9 @@ def require_sampler() -> None:
     missing = [name for name in ("emcee", "arviz") if importlib.util.find_spec(name) is None]
     if missing:
         raise uqmbd.StudyError(
-            f"calibrate: {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} not installed, which posteriors "
-            'are sampled and diagnosed by; install them: pip install "uqmbd[calibration]".'
+            f"calibrate: sampling and diagnosing a posterior needs emcee and arviz; not installed: "
+            f"{', '.join(missing)}. "
+            'Install with: pip install "uqmbd[calibration]".'
         )
 
 

@@ -178,12 +178,18 @@ def _of_posterior(tree: xr.DataTree, checks: dict[str, Any]) -> Iterator[Reliabi
         text = f"the posterior has {shares}; its mean and standard deviation do not describe the separate maxima."
         yield ReliabilityStatement(1, "Posterior", text)
     if others := checks.get("unsampled", []):
-        text = f"{len(others)} further maxima contain about {100 * sum(others):.0f} % of the probability, but no draws."
+        text = (
+            f"{len(others)} further maxima contain about {100 * sum(others):.0f} % of the probability, but less than a "
+            "fifth of the expected draws."
+        )
         yield ReliabilityStatement(0, "Posterior", text)
     if unseen := checks.get("unseen"):
         yield ReliabilityStatement(
             1, "Posterior", f"{unseen} further maxima of the surrogate have a similar probability."
         )
     for one in checks.get("far", []):
-        text = f"{one['input']} is {abs(one['deviations']):.1f} standard deviations from the median of its prior."
+        text = (
+            f"the posterior mean of {one['input']} is {abs(one['deviations']):.1f} prior standard deviations from the "
+            "prior median."
+        )
         yield ReliabilityStatement(1, "Prior", text)

@@ -141,11 +141,12 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
         )
     if others := checks.get("unsampled", []):
         said.append(
-            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of its mass, but no "
-            "draws are near them."
+            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of the probability, "
+            "but less than a fifth of the expected draws are near them."
         )
     said += [
-        f"{one['input']} is {abs(one['deviations']):.1f} standard deviations from the median of its prior."
+        f"The posterior mean of {one['input']} is {abs(one['deviations']):.1f} prior standard deviations from the "
+        "prior median."
         for one in checks.get("far", [])
     ]
     return said

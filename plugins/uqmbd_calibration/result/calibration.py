@@ -93,11 +93,12 @@ class Calibration:
         ``even`` states whether realisations at draws of the posterior confirm the surrogate. ``widened`` states whether
         the errors of the surrogate widen the posterior. ``surrogate`` is the list of these checks in order. Each check
         contains its number of ``draws`` and the effective ``share`` of their weights. It also contains the largest
-        ``shift`` of a mean in standard deviations, and its standard error ``chance``. ``converged``, ``rhat``
-        and ``ess`` describe the chains. ``modes`` contains the shares of the maxima of the posterior, and ``unsampled``
-        the shares of maxima without draws. ``unseen`` is the number of maxima of the surrogate that were not searched
-        on the mechanism. ``far`` lists inputs far from their priors. ``model`` describes each output of each record:
-        its p-value ``p``, the times ``where`` the model does not explain the record, ``outliers``, and ``rejected``.
+        ``shift`` of a mean in standard deviations, and its standard error ``chance``. ``converged``, ``rhat`` and
+        ``ess`` describe the chains. ``modes`` contains the shares of the maxima of the posterior, and ``unsampled`` the
+        shares of maxima with less than a fifth of the expected draws. ``unseen`` is the number of maxima of the
+        surrogate that were not searched on the mechanism. ``far`` lists inputs far from their priors. ``model``
+        describes each output of each record: its p-value ``p``, the times ``where`` the model does not explain the
+        record, ``outliers``, and ``rejected``.
         """
         return dict(json.loads(self.tree.attrs["checks"]))
 
@@ -252,7 +253,10 @@ class Calibration:
         lines += [] if checks["converged"] else ["the chains have not converged"]
         lines += [text] if (text := several_maxima(checks)) else []
         if missing := sum(checks.get("unsampled", ())):
-            lines.append(f"other maxima contain about {100 * missing:.0f} % of the probability, but no draws")
+            lines.append(
+                f"other maxima contain about {100 * missing:.0f} % of the probability, but less than a fifth of the "
+                "expected draws"
+            )
         state = (
             "verified by realisations of the mechanism"
             if checks["even"]

@@ -57,7 +57,7 @@ def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
 
 
 def _unsampled(modes: Sequence[Mode], shares: Array, inputs: Array) -> list[float]:
-    """Return the shares of maxima above the limit that have too few draws (K, D) of the inputs."""
+    """Return the probabilities of maxima above `PART` with too few draws. `inputs` (K, D) contains the draws."""
     if len(modes) < 2:
         return []
     at = np.array([mode.vector[: inputs.shape[1]] for mode in modes])
@@ -93,7 +93,7 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
     if others := checks["unsampled"]:
         said.append(
             f"{len(others)} further maxima of the posterior contain about {100 * sum(others):.0f} % of the "
-            "probability, but no draws are near them. Increase realisations"
+            "probability, but less than a fifth of the expected draws are near them. Increase realisations"
         )
     if checks["unseen"]:
         said.append(
@@ -102,8 +102,8 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
         )
     for one in checks["far"]:
         said.append(
-            f"the posterior of input {one['input']!r} is {abs(one['deviations']):.1f} standard deviations "
-            f"{'above' if one['deviations'] > 0 else 'below'} the median of its prior, where the surrogate is less "
+            f"the posterior mean of input {one['input']!r} is {abs(one['deviations']):.1f} prior standard deviations "
+            f"{'above' if one['deviations'] > 0 else 'below'} the prior median, where the surrogate is less "
             "accurate. Check the prior, the record and the model"
         )
     for one in checks["model"]:
@@ -114,7 +114,7 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
 
 
 def several_maxima(checks: Mapping[str, Any]) -> str:
-    """Return a text on the shares of maxima with draws; an empty text if there is only one maximum."""
+    """Return a text on the probabilities of the maxima above `PART`; empty if fewer than two of them have draws."""
     shares = [share for share in checks.get("modes", ()) if share > PART]
     if len(shares) - len(checks.get("unsampled", ())) < 2:
         return ""
@@ -136,7 +136,9 @@ def _rejection(one: Mapping[str, Any]) -> str:
     """Return a message that the model does not explain a record, with the times."""
     spans = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
     where = f", above all at {spans}" if spans else ""
-    hint = ". The model is incomplete, or the noise is larger than stated"
+    hint = ". The model is incomplete, or " + (
+        "the noise is larger than stated" if "chi_square" in one else "the errors are correlated in time"
+    )
     if one["outlier_values"]:
         # the probability of residuals is known only if the noise is known
         beyond = (

@@ -15,19 +15,19 @@ __all__ = ["SIGNIFICANCE", "Residuals", "find_discrepancy", "residuals"]
 
 
 SIGNIFICANCE = 1e-3
-"""p-value of a record below which the model is rejected, or the noise is larger than stated."""
+"""Significance level: a record with a smaller p-value contradicts the model or the stated noise."""
 
 SEGMENTS, LEAST = 12, 8
-"""Number of tested time intervals, and least number of values in each interval."""
+"""Largest number of tested time intervals, and least number of values in each."""
 
 FAR = 4.0
 """Standard deviations beyond which a value is an outlier."""
 
 OUTLYING = 10.0
-"""Outlier limit for unknown noise or many outliers, in deviations derived from the median of all values."""
+"""Outlier limit for unknown noise or many outliers, in standard deviations estimated from the median residual."""
 
 FEW, SHOWN = 0.05, 10
-"""Largest share of outliers that are listed (one outlier is always listed), and largest number in the list."""
+"""Largest share of outliers among the values for a list (one is always listed), and largest length of the list."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,10 @@ class Residuals:
 
 
 def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> Residuals:
-    """Return residuals for a prediction (n,), or the mean of predictions (K, n), a vector of unknowns and a level.
+    """Return residuals for a vector of unknowns and a noise level `sigma`.
 
-    The mean of predictions can be likely although the prediction at the mean is not, as for a known product of inputs.
+    `prediction` is (n,), or (K, n), whose residuals are averaged. The mean prediction can fit although the prediction
+    at mean inputs does not, for example if the record determines only a product of inputs.
     """
     misfit = block.misfit(np.atleast_2d(prediction), np.atleast_2d(vector)).mean(axis=0, keepdims=True)
     level = np.array([sigma])
@@ -63,12 +64,20 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
 def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     """Return the evidence of residuals against the model.
 
-    `parameters`: number of unknowns fitted to these values. Return a mapping with ``record``, ``output`` and
-    ``values``; ``chi_square``, the probability of residuals at least as large, for known noise; ``correlation`` of
-    neighbours and its probability ``correlation_p``; ``segments``, each with its ends, s, and its probability; ``p``,
-    the p-value corrected for the number of tests; ``where``, the times of unexplained segments; ``outliers``, the
-    number of outliers; ``outlier_values``, a list of the largest outliers if they are few, each with its time in s
-    or its number, its value and its deviations; and ``rejected``.
+    `parameters`: number of unknowns fitted to these values. The mapping has the keys
+
+    - ``record``, ``output``: names of the record and of the output
+    - ``values``: number of values
+    - ``robust``: whether the noise is robust (Student's t distribution)
+    - ``chi_square``: probability of residuals that are at least as large; only for known noise
+    - ``correlation``, ``correlation_p``: correlation of neighbouring residuals, and its probability
+    - ``segments``: time intervals, each with its ends, s, its probability, and the `mean` and `size` of its residuals
+    - ``p``: p-value, corrected for the number of tests
+    - ``where``: times of unexplained segments
+    - ``outliers``: number of outliers
+    - ``outlier_values``: the largest outliers if they are few, each with its time, s, or number, value and deviations
+    - ``largest``: largest absolute residual, in standard deviations of the noise
+    - ``rejected``: whether the record contradicts the model
     """
     block, z = found.block, found.normal
     count = len(z)

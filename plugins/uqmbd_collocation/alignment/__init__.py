@@ -1,4 +1,4 @@
-"""Comparison of realisations at markers instead of at equal times: events, equal phases of a clock, or both."""
+"""Comparison of realisations at markers (events, equal phases of a clock, or both) instead of equal times."""
 
 from __future__ import annotations
 

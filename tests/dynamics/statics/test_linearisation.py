@@ -345,5 +345,5 @@ def test_what_cannot_move_has_no_modes():
     mechanism.add(Revolute("pivot", mechanism.ground, arm, (0, 0), (0, 0)))
     mechanism.add(RotationDriver("motor", mechanism.ground, arm, angle=3 * uqmbd.t))
     assert uqmbd.eigenfrequencies(mechanism).sizes["mode"] == 0
-    with pytest.raises(uqmbd.StudyError, match="at is 'rest'; expected 'equilibrium', 'start' or 'steady'"):
+    with pytest.raises(uqmbd.StudyError, match="at='rest'; expected 'equilibrium', 'start' or 'steady'"):
         uqmbd.eigenfrequencies(mechanism, at="rest")

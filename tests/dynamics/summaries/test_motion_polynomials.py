@@ -154,7 +154,7 @@ def test_declarations_of_one_function_with_different_units_differ():
         (lambda: uqmbd.extend.summary(_nothing, units="s"), "power is None; expected known units"),
         (lambda: uqmbd.extend.summary(_nothing, power=1, units="foo"), "units is 'foo'"),
         (lambda: uqmbd.extend.summary(_nothing, further=("rad",)), "with polynomials=True"),
-        (lambda: uqmbd.extend.summary(_nothing, polynomials=True, further=("foo",)), r"further is \('foo',\)"),
+        (lambda: uqmbd.extend.summary(_nothing, polynomials=True, further=("foo",)), r"further=\('foo',\)"),
         (lambda: uqmbd.extend.summary(_nothing, polynomials=True, further="rad"), "further is 'rad'"),
         (lambda: integral_over_angle(oscillator()[1].position[0]), "given 1 expressions; expected 2"),
         (lambda: integral_over_angle(oscillator()[1].position[0], 3.0), "which is equal in every pose"),

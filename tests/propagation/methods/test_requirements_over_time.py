@@ -109,7 +109,7 @@ def test_what_does_not_happen_is_late_and_not_soon():
     mechanism.require("not known", reached <= 1.5)
     found = margins(mechanism, [0, 1])
     assert found.failed.tolist() == [True, True, False]
-    assert "requirement 'not known': a first time in it does not occur until the last output time" in found.messages[0]
+    assert "requirement 'not known': a first time in it does not occur by the last output time" in found.messages[0]
     with pytest.warns(UserWarning, match="27 of 50 realisations failed"):
         node = uqmbd.Study("s", mechanism, [0, 1]).propagate(MonteCarlo(samples=50, seed=1, max_failures=1))
     data = node["requirements"].to_dataset()

@@ -33,9 +33,11 @@ class Statement:
 
 
 class _Places(NamedTuple):
-    """Places of the results of a kind: number of entries of vectors and matrices, columns of results, their entries.
+    """Layout of the results of one kind of evaluator.
 
-    By name: shape, range among all entries, columns of the results in it, and their entries.
+    `size`: number of entries of all vectors and matrices. `columns`: columns of the evaluator's results; `entries`:
+    entry that each column fills. `named`: by name, the shape, the range of entries, the columns, and their entries
+    within this range.
     """
 
     size: int
@@ -69,7 +71,10 @@ class Model:
     tensors: tuple[Tensor, ...]
     evaluators: Evaluators = field(repr=False)
     events: tuple[tuple[str, str, int], ...] = ()
-    """Component, label and number of jump directions of each event, the normal first; 0: velocities do not jump."""
+    """Component and label of each event, and number of directions in which velocities jump.
+
+    The first direction is the normal; 0: velocities do not jump.
+    """
     rough: bool = False
     """Whether a force has corners in the state (contact, stops, friction), which long steps could miss."""
     findings: tuple[Finding, ...] = ()
@@ -121,7 +126,7 @@ class Model:
     def between_samples(self, time: float) -> Model:
         """Return the model with another initial time, s, and constant commands instead of controllers.
 
-        Results of the search are cached.
+        The new model reuses the cached index maps and counts of this one.
         """
         other = replace(self, time=time, controls=())
         for name in ("_places", "block_parameters", "counts", "pattern", "rheonomic"):
@@ -136,7 +141,7 @@ class Model:
 
     @cached_property
     def block_parameters(self) -> int:
-        """Number of the parameters of the blocks (the first ones)."""
+        """Number of parameters of the blocks, which precede all other parameters."""
         return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
 
     @cached_property

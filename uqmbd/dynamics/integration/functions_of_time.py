@@ -1,11 +1,11 @@
 """Sample functions of time in the equations of motion on a fine grid before the integration.
 
 A short pulse in a long quiet interval may be between the stages of a step. The integration then misses the pulse,
-because the step errors do not contain it.  Every function of time is therefore sampled beforehand. Its cells are halved
-until a polynomial through every other point predicts the points between; otherwise the grid is refined.  The sizes of
-these cells show how fast the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`).  Functions
-with uniform behaviour (polynomials, sines of linear phases, and pieces of them) cannot be stepped over, and are not
-sampled.
+because the step errors do not contain it. Every function of time is therefore sampled beforehand. A cell of the grid is
+smooth if a polynomial through every other point predicts the points between. Smooth cells are merged in pairs while the
+merged cell is smooth. Other cells are divided into 16, at most 12 times. The sizes of the smooth cells show how fast
+the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`). Functions with uniform behaviour
+(polynomials, sines of linear phases, and pieces of them) cannot be stepped over, and are not sampled.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ DEPTH = 12
 SHORTEST = 5e-13
 """Length of a cell, relative to the larger of 1 s and the time, at which a remaining change counts as a jump."""
 EVERYWHERE = 0.25
-"""Share of cells without a polynomial from which the function counts as fast everywhere, and is not refined further."""
+"""Largest share of cells without a polynomial; above it, the function counts as fast everywhere and is not refined."""
 FEW = 2
 FADES = 0.5
-"""Largest share of the range of values of a cell, in its few deviating parts, that counts as a corner."""
+"""A cell has a corner, not a jump, if its few deviating parts each span at most this share of its range of values."""
 LEAST = 1e-9
 """Deviation, relative to the largest value, that counts as rounding for every tolerance."""
 POWER = 4
@@ -195,7 +195,10 @@ def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol:
 
 @dataclass
 class _Window:
-    """Separate part of time; if it is next to a known break and one polynomial fits it, it is not a cell."""
+    """Time interval that is sampled separately.
+
+    An interval next to a known break does not count as a cell if one polynomial fits all of it.
+    """
 
     begin: float
     end: float
@@ -219,7 +222,8 @@ def _look(
         at[:, -1] = ends[:, 1]
         sampled = value(at)
         points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
-        # a function with NaN cannot be sampled; its evaluation reports the error
+        # values that are not finite are interpolated, and cells without finite values are skipped;
+        # the integration reports the error
         with np.errstate(invalid="ignore"):
             number = np.abs(sampled) < HUGE
         blind = ~number[:, points].any(axis=2)

@@ -209,7 +209,7 @@ def _late(expression: sympy.Expr) -> str:
     """Return a message on the missing event of an output."""
     events = sorted(map(str, expression.atoms(EventTime)))
     one = len(events) == 1 and not expression.atoms(FirstTime)
-    return f"{f'the event {events[0]!r}' if one else 'it'} does not occur until the last output time"
+    return f"the event {repr(events[0]) if one else 'of this output'} does not occur by the last output time"
 
 
 def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequence[Instance]) -> None:

@@ -373,7 +373,7 @@ class Component:
         Returns
         -------
         symbol
-            Symbol of the time, s. In a realisation with fewer occurrences until the last output time, the value is
+            Symbol of the time, s. In a realisation with fewer occurrences by the last output time, the value is
             censored, as for `uqmbd.first_time`: the realisation has not failed, but has no value. Statistics of samples
             exclude censored realisations, and contain their share (``censored``). A surrogate of the time is fitted
             only if none of its realisations is censored. `uqmbd.simulate` returns NaN.

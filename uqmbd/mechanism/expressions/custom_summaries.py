@@ -202,7 +202,7 @@ def summary(
     strange = [x for x in further if not isinstance(x, str) or (x and read_units(x) is None)]
     if strange or (further and not polynomials) or isinstance(further, str):
         raise StudyError(
-            f"summary: further is {further!r}; expected known units of expressions, such as ('rad',), with "
+            f"summary: further={further!r}; expected known units of expressions, such as ('rad',), with "
             "polynomials=True."
         )
 

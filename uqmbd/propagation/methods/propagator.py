@@ -211,7 +211,7 @@ def labelled(propagators: Sequence[Propagator], only: Any, where: str) -> tuple[
     wanted = [only] if isinstance(only, str) else list(only) if several else []
     if not wanted or not all(isinstance(label, str) for label in wanted):
         raise StudyError(
-            f"{where}: only is {only!r}; expected labels of its propagators: "
+            f"{where}: only={only!r}; expected labels of its propagators: "
             f"{', '.join(p.node_name for p in propagators)}."
         )
     known = {p.node_name: p for p in propagators}

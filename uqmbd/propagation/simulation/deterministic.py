@@ -268,7 +268,7 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
         )
         if late and seen.of_events(k):
             warnings.warn(
-                f"simulate {mechanism.name!r}: {seen.late[k]}; the output {name!r} is NaN. Use a later end time, or "
+                f"simulate {mechanism.name!r}: {seen.late[k]}, so the output {name!r} is NaN. Use a later end time, or "
                 "inspect the motion.",
                 stacklevel=4,
             )

@@ -133,7 +133,7 @@ def eigenfrequencies(
 
     where = f"eigenfrequencies {_named(mechanism, 'eigenfrequencies')!r}"
     if not isinstance(at, str) or at not in ("equilibrium", "start", "steady"):
-        raise StudyError(f"{where}: at is {at!r}; expected 'equilibrium', 'start' or 'steady'.")
+        raise StudyError(f"{where}: at={at!r}; expected 'equilibrium', 'start' or 'steady'.")
     point = input_point(where, mechanism, values)
     ensemble = Ensemble(_any_model(mechanism, _moment(time, where)), np.array([list(point.values())]))
     if at == "equilibrium":

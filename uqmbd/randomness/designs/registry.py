@@ -191,7 +191,9 @@ class Design:
         """
         base = getattr(kind, "base", 1)
         if not isinstance(base, int) or base < 1:
-            raise StudyError(f"The sampling design {kind.name!r} declares base = {base!r}; expected a whole number.")
+            raise StudyError(
+                f"The sampling design {kind.name!r} declares base = {base!r}; expected a whole number, 1 or more."
+            )
         independent, extendable = (getattr(kind, name, False) is True for name in ("independent", "extendable"))
         return cls(kind(), kind.name, independent, extendable, base)
 

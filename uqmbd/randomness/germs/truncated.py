@@ -78,13 +78,14 @@ def cumulated(germ: Germ, x: ArrayLike) -> Array:
 
 
 def truncate_germ(germ: Germ, lower: float, upper: float) -> Germ:
-    """Return a germ, which must not be truncated already, conditional on an interval.
+    """Return `germ` conditional on an interval. `germ` itself must not be truncated.
 
-    Infinite ends and ends of the support impose no condition. The coordinate of the germ is unchanged, so that
-    maps to inputs remain valid. A uniform germ keeps Legendre polynomials, in closed form. Polynomials of other germs
-    come from a Stieltjes procedure on the density, or on the quantile function if no density is known. See Wan and
-    Karniadakis, SIAM Journal on Scientific Computing 28 (2006) 901-928. A discrete germ keeps values above `lower` and
-    up to and including `upper`. Raise StudyError if the interval is empty, or too improbable for any computation.
+    Infinite ends and ends of the support impose no condition. The coordinate of the germ is unchanged, so that maps to
+    inputs remain valid. A uniform germ keeps Legendre polynomials, in closed form. The Lanczos process computes
+    polynomials of other germs from a quadrature of the density, or of the quantile function if no density is known. See
+    Wan and Karniadakis, SIAM Journal on Scientific Computing 28 (2006) 901-928. A discrete germ keeps values above
+    `lower` and up to and including `upper`. Raise StudyError if the interval is empty, or too improbable for any
+    computation.
     """
     low, high = max(float(lower), germ.bounds[0]), min(float(upper), germ.bounds[1])
     if germ.family == "discrete":
@@ -186,7 +187,10 @@ def _with_ends(
 
 
 def _by_quantiles(table: Array, low: float, high: float) -> tuple[Array, Array]:
-    """Return nodes and weights from a tabulated quantile function, exactly for the sampled distribution."""
+    """Return nodes and weights from a tabulated quantile function.
+
+    The rule integrates the distribution that sampling from the table has.
+    """
     inside = np.clip([low, high], table[1, 0], table[1, -1])
     start, stop = (float(z) for z in invert(table, inside))
     start, stop = (

@@ -153,7 +153,7 @@ class GermBox:
             If the box cannot be split there.
         """
         if at not in ("median", "midpoint"):
-            raise StudyError(f"GermBox.split: at is {at!r}; expected 'median' or 'midpoint'.")
+            raise StudyError(f"GermBox.split: at={at!r}; expected 'median' or 'midpoint'.")
         if not self.divisible(germ):
             raise StudyError(f"The box from {self.lower} to {self.upper} cannot be split along germ {germ}.")
         local = self.local.germs[germ]

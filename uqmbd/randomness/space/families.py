@@ -84,9 +84,9 @@ def checked_law(name: str, distribution: Any) -> AffineDistribution:
             )
     elif not (np.all(np.diff(quantiles) > 0) and np.allclose(back, PROBE, atol=1e-6, rtol=0)):
         raise StudyError(
-            f"Input {name!r}: the distribution {distribution} is inconsistent (its distribution function at its "
-            f"quantiles {PROBE.tolist()} is {back.round(6).tolist()}). Write the arithmetic as an expression in "
-            "random variables in the mechanism, not in the distribution."
+            f"Input {name!r}: the distribution {distribution} is inconsistent: F(Q(p)) for p = {PROBE.tolist()} is "
+            f"{back.round(6).tolist()}, or the quantiles Q(p) do not increase. If the distribution results from "
+            "arithmetic with distributions, write this arithmetic in the mechanism, with random variables."
         )
     return law
 

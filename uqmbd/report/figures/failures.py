@@ -238,10 +238,12 @@ def failed_inputs(node: Samples, reason: int | FailureGroup) -> FailedInputs:
     names, units = _input_labels(samples)
     if isinstance(reason, int):
         reasons = failure_reasons(node)
+        if not reasons:
+            raise StudyError(f"The method {label_of(node)!r} has no failed realisations, so it has no reason {reason}.")
         if not 0 <= reason < len(reasons):
             raise StudyError(
-                f"The reason number is {reason}, but {label_of(node)!r} has only {len(reasons)} reasons of failure. "
-                "The numbers start at 0."
+                f"reason is {reason}; expected a number from 0 to {len(reasons) - 1}, because {label_of(node)!r} has "
+                f"{len(reasons)} {'reason' if len(reasons) == 1 else 'reasons'} of failure."
             )
         reason = reasons[reason]
     if not names:

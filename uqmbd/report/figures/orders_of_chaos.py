@@ -73,7 +73,10 @@ def _has(node: xr.DataTree, output: str) -> bool:
 def _off(node: xr.DataTree, output: str, base: xr.Dataset, scale: float) -> tuple[float, float]:
     other = of_output(node.children["statistics"], output)
     if not np.array_equal(times_of(other), times_of(base)):
-        raise StudyError(f"Only methods with the same times can be compared. Those of {node.name!r} differ.")
+        raise StudyError(
+            f"Only methods with the same times can be compared. The times of {node.name!r} differ from those of the "
+            "reference."
+        )
     mean, std = (float(np.abs(other[name].values - base[name].values).max()) / scale for name in ("mean", "std"))
     return mean, std
 

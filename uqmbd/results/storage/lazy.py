@@ -122,7 +122,9 @@ class _Unread:
         try:
             found: NDArray[Any] = self.variable[key].values
         except Exception as error:
-            raise StudyError(f"{self.where} cannot be read; the file is damaged: {error}.") from error
+            raise StudyError(
+                f"{self.where} cannot be read: {error}. The file may be damaged, closed or unreachable."
+            ) from error
         return found
 
 

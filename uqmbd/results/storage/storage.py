@@ -41,9 +41,9 @@ _COMPRESS_FROM = 10_000  # numbers; compression of fewer numbers does not pay of
 def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     """Write a result to a netCDF file, with the version of its schema and a digest.
 
-    The function writes a temporary file next to the target, which then replaces the target. A reader therefore never
-    sees an incomplete result, and an interrupted run does not change the old file. After a complete write the function
-    removes the chunks of this result that `Study.run` stored next to the target to resume the run.
+    The function writes a temporary file next to the target, and then replaces the target by this file. A reader
+    therefore never sees an incomplete result, and an interrupted run does not change the old file. After a complete
+    write the function removes the chunks of this result that `Study.run` stored next to the target to resume the run.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
 def load(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory and close its file.
 
-    The function executes no content of the file. It refuses Zarr folders with codecs that :func:`save` did not write;
-    netCDF files contain no code.
+    The function executes no content of the file. It refuses Zarr folders with codecs that xarray and Zarr do not use
+    for results; netCDF files contain no code.
 
     Parameters
     ----------
@@ -107,8 +107,8 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     Returns
     -------
     xarray.DataTree
-        Result as it was saved. ``encoding["digest"]`` is ``"verified"`` if the digest from :func:`save` matches.
-        ``encoding["digest"]`` is ``"not verified"`` if the file has no digest, such as a file of another program.
+        Result as it was saved. ``encoding["digest"]`` is ``"verified"`` if the digest, or the manifest of the folder,
+        shows that the file is unchanged. Otherwise it is ``"not verified"``, as for files of other programs.
 
     Warns
     -----
@@ -270,7 +270,7 @@ def not_verified(tree: xr.DataTree) -> bool:
 
 @contextmanager
 def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
-    """Add file names and schema violations to exceptions that results from files cause.
+    """Add the file name and the schema violation to exceptions caused by results that were read from files.
 
     >>> tree = xr.DataTree(xr.Dataset(attrs={"study": "crank"}))
     >>> tree.encoding = {"source": "results.nc", "digest": "not verified"}
@@ -302,7 +302,7 @@ def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
 
 
 def _write(tree: xr.DataTree, path: Path) -> None:
-    """Write a tree; the digest of the file does not cover the numbers of compressed variables."""
+    """Write a tree with a digest. Chunks of compressed variables have separate digests, which `load` compares."""
     light = {"zlib": True, "complevel": 1, "shuffle": True}
     large: list[str] = []
     with netcdf_file(path) as made:

@@ -1,4 +1,4 @@
-"""Result of a study: nodes of the methods, their outputs over time, scalar outputs, and the comparison of both.
+"""Result of a study: a node for each method, with outputs over time and scalar outputs, and comparisons of both.
 
 Scalar outputs, which have no time, are in the child ``scalars`` of a propagator's node. The child has the form of the
 node itself, without the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or ``scalars/chaos``, and

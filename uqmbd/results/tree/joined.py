@@ -112,7 +112,7 @@ def joined_outputs(
             reasons |= {x: own.get(x, own.get(EVERY, "")) for x in outputs if x in own or EVERY in own}
         statistics[name].attrs.pop("unknown", None)
         statistics[name] = with_reasons(statistics[name], reasons)
-    about = {"long_name": "share of realisations in which it does not happen until the last time"}
+    about = {"long_name": "share of realisations in which the event does not occur by the last time"}
     statistics["censored"] = ("output", np.array(shares), about)
     about = {"long_name": "largest share in which it may not happen", "comment": "with 95 % confidence"}
     statistics["censored_bound"] = ("output", np.array(bounds), about)

@@ -21,7 +21,7 @@ class ComponentCase:
     """Component in a mechanism."""
 
     title: str  # special feature of the case, for messages
-    mechanism: Mechanism  # without gravity
+    mechanism: Mechanism  # without gravity, except in `moving_case`
     component: Component  # component in the mechanism; random variables have the names of their parameters
     free: bool  # whether the component is attached only to bodies
 
@@ -193,7 +193,7 @@ def _value(
 
 
 def _varied(parameter: Parameter, example: Any) -> Any:
-    """Return an example with entries that vary by at most 5 % within their range; options and axes do not change."""
+    """Return an example whose entry k varies by at most 5 (1 + k) %, within its range; options and axes stay fixed."""
     if parameter.kind not in ("scalar", "point", "vector", "moment"):
         return example
     u: Any = uniform_variable(parameter.name, 0, 0.05)
