@@ -321,7 +321,9 @@ def test_what_is_missing_is_named_with_its_extra(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "emcee", None)
-    with pytest.raises(uqmbd.StudyError, match=r'emcee is not installed, .*: pip install "uqmbd\[calibration\]"'):
+    with pytest.raises(
+        uqmbd.StudyError, match=r'not installed: emcee\. Install with: pip install "uqmbd\[calibration\]"'
+    ):
         calibrate(oscillator(), record())
 
 
