@@ -9,7 +9,7 @@ from dataclasses import fields
 import sympy
 
 from uqmbd.dynamics.equations import Instance
-from uqmbd.mechanism import Mechanism
+from uqmbd.mechanism import Mechanism, coordinates_of
 
 __all__ = ["digest_of"]
 
@@ -21,7 +21,7 @@ def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iter
     """
     text = hashlib.sha256()
     for i in instances:
-        text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
+        text.update(repr((i.type.digest, i.component.name, [x.name for x in i.owners])).encode())
         text.update(sympy.srepr(i.parameters).encode())
         if i.held:
             text.update(sympy.srepr(i.held).encode())
@@ -32,6 +32,9 @@ def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iter
     for body in mechanism.bodies.values():
         pose = tuple(getattr(body.pose, x.name) for x in fields(body.pose))
         text.update(f"{body.name} {sympy.srepr(pose)}".encode())
+    for one in (x for i in instances if (x := coordinates_of(i.component)) is not None):
+        values = [(name, c.units, sympy.srepr((c.initial, c.rate))) for name, c in one.declared.items()]
+        text.update(f"{one.name} {values}".encode())
     for condition in mechanism.conditions.values():
         text.update(sympy.srepr(condition.residual).encode())
     for controller in controllers:

@@ -12,7 +12,7 @@ import sympy
 from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.equations import Model
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import Frame, Mark, Mechanism, collect_skeleton, nominal
+from uqmbd.mechanism import Frame, Mark, Mechanism, carrier_name, collect_skeleton, nominal
 from uqmbd.typing import Array
 
 __all__ = ["Move", "apart", "extent_of", "drawn_points", "moved", "moves", "size_of"]
@@ -31,9 +31,11 @@ class Move:
     body: str
     distance: float  # of the frame's origin, m
     turn: float  # angle of the rotation, rad, from 0 to pi
+    units: str = "m"  # of the distance
+    coordinate: bool = False  # whether it is a coordinate of a component, and the distance the change of its value
 
     def __str__(self) -> str:
-        parts = [f"by {self.distance:.3g} m"] if self.distance > 0 else []
+        parts = [f"by {self.distance:.3g} {self.units}"] if self.distance > 0 else []
         parts += [f"by {np.degrees(self.turn):.3g} degrees"] if self.turn > 1e-3 else []
         return f"{self.body!r} {' and '.join(parts)}"
 
@@ -41,7 +43,7 @@ class Move:
 def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
     """Compare a drawn and an assembled pose, (coordinate,) each; return one move for each body."""
     d, found = model.dimension, []
-    pairs = zip(drawn.reshape(-1, model.size), assembled.reshape(-1, model.size), strict=True)
+    pairs = zip(model.by_body(drawn), model.by_body(assembled), strict=True)
     for name, (before, after) in zip(model.bodies, pairs, strict=True):
         e, f = (x[d:] / (np.linalg.norm(x[d:]) or 1.0) for x in (before, after))
         apart, together = sorted((float(np.linalg.norm(e - f)), float(np.linalg.norm(e + f))))  # either sign
@@ -89,14 +91,25 @@ def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tupl
     limit = 0.0
     if found:  # this is slow in SymPy
         limit = MOVED * (size_of(mechanism) if size is None else size)
-    return tuple(m for m in found if m.turn > TILTED or m.distance > max(limit, 1e-9))
+    apart = tuple(m for m in found if m.turn > TILTED or m.distance > max(limit, 1e-9))
+    return apart + _changed(model, drawn[0], q[0])
+
+
+def _changed(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
+    """Return coordinates of components with a stated value, other than zero, that the assembly noticeably changed."""
+    before, after = (x[model.of_bodies :] for x in (drawn, assembled))
+    return tuple(
+        Move(f"{component}.{name}", float(abs(y - x)), 0.0, units, coordinate=True)
+        for (component, name, units), x, y in zip(model.own, before, after, strict=True)
+        if x != 0 and abs(y - x) > MOVED * abs(x)
+    )
 
 
 def apart(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
     """Return groups of bodies without connections by components to each other or the ground."""
     group = {name: {name} for name in ("ground", *mechanism.bodies)}
     for component in mechanism.components.values():
-        names = [str(getattr(component.attached[role], "name", "ground")) for role in component.bodies]
+        names = [carrier_name(component.attached[role]) for role in component.bodies]
         joined = set().union(*(group[name] for name in names))
         group |= dict.fromkeys(joined, joined)
     found = {name: tuple(n for n in mechanism.bodies if n in group[name]) for name in mechanism.bodies}

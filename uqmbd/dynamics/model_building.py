@@ -37,6 +37,7 @@ from uqmbd.dynamics.equations import (
     break_times,
     compiled_conditions,
     excitations_of,
+    first_coordinates,
     inputs_of_conditions,
     instances_of,
     limits_of,
@@ -54,7 +55,7 @@ from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Component, HeldStates, Mechanism, Output, Spline, names_of_motion
+from uqmbd.mechanism import Component, CoordinateSet, HeldStates, Mechanism, Output, Spline, names_of_motion
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
@@ -96,7 +97,7 @@ def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, 
 
 def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blocks: Blocks) -> tuple[Any, ...]:
     """Return the data for the compilation of outputs, except the outputs."""
-    order = {name: k for k, name in enumerate(mechanism.bodies)}
+    order = first_coordinates(mechanism)
     sizes = (layout.coordinates, layout.states, layout.constraints)
     return instances, list(blocks.places), order, mechanism.inputs.variables, sizes
 
@@ -105,13 +106,15 @@ def _kinematics(
     mechanism: Mechanism, time: float, others: tuple[str, ...] = ()
 ) -> tuple[Model, list[Instance], Blocks]:
     """Return the objects for assembly; include acceleration and drift only with start conditions or `others`."""
-    if not mechanism.bodies:
+    movable = mechanism.coordinate_owners()
+    if not movable:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
     require_controllers(mechanism)
     instances = instances_of(_all(mechanism), mechanism.space)
-    order = {name: k for k, name in enumerate(mechanism.bodies)}
+    order, numbers = first_coordinates(mechanism), {name: k for k, name in enumerate(mechanism.bodies)}
     inputs = mechanism.inputs
-    size, n = mechanism.space.size, mechanism.space.size * len(order)
+    size, n = mechanism.space.size, sum(len(x.q) for x in movable)
+    sets = [x for x in movable if isinstance(x, CoordinateSet)]
     equations = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.labels)
     owners = tuple(i.component.name for i in instances for _ in i.type.labels)
     nonholonomic = np.flatnonzero([not holonomic for i in instances for holonomic in i.type.holonomic])
@@ -121,6 +124,7 @@ def _kinematics(
     expressions: list[sympy.Expr] = [p for i in instances for p in i.parameters]
     count = len(expressions)
     expressions += [x for body in mechanism.bodies.values() for x in body.pose.q]
+    expressions += [x for one in sets for x in one.initial]
     drawn = np.arange(count, count + n)
     statements: list[Statement] = []
     held: list[int] = []
@@ -137,6 +141,12 @@ def _kinematics(
                 where = np.arange(len(expressions), len(expressions) + len(stated))
                 statements.append(Statement(body.name, quantity, np.array(coordinates) + k * size, where))
                 expressions += stated
+    for one in sets:
+        for k, (name, declared) in enumerate(one.declared.items()):
+            if declared.rate is not None:
+                at, place = np.array([order[one.name] + k]), np.array([len(expressions)])
+                statements.append(Statement(f"{one.name}: {name}", "velocity", at, place))
+                expressions.append(declared.rate)
     breaks = np.arange(len(expressions), len(expressions) + len(_breaks(instances)))
     expressions += _breaks(instances)
     of_conditions = inputs_of_conditions(mechanism)
@@ -176,10 +186,11 @@ def _kinematics(
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
-        links=links(instances, order),
-        acting=acting(instances, order),
+        links=links(instances, numbers),
+        acting=acting(instances, numbers),
         turned=tuple(i.component.name for i in instances if i.component.prescribed_angle),
         length=size_of(mechanism) or 1.0,
+        own=tuple((one.name, name, declared.units) for one in sets for name, declared in one.declared.items()),
         limits=limits,
         tensors=tensors,
         evaluators=Evaluators({kind: blocks.evaluator(kind, layout, count, fuse=False) for kind in kinds}),
@@ -325,11 +336,14 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     if layout.constraints > layout.rank:
         unsettled = not_unique(model, outputs, q[0], time, parameters[0])
         model = replace(model, outputs=replace(outputs, not_unique=unsettled))
-    body = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
-    if body:
+    loose = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
+    if loose:
+        remedy = "Give it mass and inertia, or hold it with a joint."
+        if not loose.startswith("body"):
+            remedy = "Add its kinetic energy to the terms of the component."
         raise StudyError(
-            f"body {body!r} can be accelerated without any force: its mass or inertia is zero in a direction "
-            "in which it is free to move. Give it mass and inertia, or hold it with a joint."
+            f"{loose} can be accelerated without any force: its mass or inertia is zero in a direction "
+            f"in which it is free to move. {remedy}"
         )
     return replace(model, findings=model_findings(Assembled(mechanism, model, instances, parameters, drawn, q)))
 

@@ -16,7 +16,7 @@ import sympy
 from uqmbd.dynamics.assembly import dropped_in_dead_centre, positions
 from uqmbd.dynamics.control import unused_commands
 from uqmbd.dynamics.drawn_pose import apart, drawn_points, extent_of, moved
-from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, plain
+from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, first_coordinates, plain
 from uqmbd.dynamics.margins import undetermined_margins
 from uqmbd.errors import Finding, RedundantConstraintWarning, Severity
 from uqmbd.mechanism import (
@@ -73,6 +73,11 @@ class Assembled:
     pose: Array  # (1, coordinate): at the start of the motion
 
     @cached_property
+    def first(self) -> dict[str, int]:
+        """Index of the first coordinate of each body and component, by name."""
+        return first_coordinates(self.mechanism)
+
+    @cached_property
     def places(self) -> dict[str, list[tuple[Mark, Array]]]:
         """Known points of each body in the drawn pose, world frame, m."""
         return drawn_points(self.mechanism)
@@ -116,7 +121,7 @@ def _redundant(a: Assembled) -> Iterator[Finding]:
 
 def _moved(a: Assembled) -> Iterator[Finding]:
     """Yield bodies that assembly moved from the drawn pose, with a warning for large moves and a note for others."""
-    found = moved(a.mechanism, a.model, a.size)
+    found = [m for m in moved(a.mechanism, a.model, a.size) if not m.coordinate]
     far = [m for m in found if m.turn > TURNED or m.distance > FAR * a.size + 1e-9]
     near = [m for m in found if m not in far]
     for severity, some in ((Severity.WARNING, far), (Severity.NOTE, near)):
@@ -129,6 +134,19 @@ def _moved(a: Assembled) -> Iterator[Finding]:
                 f"{were} drawn",
                 f"Draw {it} closer to the intended pose (uqmbd check --figure shows the mechanism)",
             )
+
+
+def _changed_coordinates(a: Assembled) -> Iterator[Finding]:
+    """Yield coordinates of components whose stated initial values the assembly changed."""
+    if a.model.own and (found := [m for m in moved(a.mechanism, a.model, a.size) if m.coordinate]):
+        several = len(found) > 1
+        yield Finding(
+            Severity.WARNING,
+            f"coordinate{'s' * several} {', '.join(repr(m.body) for m in found)}",
+            f"mechanism {a.mechanism.name!r}: assembly changed the initial value{'s' * several} of coordinate"
+            f"{'s' * several} {', '.join(map(str, found))}",
+            "State initial values that satisfy the constraints and start conditions",
+        )
 
 
 SPUN, PARTS = 2.0, 24
@@ -261,7 +279,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
     if not drivers:
         return []
     rows = inputs_of_notices(mechanism)
-    places = [x for body in mechanism.bodies.values() for x in body.q]
+    places = [x for one in mechanism.coordinate_owners() for x in one.q]
     expressions = [(_angle_at_start(x, model.time), plain(_drawn_angle(x))) for x in drivers]
     symbols, known = list(mechanism.inputs.variables), rows
     if any(start.free_symbols & set(places) for start, _ in expressions):
@@ -316,11 +334,11 @@ def _deep_contacts(a: Assembled) -> Iterator[Finding]:
     if not any(instance.type.gaps for instance in a.instances):
         return
     model, size = a.model, max(LEAST, a.size)
-    order = {name: k for k, name in enumerate(a.mechanism.bodies)}
+    order = a.first
     for instance, numbers in a.values():
         if not instance.type.gaps:
             continue
-        local = np.concatenate([a.pose[0][order[b.name] * model.size :][: model.size] for b in instance.bodies])
+        local = np.concatenate([a.pose[0][order[x.name] :][: len(x.q)] for x in instance.owners])
         values = {sympy.Symbol(f"_p{k}", real=True): sympy.Float(x) for k, x in enumerate(numbers)}
         values |= {sympy.Symbol(f"_q{k}", real=True): sympy.Float(x) for k, x in enumerate(local.tolist())}
         values[TIME] = sympy.Float(model.time)
@@ -356,6 +374,7 @@ def _number(value: sympy.Expr) -> float:
 CHECKS = (
     _redundant,
     _moved,
+    _changed_coordinates,
     _hidden_turns,
     _deep_contacts,
     lambda a: unused_commands(a.mechanism),

@@ -23,6 +23,7 @@ from sympy.core.singleton import Singleton
 from uqmbd.dynamics.code_digest import Content, NoDigest, code_of, is_library, unpatched
 from uqmbd.mechanism import (
     AngleSymbol,
+    AttachedFrame,
     AuxiliarySymbol,
     Component,
     EventTime,
@@ -31,6 +32,7 @@ from uqmbd.mechanism import (
     ScalarSymbol,
     SplineTable,
     StateSymbol,
+    coordinates_of,
     t,
 )
 from uqmbd.randomness import RandomVariable
@@ -55,6 +57,8 @@ OF_OBJECTS = frozenset(
         "settled",
         "stating",
         "_quantities",
+        "coordinate_set",
+        "settled_space",
     }
 )
 """Properties of every component; name, bodies, values and other attributes determine its equations."""
@@ -88,6 +92,8 @@ class Digests:
         named += [(f"body {name}", body) for name, body in mechanism.bodies.items()]
         named += [(f"terms {name}", body.terms) for name, body in mechanism.bodies.items()]
         named += [(f"component {name}", component) for name, component in mechanism.components.items()]
+        sets = ((c.name, coordinates_of(c)) for c in mechanism.components.values())
+        named += [(f"coordinates {name}", one) for name, one in sets if one is not None]
         self.owners = {id(value): name for name, value in named}
         self.inputs = frozenset(mechanism.inputs.variables)
         self.numbers: dict[int, int] = {}
@@ -109,11 +115,19 @@ class Digests:
 
     def component(self, component: Component) -> Sequence[Any]:
         """Return all data that define a component."""
-        attached = [(role, self.owner(frame)) for role, frame in component.attached.items()]
+        attached = [(role, *self.frame(frame)) for role, frame in component.attached.items()]
         more = sorted(vars(component).keys() - OF_OBJECTS)
         declared = [(key, parameter) for key, parameter in component.parameters().items()]
         own = [(key, vars(component)[key]) for key in more]
-        return type(component), component.name, attached, list(component.values.items()), declared, own
+        coordinates = coordinates_of(component)
+        stated = [] if coordinates is None else list(coordinates.declared.items())
+        return type(component), component.name, attached, list(component.values.items()), declared, own, stated
+
+    def frame(self, frame: Any) -> tuple[Any, ...]:
+        """Return all data that define an attached frame: its carrier, and its motion relative to the carrier."""
+        if isinstance(frame, AttachedFrame):
+            return frame.name, self.owner(frame.body), frame.offset, frame.turned
+        return (self.owner(frame),)
 
     def owner(self, value: object) -> str:
         """Return the name of a body, the ground or a component."""

@@ -61,7 +61,10 @@ def _origin(
             owner = f"{type(component).__name__} {component.name!r}"
             return owner, (f"its parameter {name!r}" if name != "an expression" else "a parameter", name), expression
         first = last
-    if k < first + model.layout.coordinates:
+    if first + model.of_bodies <= k < first + model.layout.coordinates:
+        owner, name, _ = model.own[k - first - model.of_bodies]
+        return f"component {owner!r}", (f"the initial value of its coordinate {name!r}", name), expression
+    if k < first + model.of_bodies:
         body = list(mechanism.bodies.values())[(k - first) // model.size]
         coordinate = (k - first) % model.size
         pose = ("its drawn pose", mechanism.space.coordinates[coordinate])

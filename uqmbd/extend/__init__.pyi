@@ -6,6 +6,8 @@ from .checks import Finding as Finding
 from .checks import Severity as Severity
 from .commands import Command as Command
 from .commands import PluginWarning as PluginWarning
+from .components import AttachedFrame as AttachedFrame
+from .components import Coordinate as Coordinate
 from .components import Frame as Frame
 from .components import Impact as Impact
 from .components import JointAngle as JointAngle

@@ -13,7 +13,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground
-from uqmbd.mechanism.components import Component
+from uqmbd.mechanism.components import Component, coordinates_of
 from uqmbd.mechanism.controller import Controller
 from uqmbd.mechanism.declared import (
     Output,
@@ -488,6 +488,20 @@ class Mechanism:
         """
         return [*(b.terms for b in self.bodies.values()), *self.components.values()]
 
+    def coordinate_owners(self) -> list[Any]:
+        """Return the bodies, then the coordinate sets of components, in the order of the coordinates.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=1)
+        >>> mechanism.coordinate_owners()
+        [<body 'stone'>]
+        """
+        sets = [coordinates_of(component) for component in self.components.values()]
+        return [*self.bodies.values(), *(x for x in sets if x is not None)]
+
     def moving_inputs(self) -> frozenset[RandomVariable]:
         """Return the random variables that affect the motion, without random variables that occur only in outputs.
 
@@ -505,6 +519,8 @@ class Mechanism:
         """
         values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
+        sets = (coordinates_of(component) for component in self.components.values())
+        values += [x for one in sets if one is not None for c in one.declared.values() for x in (c.initial, c.rate)]
         values += [self.space.gravity, *(c.residual for c in self.conditions.values())]
         values += [number for controller in self.controllers.values() for number in controller.numbers]
         keys = {key for value in values for key in path_keys(value)} if names_of_motion(self) else set()

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.bodies import Body, Ground
-from uqmbd.mechanism.components import Component, require_effects, settle
+from uqmbd.mechanism.bodies import AttachedFrame, Body, Ground, owners_in
+from uqmbd.mechanism.components import Component, CoordinateSet, require_effects, settle
 from uqmbd.mechanism.declared import Described, require_free, require_holonomic, require_known
-from uqmbd.mechanism.expressions import shown
+from uqmbd.mechanism.expressions import flatten, shown
 
 __all__ = ["prepare_component"]
 
@@ -68,20 +68,29 @@ def _require_bodies(mechanism: Described, where: str, component: Component) -> N
             raise StudyError(
                 f"{where}: {role} is the ground of another mechanism; use the ground of {mechanism.name!r}."
             )
-        if isinstance(body, Body) and mechanism.bodies.get(body.name) is not body:
-            raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
-        if not isinstance(body, (Body, Ground)):
+        carrier = body.body if isinstance(body, AttachedFrame) else body
+        if isinstance(carrier, Body) and mechanism.bodies.get(carrier.name) is not carrier:
+            raise StudyError(f"{where}: {role} is body {carrier.name!r} of another mechanism. {known}")
+        for owner in owners_in(body.q) if isinstance(body, AttachedFrame) else ():
+            if isinstance(owner, CoordinateSet) and mechanism.components.get(owner.name) is not owner.component:
+                raise StudyError(
+                    f"{where}: {role} is {body.name!r}, which contains coordinates of {owner.name!r}, a component of "
+                    f"another mechanism than {mechanism.name!r}."
+                )
+        if not isinstance(body, (Body, Ground, AttachedFrame)):
             raise StudyError(
                 f"{where}: {role} is {shown(body)}; expected a body from mechanism.body(...), or "
                 f"mechanism.ground. {known}"
             )
-        if isinstance(body, Body) and body.name in roles:
+        if isinstance(body, (Body, AttachedFrame)) and body.name in roles:
             raise StudyError(
                 f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
                 "a component acts between two different bodies, or between a body and the ground."
             )
         roles[body.name] = role
-    if component.attached and all(body is mechanism.ground for body in component.attached.values()):
+    moves = type(component).coordinates is not Component.coordinates
+    moves |= any(owners_in(flatten(value)) for value in component.given.values())
+    if component.attached and not moves and all(body is mechanism.ground for body in component.attached.values()):
         named = " and ".join(component.attached)
         verb = "is" if len(component.attached) == 1 else "are"
         raise StudyError(

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism.bodies import Body, StateSymbol
-from uqmbd.mechanism.components import Component
+from uqmbd.mechanism.bodies import Body, carrier_name, local_in_body
+from uqmbd.mechanism.components import Component, StateSymbol
 from uqmbd.mechanism.expressions import as_symbolic, t
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.randomness import RandomVariable
@@ -56,14 +56,17 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
         value = component.values.get(key)
         if not isinstance(value, (tuple, list)) or len(value) == 0:
             continue
-        body = getattr(component.attached[component.body_of(key)], "name", "ground")
+        frame = component.attached[component.body_of(key)]
+        body = carrier_name(frame)
         if parameter.kind == "point":
-            local = _points(list(value), time)
+            local = _points(list(local_in_body(frame, value)), time)
             if local:
                 yield Mark("point", body, component.name, key, local, _radius(component, key))
         elif parameter.kind in ("axis", "turning_axis", "vector") or (parameter.kind == "moment" and dimension == 3):
             turned = body if parameter.kind in ("axis", "turning_axis") or parameter.axes == "body" else "ground"
             local = tuple(_still(x, time) for x in value)
+            if turned == body:
+                local = local_in_body(frame, local, direction=True)
             if any(x != 0 for x in local):
                 yield Mark("direction", turned, component.name, key, local)
 

@@ -247,7 +247,8 @@ def grows(expression: Any, variable: RandomVariable | None = None) -> bool:
     if isinstance(value, RandomVariable):
         return value == variable
     if isinstance(value, StateSymbol):
-        turning = value.quantity == "q" and value.index >= value.owner.space.dimension
+        space = getattr(value.owner, "space", None)  # coordinates of components have none
+        turning = value.quantity == "q" and space is not None and value.index >= space.dimension
         return variable is None and not turning
     if isinstance(value, (sympy.Add, sympy.Mul, sympy.Max, sympy.Min, sympy.Abs)):
         return any(grows(part, variable) for part in value.args)

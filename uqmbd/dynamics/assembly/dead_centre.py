@@ -120,7 +120,7 @@ def _missing(model: Model, pull: Array, size: float) -> float:
     `pull` contains gradients (equation, coordinate) times the null combination with the remaining residual `size`. The
     sums over the equations of a joint are forces on the bodies, independent of the form of the equations.
     """
-    forces = pull.reshape(len(pull), len(model.bodies), -1)[:, :, : model.dimension]
+    forces = model.by_body(pull)[:, :, : model.dimension]
     owners = np.unique(np.array(model.owners), return_inverse=True)[1]
     summed = np.zeros((int(owners.max()) + 1, *forces.shape[1:]))
     np.add.at(summed, owners, forces)
@@ -258,10 +258,11 @@ def _heavy(u: Array) -> Index:
 
 def _moved(model: Model, move: Array) -> str:
     """Return the names of the bodies with the largest motion."""
-    each = np.linalg.norm(move.reshape(len(model.bodies), -1), axis=1)
+    bodies = np.linalg.norm(model.by_body(move), axis=1)
+    each = np.concatenate([bodies, np.abs(move[model.of_bodies :])])
     order = np.argsort(-each, kind="stable")
-    names = [model.bodies[k] for k in order.tolist() if each[k] > 0.1 * each.max()]
-    return _listed([f"body {name!r}" for name in names[:3]])
+    firsts = [*range(0, model.of_bodies, model.size), *range(model.of_bodies, len(move))]
+    return _listed([model.carrier(firsts[k]) for k in order.tolist() if each[k] > 0.1 * each.max()][:3])
 
 
 def _listed(names: list[str]) -> str:

@@ -38,10 +38,11 @@ def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, 
         rows = found["acceleration"][name][0].reshape(model.layout.coordinates, -1)
         if (wrong := np.flatnonzero(~np.isfinite(rows).all(axis=1))).size:
             value = rows[wrong[0]][~np.isfinite(rows[wrong[0]])][0]
-            body = model.bodies[k := int(wrong[0]) // model.size]
-            names = [repr(x) for x in (model.acting[k] if model.acting else ())] if name == "force" else []
+            carrier, k = model.carrier(int(wrong[0])), int(wrong[0]) // model.size
+            acting = model.acting[k] if k < len(model.acting) else ()
+            names = [repr(x) for x in acting] if name == "force" else []
             whose = "one of " + ", ".join(names) if len(names) > 1 else (names or ["a component"])[0]
-            return f"{what} body {body!r} is {value:g} {at}: {whose} has no finite value there. {REMEDY}"
+            return f"{what} {carrier} is {value:g} {at}: {whose} has no finite value there. {REMEDY}"
     return ""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.equations.attached import acting, links
+from uqmbd.dynamics.equations.attached import acting, first_coordinates, links
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import BlockSymbols, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
@@ -43,6 +43,7 @@ __all__ = [
     "compiled_conditions",
     "derive",
     "excitations_of",
+    "first_coordinates",
     "impossible",
     "inputs_of_conditions",
     "instances_of",

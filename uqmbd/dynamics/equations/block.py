@@ -7,30 +7,34 @@ Local symbols are plain SymPy symbols with fixed names, so that all instances of
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import sympy
 
-from uqmbd.dynamics.equations.counted_angles import CountedAngle, count
+from uqmbd.dynamics.equations.counted_angles import count
+from uqmbd.dynamics.equations.events import EventType, local_event
 from uqmbd.dynamics.equations.expressions import (
     TIME,
     require_derivatives,
     require_velocities,
     settled_expression,
 )
-from uqmbd.dynamics.equations.local_values import bodies_of, foreign_states, localise, symbols_of
+from uqmbd.dynamics.equations.local_values import LocalValues, bodies_of, foreign_states, localise, symbols_of
 from uqmbd.errors import StudyError
 from uqmbd.logs import logged
 from uqmbd.mechanism import (
+    AttachedFrame,
     Auxiliary,
     AuxiliarySymbol,
     Body,
     BodyTerms,
     Component,
+    ComposedFrame,
     Constraint,
+    CoordinateSet,
     Event,
     ExcitationSymbol,
     Frame,
@@ -44,6 +48,7 @@ from uqmbd.mechanism import (
     Upright,
     VelocityConstraint,
     VirtualWork,
+    coordinates_of,
     flatten,
 )
 
@@ -52,22 +57,6 @@ __all__ = ["BlockType", "Instance", "instances_of"]
 
 _FOREIGN = "an auxiliary state of another component"
 _INSTEAD = "Use it as a force, a torque, a stiffness, a damping or a potential, or in the rate of an auxiliary state."
-
-
-@dataclass(frozen=True)
-class EventType:
-    """Event in local symbols; if velocities jump, it has directions, with the normal direction first."""
-
-    label: str
-    guard: sympy.Expr
-    directions: tuple[sympy.Expr, ...] = ()
-    restitution: sympy.Expr = sympy.S.Zero
-    friction: sympy.Expr = sympy.S.Zero
-
-    @property
-    def expressions(self) -> tuple[sympy.Expr, ...]:
-        """All expressions of the event."""
-        return (self.guard, *self.directions, self.restitution, self.friction)
 
 
 @dataclass(frozen=True)
@@ -100,11 +89,18 @@ class BlockType:
     held: int = 0
     coupled: int = 0  # number of auxiliary states of other components, which are the last ``_h``
     excited: tuple[int, ...] = ()  # numbers of parameters that are coefficients of excitations
+    # coordinates of other components, then own coordinates, after those of the bodies
+    foreign: int = 0
+    own: int = 0
 
     @property
     def coordinates(self) -> int:
         """Number of local coordinates."""
-        return self.bodies * self.space.size
+        return self.bodies * self.space.size + self.foreign + self.own
+
+    def has_rate(self, coordinate: int) -> bool:
+        """Return whether the block contains ``q' = v`` for a local coordinate."""
+        return self.owns or coordinate >= self.coordinates - self.own
 
     @property
     def expressions(self) -> list[sympy.Expr]:
@@ -156,6 +152,8 @@ class BlockType:
             parts = (*parts, "coupled", self.coupled)
         if self.excited:
             parts = (*parts, "excited", *self.excited)
+        if self.foreign or self.own:
+            parts = (*parts, "coordinates", self.foreign, self.own)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
@@ -174,6 +172,13 @@ class Instance:
     """Coefficients of excitations, in the order of ``type.excited``."""
     paths: Mapping[int, PathSymbol] = field(default_factory=dict)
     """Sampled paths, by the number of the local parameter that contains the address."""
+    sets: tuple[CoordinateSet, ...] = ()
+    """Coordinates of other components, then own coordinates."""
+
+    @property
+    def owners(self) -> tuple[Body | CoordinateSet, ...]:
+        """Owners of the local coordinates, in order."""
+        return (*self.bodies, *self.sets)
 
 
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
@@ -183,39 +188,51 @@ def instances_of(components: list[Component], space: Space) -> list[Instance]:
 
 
 def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -> Instance:
-    bodies = bodies_of(component)
+    bodies, foreign = bodies_of(component)
+    own = coordinates_of(component)
+    sets = (*foreign, *(() if own is None else (own,)))
     held = foreign_states(component)
     coupled = sum(isinstance(s, AuxiliarySymbol) for s in held)
-    values, counted, parameters, pattern = localise(component, bodies, space, held)
-    kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
+    local = localise(component, (*bodies, *sets), held)
+    parameters = local.parameters
+    carriers = [frame.body if isinstance(frame, AttachedFrame) else frame for frame in component.attached.values()]
+    kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in carriers)
     excitations = {k: p for k, p in enumerate(parameters) if isinstance(p, ExcitationSymbol)}
-    key = (type(component), space.name, kinds, len(bodies), pattern, coupled, tuple(excitations))
+    names = () if own is None else own.names
+    numbers = sum(len(x.q) for x in foreign)
+    key = (type(component), space.name, kinds, len(bodies), local.pattern, coupled, tuple(excitations), numbers, names)
     if key not in known:
-        sizes = len(parameters), len(held), coupled, tuple(excitations)
-        known[key] = _build_block(component, space, bodies, kinds, values, counted, *sizes)
+        sizes = len(held), coupled, tuple(excitations), numbers, names
+        known[key] = _build_block(component, space, len(bodies), kinds, local, *sizes)
     paths = {k: p for k, p in enumerate(parameters) if isinstance(p, PathSymbol)}
-    numbers = tuple(sympy.S.Zero if k in excitations or k in paths else p for k, p in enumerate(parameters))
-    return Instance(component, known[key], tuple(bodies), numbers, held, tuple(excitations.values()), paths)
+    settled = tuple(sympy.S.Zero if k in excitations or k in paths else p for k, p in enumerate(parameters))
+    return Instance(component, known[key], tuple(bodies), settled, held, tuple(excitations.values()), paths, sets)
 
 
 def _build_block(
     component: Component,
     space: Space,
-    bodies: list[Body],
+    bodies: int,
     kinds: tuple[int, ...],
-    values: Mapping[str, Any],
-    counted: Sequence[CountedAngle],
-    parameters: int,
+    given: LocalValues,
     held: int,
     coupled: int,
     excited: tuple[int, ...],
+    elsewhere: int,
+    own: tuple[str, ...],
 ) -> BlockType:
-    n = space.size
-    q, v = symbols_of("q", n * len(bodies)), symbols_of("v", n * len(bodies))
-    moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(len(bodies))]
+    n, parameters = space.size, len(given.parameters)
+    total = n * bodies + elsewhere + len(own)
+    q, v = symbols_of("q", total), symbols_of("v", total)
+    moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(bodies)]
     frames = {role: moving[k] if k >= 0 else Frame(space) for role, k in zip(component.attached, kinds, strict=True)}
-    local = Local(space, frames, values, TIME)
-    turns = count(local, counted)
+    flow = dict(zip(q, v, strict=True))
+    frames |= {role: ComposedFrame(space, coordinates, flow) for role, coordinates in given.frames.items()}
+    first = total - len(own)
+    local = Local(
+        space, frames, given.values, TIME, dict(zip(own, zip(q[first:], v[first:], strict=True), strict=True))
+    )
+    turns = count(local, given.counted)
     terms, point = component.stated(local)
     terms = [*turns, *terms]
     named = {symbol: sympy.Symbol(f"_u{k}", real=True) for k, symbol in enumerate(local.quantities)}
@@ -293,7 +310,7 @@ def _build_block(
             case Auxiliary(state, rate, initial):
                 rates[state] = (settled(rate), settled(initial))
             case Event():
-                events.append(_event(where, term, settled, velocities))
+                events.append(local_event(where, term, settled, velocities))
             case Upright(cosine, label):
                 uprights.append((settled(cosine), label))
             case Separation(gap, reach):
@@ -349,7 +366,7 @@ def _build_block(
     block = BlockType(
         name=type(component).__name__,
         space=space,
-        bodies=len(bodies),
+        bodies=bodies,
         owns=isinstance(component, BodyTerms),
         parameters=parameters,
         states=tuple(local.states),
@@ -372,23 +389,9 @@ def _build_block(
         held=held,
         coupled=coupled,
         excited=excited,
+        foreign=elsewhere,
+        own=len(own),
     )
     for e, label in ((e, label) for e, h, label in zip(constraints, holonomic, labels, strict=True) if not h):
         require_velocities(where, label, e, block.whole(e), set(v), accelerations)
     return block
-
-
-def _event(where: str, event: Event, settled: Callable[[Any], sympy.Expr], velocities: set[sympy.Symbol]) -> EventType:
-    guard, jump = settled(event.guard), event.jump
-    if jump is None:
-        return EventType(event.label, guard)
-    sliding = [settled(x) for x in flatten(jump.sliding)]
-    directions = (settled(jump.speed), *sliding)
-    if still := [x for x in directions if x != 0 and not x.free_symbols & velocities]:
-        raise StudyError(f"{where}: the speed {still[0]} of an Impact contains no velocity; give p.rate_of(gap).")
-    friction = settled(jump.friction)
-    if friction != 0 and not sliding:
-        raise StudyError(f"{where}: an Impact has friction but no sliding velocity; give sliding=.")
-    if friction == 0:
-        directions = directions[:1]
-    return EventType(event.label, guard, directions, settled(jump.restitution), friction)

@@ -124,7 +124,7 @@ class BlockSymbols:
         stabilising = [x if h else se.Integer(0) for x, h in zip(self.m, self.holonomic, strict=True)]
         for k in range(len(self.q)):
             row = self.constraint_force(stabilising, k)
-            e.append(self.qd[k] - self.v[k] + row if self.block.owns else row)
+            e.append(self.qd[k] - self.v[k] + row if self.block.has_rate(k) else row)
             targets.append(("q", k))
         for k, g in enumerate(self.g):
             e.append(self.sd[k] - g)

@@ -46,7 +46,7 @@ class Blocks:
 
     @classmethod
     def of(cls, instances: list[Instance], order: dict[str, int]) -> Blocks:
-        """Place instances; `order` contains the index of each body by name."""
+        """Place instances; `order` contains the first coordinate of each body and component by name."""
         return cls(tuple(i.type for i in instances), tuple(place(instances, order)))
 
     def evaluator(self, kind: Kind, layout: Layout, parameters: int, *, fuse: bool) -> Evaluator:
@@ -135,15 +135,14 @@ class Evaluators(Mapping[Kind, Evaluator]):
 
 
 def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
-    """Return the global indices of all local variables of blocks; `order` contains the index of each body by name."""
+    """Return the global indices of all local variables of blocks; `order`: the first coordinate of each owner."""
     rows = states = cosines = parameters = events = directions = 0
     holders, owners = _holders(instances), _owners(instances)
     excitations = excitations_of(instances)
     placements = []
     for instance in instances:
         block = instance.type
-        size = block.space.size
-        q = np.concatenate([np.arange(size) + order[b.name] * size for b in instance.bodies] or [np.zeros(0, int)])
+        q = np.concatenate([np.arange(len(x.q)) + order[x.name] for x in instance.owners] or [np.zeros(0, int)])
         row = np.arange(rows, rows + len(block.constraints))
         state = np.arange(states, states + len(block.states))
         one = np.zeros(1, dtype=np.int64)

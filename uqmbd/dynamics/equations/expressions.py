@@ -124,6 +124,11 @@ def _stranger(component: Component, symbol: sympy.Symbol) -> str:
     if symbol == t:
         return "terms() uses uqmbd.t; use p.time instead."
     if isinstance(symbol, StateSymbol):
+        if not hasattr(symbol.owner, "pose"):
+            return (
+                f"terms() uses {symbol}, a coordinate of {symbol.owner.name!r}, itself; write p.coordinate(name) for "
+                "a coordinate of this component, and a parameter for a coordinate of another component."
+            )
         roles = [role for role, body in component.attached.items() if body is symbol.owner]
         write = f"p.{roles[0]}" if roles else "an argument of the component, named in `bodies`, as p.body"
         return f"terms() uses {symbol} of body {symbol.owner.name!r} itself; write {write}."

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import sympy
 
@@ -12,13 +12,14 @@ from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     AngleSymbol,
+    AttachedFrame,
     AuxiliarySymbol,
     Body,
     Component,
+    CoordinateSet,
     ExcitationSymbol,
     HeldSymbol,
     PathSymbol,
-    Space,
     StateSymbol,
     angles_in,
     as_symbolic,
@@ -35,20 +36,24 @@ def symbols_of(letter: str, count: int) -> list[sympy.Symbol]:
     return [sympy.Symbol(f"_{letter}{k}", real=True) for k in range(count)]
 
 
-def bodies_of(component: Component) -> list[Body]:
-    """Return the attached bodies of a component, then bodies with motion quantities in its parameters."""
-    bodies: list[Body] = []
+def bodies_of(component: Component) -> tuple[list[Body], list[CoordinateSet]]:
+    """Return the attached bodies of a component and bodies in its parameters, and coordinates of other components."""
+    owners: dict[int, Body | CoordinateSet] = {}
     for body in component.attached.values():
-        if isinstance(body, Body) and body not in bodies:
-            bodies.append(body)
-    for value in component.values.values():
+        if isinstance(body, Body):
+            owners.setdefault(id(body), body)
+        elif isinstance(body, AttachedFrame):
+            owners.setdefault(id(body.body), body.body)
+    expressions = [x for frame in component.attached.values() if isinstance(frame, AttachedFrame) for x in frame.q]
+    for value in (expressions, *component.values.values()):
         for part in flatten(value):
             for symbol in sorted(getattr(part, "free_symbols", ()), key=str):
                 moving = sorted(symbol.states, key=str) if isinstance(symbol, AngleSymbol) else [symbol]
                 for state in moving:
-                    if isinstance(state, StateSymbol) and state.owner not in bodies:
-                        bodies.append(state.owner)
-    return bodies
+                    if isinstance(state, StateSymbol):
+                        owners.setdefault(id(state.owner), state.owner)
+    found = list(owners.values())
+    return [x for x in found if isinstance(x, Body)], [x for x in found if isinstance(x, CoordinateSet)]
 
 
 def foreign_states(component: Component) -> tuple[HeldSymbol | AuxiliarySymbol, ...]:
@@ -61,21 +66,31 @@ def foreign_states(component: Component) -> tuple[HeldSymbol | AuxiliarySymbol, 
     return tuple(sorted(found, key=lambda s: isinstance(s, AuxiliarySymbol)))
 
 
+class LocalValues(NamedTuple):
+    """Values of a component in local symbols."""
+
+    values: dict[str, Any]
+    frames: dict[str, tuple[sympy.Expr, ...]]
+    """Coordinates of attached frames, by the name of the body argument."""
+    counted: list[CountedAngle]
+    parameters: list[sympy.Expr]
+    pattern: tuple[Any, ...]
+    """Key of the values among components of the same class."""
+
+
 def localise(
-    component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol | AuxiliarySymbol, ...]
-) -> tuple[dict[str, Any], list[CountedAngle], list[sympy.Expr], tuple[Any, ...]]:
+    component: Component, owners: Sequence[Body | CoordinateSet], held: tuple[HeldSymbol | AuxiliarySymbol, ...]
+) -> LocalValues:
     """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state.
 
-    Coefficients and paths of excitations are parameters, too.
+    Coefficients and paths of excitations are parameters, too. The local coordinates are those of `owners`, in order.
     """
     parameters: list[sympy.Expr] = []
     angles = angles_in(component.values.values())
     local: dict[sympy.Basic, sympy.Expr] = {t: TIME, **dict(zip(held, symbols_of("h", len(held)), strict=True))}
     local |= {symbol: sympy.Symbol(f"_a{k}", real=True) for k, symbol in enumerate(angles)}
-    for b, body in enumerate(bodies):
-        for letter, symbols in (("q", body.q), ("v", body.v)):
-            for k, symbol in enumerate(symbols):
-                local[symbol] = sympy.Symbol(f"_{letter}{b * space.size + k}", real=True)
+    for letter, symbols in (("q", [x for one in owners for x in one.q]), ("v", [x for one in owners for x in one.v])):
+        local |= {symbol: sympy.Symbol(f"_{letter}{k}", real=True) for k, symbol in enumerate(symbols)}
 
     def symbol_for(expression: sympy.Expr) -> sympy.Symbol:
         parameters.append(expression)
@@ -122,7 +137,13 @@ def localise(
         cosine, sine, rate = (place(as_symbolic(x).xreplace(constants)) for x in (angle.cosine, angle.sine, angle.rate))
         counted.append(CountedAngle(local[symbol], angle, cosine, sine, rate, place(angle.near)))
         pattern.append(counted[-1].pattern)
-    return values, counted, parameters, tuple(pattern)
+    frames = {
+        role: tuple(place(x) for x in frame.q)
+        for role, frame in component.attached.items()
+        if isinstance(frame, AttachedFrame)
+    }
+    pattern += frames.items()
+    return LocalValues(values, frames, counted, parameters, tuple(pattern))
 
 
 def _identity(option: Any) -> Any:

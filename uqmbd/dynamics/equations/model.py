@@ -117,6 +117,24 @@ class Model:
     """Families of sampled paths of excitations."""
     start_at: str = "drawn"
     """Start of realisations: ``drawn`` (assembled from the drawn pose) or ``equilibrium``."""
+    own: tuple[tuple[str, str, str], ...] = ()
+    """Component, name and units of each coordinate of a component; they follow the coordinates of the bodies."""
+
+    @property
+    def of_bodies(self) -> int:
+        """Number of coordinates of bodies, which are the first ones."""
+        return len(self.bodies) * self.size
+
+    def by_body(self, values: Array) -> Array:
+        """Return the part of the bodies of values by coordinate (..., coordinate), shape (..., body, size)."""
+        return values[..., : self.of_bodies].reshape(*values.shape[:-1], len(self.bodies), self.size)
+
+    def carrier(self, coordinate: int) -> str:
+        """Return the body or the component of a coordinate, such as ``body 'rod'``."""
+        if coordinate < self.of_bodies:
+            return f"body {self.bodies[coordinate // self.size]!r}"
+        component, name, _ = self.own[coordinate - self.of_bodies]
+        return f"coordinate {name!r} of {component!r}"
 
     @property
     def needs_dense_output(self) -> bool:

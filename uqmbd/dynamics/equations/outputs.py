@@ -154,10 +154,10 @@ def output_map(
 ) -> OutputMap:
     """Compile outputs for all blocks and placements, including all constraint equations.
 
-    `order` contains the index of each body by name; `inputs` are the columns of the inputs; `sizes` are the numbers of
-    coordinates, auxiliary states and constraint equations.  With `gradients`, the kernel appends the derivatives of
-    each output with respect to coordinates, then velocities. ``all``: with respect to all states, accelerations and
-    multipliers, then coefficients of excitations.
+    `order` contains the first coordinate of each body and component by name; `inputs` are the columns of the inputs;
+    `sizes` are the numbers of coordinates, auxiliary states and constraint equations.  With `gradients`, the kernel
+    appends the derivatives of each output with respect to coordinates, then velocities. ``all``: with respect to all
+    states, accelerations and multipliers, then coefficients of excitations.
     """
     n, k, m = sizes
     start = {"q": 0, "s": n, "v": n + k, "a": 2 * n + k, "l": 3 * n + k, "t": 3 * n + k + m}
@@ -298,7 +298,7 @@ def _counted(expression: sympy.Expr) -> bool:
 
 
 def _coordinate(symbol: Any, order: dict[str, int], column: Any) -> sympy.Symbol:
-    index = order[symbol.owner.name] * symbol.owner.space.size + symbol.index
+    index = order[symbol.owner.name] + symbol.index
     return sympy.Symbol(column(symbol.quantity, index), real=True)
 
 

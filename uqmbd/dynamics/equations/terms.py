@@ -23,7 +23,7 @@ class MechanismTerms:
     Attributes
     ----------
     coordinates, velocities : tuple of symbols
-        Coordinates and velocities of all bodies, in the order of the states of an ensemble.
+        Coordinates and velocities of all bodies, then of components, in the order of the states of an ensemble.
     kinetic, potential : tuple of expressions
         Energies, J, one for each body or component with such an energy.
     work : tuple of (force, velocity)
@@ -116,10 +116,10 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
         states += own
         rates += [whole(e).xreplace(known) for e in block.rates]
         initial += [whole(e).xreplace(known) for e in block.initial]
-    bodies = mechanism.bodies.values()
+    owners = mechanism.coordinate_owners()
     return MechanismTerms(
-        tuple(x for body in bodies for x in body.q),
-        tuple(x for body in bodies for x in body.v),
+        tuple(x for one in owners for x in one.q),
+        tuple(x for one in owners for x in one.v),
         tuple(kinetic),
         tuple(potential),
         tuple(work),
@@ -140,8 +140,8 @@ def _states(instance: Instance) -> list[sympy.Symbol]:
 def _globals(instance: Instance, states: list[sympy.Symbol]) -> dict[sympy.Basic, sympy.Expr]:
     """Return the meaning of each local symbol."""
     lists = {
-        "q": [x for body in instance.bodies for x in body.q],
-        "v": [x for body in instance.bodies for x in body.v],
+        "q": [x for one in instance.owners for x in one.q],
+        "v": [x for one in instance.owners for x in one.v],
         "s": states,
         "p": list(instance.parameters),
         "h": [

@@ -122,7 +122,7 @@ def _lapack(matrix: Array, right: Array) -> Array:
 
 
 def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
-    """Return the name of a body that can accelerate without force, or an empty text, for one realisation."""
+    """Return a body or coordinate that can accelerate without force, as text, or an empty text, for one realisation."""
     if model.system is not None and model.system.fronts is not None:
         return ""  # fronts need regular blocks, so each body has mass in all free directions
     found = model.evaluate("acceleration", state_arguments(time, q, s, np.zeros_like(q)), parameters)
@@ -135,4 +135,4 @@ def massless_direction(model: Model, q: Array, s: Array, time: float, parameters
     if values[0] > 1e-13 * max(values[-1], 1e-300):
         return ""
     share = np.abs(null @ vectors[:, 0])
-    return model.bodies[int(np.argmax(share)) // model.size]
+    return model.carrier(int(np.argmax(share)))

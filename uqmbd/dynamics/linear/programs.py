@@ -83,8 +83,9 @@ def _turning(model: Model) -> Index:
         return found[:0]
     norms, joined = set(model.norms.tolist()), dict[str, set[int]]()
     for _, row, column in (x for x in model.evaluators["velocity"].targets if x[0] == "d"):
-        if row not in norms:
+        if row not in norms and column < model.of_bodies:
             joined.setdefault(model.owners[row], set()).add(column // model.size)
+    # constraints that contain coordinates of components join bodies only
     tree = bodies_in_no_loop(len(model.bodies), [b | ({-1} if len(b) == 1 else set()) for b in joined.values()])
     return found[tree & ~np.isin(found, model.layout.frozen).all(axis=1)]
 

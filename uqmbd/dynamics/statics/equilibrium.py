@@ -128,8 +128,9 @@ class _EquilibriumSearch:
         self.stable, self.steps = np.zeros(count, dtype=bool), np.zeros(count, dtype=np.int64)
         self.largest = np.zeros(count)  # largest force during the search
         layout, quaternions = self.model.layout, self.model.quaternions()
-        where = ensemble.start.q.reshape(count, len(self.model.bodies), self.model.size)[:, :, : self.model.dimension]
-        self.size = np.maximum(1.0, np.ptp(where, axis=1).max(axis=1, initial=0.0))
+        where = self.model.by_body(ensemble.start.q)[:, :, : self.model.dimension]
+        extent = np.ptp(where, axis=1).max(axis=1, initial=0.0) if self.model.bodies else np.zeros(count)
+        self.size = np.maximum(1.0, extent)
         self.turning: Mask = np.isin(layout.free, quaternions)
         self.recomputed = self._follows_pose()
         carried = ~self.recomputed & ~self.rest.relaxing
@@ -283,15 +284,23 @@ class _EquilibriumSearch:
         now = self.rest.forces(one, self.q[one], self.s[one])
         left = np.zeros(self.model.layout.coordinates)
         left[self.model.layout.free] = now.within(now.force)[0]
-        loads = left.reshape(len(self.model.bodies), self.model.size)
+        loads = self.model.by_body(left)
         d = self.model.dimension
         # the generalised force on a quaternion is twice the moment
         force, moment = np.linalg.norm(loads[:, :d], axis=1), np.linalg.norm(loads[:, d:], axis=1) / 2
-        worst = int(np.argmax(np.maximum(force, moment / self.size[k])))
-        what = f"{force[worst]:.3g} N" + (f" and {moment[worst]:.3g} N m" if self.model.size > d else "")
+        of_bodies, own = np.maximum(force, moment / self.size[k]), np.abs(left[self.model.of_bodies :])
+        if own.max(initial=0.0) > of_bodies.max(initial=0.0):
+            number = int(np.argmax(own))
+            _, _, units = self.model.own[number]
+            carrier, held = self.model.carrier(self.model.of_bodies + number), "coordinate"
+            what = f"{own[number]:.3g} {'J' if units in ('1', 'rad') else f'J/({units})'}"
+        else:
+            worst = int(np.argmax(of_bodies))
+            carrier, held = f"body {self.model.bodies[worst]!r}", "body"
+            what = f"{force[worst]:.3g} N" + (f" and {moment[worst]:.3g} N m" if self.model.size > d else "")
         return (
             f"no static equilibrium was found in {self.steps[k]} steps from the drawn pose: "
-            f"body {self.model.bodies[worst]!r} is the farthest from balance, by {what}. Perhaps no force holds the "
-            "body in some direction, or it was drawn far from its rest position. Hold it with a spring or a joint, or "
-            "draw it closer to that position."
+            f"{carrier} is the farthest from balance, by {what}. Perhaps no force holds the "
+            f"{held} in some direction, or it was drawn far from its rest position. Hold it with a spring or a joint, "
+            "or draw it closer to that position."
         )

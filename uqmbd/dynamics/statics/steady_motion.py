@@ -105,6 +105,12 @@ CONTROLLED = (
 )
 
 
+DEFORMED = (
+    "steady motions with coordinates of components, such as modes of flexible bodies, are not computed; simulate the "
+    "motion"
+)
+
+
 @dataclass(frozen=True)
 class SteadyMotions:
     """Steady motions of K realisations."""
@@ -132,6 +138,8 @@ def steady_motions(ensemble: Batch) -> SteadyMotions:
     screws: list[Screws | None] = [None] * len(q)
     if model.controls:
         return SteadyMotions(q, s, v, tuple(screws), tuple(m or CONTROLLED for m in messages))
+    if model.own:
+        return SteadyMotions(q, s, v, tuple(screws), tuple(m or DEFORMED for m in messages))
     reasons = dict.fromkeys(np.flatnonzero(start.ok).tolist(), "")
     if model.statements or (model.conditions is not None and len(model.conditions.velocities)):
         for k in list(reasons):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.bodies.body import Body, BodyPose, BodyTerms, Ground, StateSymbol
+from uqmbd.mechanism.bodies.attached_frame import AttachedFrame, carrier_name, flow_of, local_in_body, owners_in
+from uqmbd.mechanism.bodies.body import Body, BodyPose, BodyTerms, Ground
 from uqmbd.mechanism.bodies.inertia import inertia_entries, is_tensor_of_body, mass_number, orientation
 from uqmbd.mechanism.bodies.inertia_ensemble import MassProperties, random_body_inertia, random_inertia
 
@@ -12,7 +13,11 @@ __all__ = [
     "Ground",
     "MassProperties",
     "BodyPose",
-    "StateSymbol",
+    "AttachedFrame",
+    "carrier_name",
+    "flow_of",
+    "local_in_body",
+    "owners_in",
     "inertia_entries",
     "is_tensor_of_body",
     "mass_number",

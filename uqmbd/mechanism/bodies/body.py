@@ -17,38 +17,17 @@ from uqmbd.mechanism.components import (
     Local,
     Parameter,
     Potential,
+    StateSymbol,
     Term,
 )
 from uqmbd.mechanism.expressions import as_symbolic
 from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
-from uqmbd.randomness import Symbol, Symbolic
 
-__all__ = ["Body", "Ground", "StateSymbol"]
+__all__ = ["Body", "Ground"]
 
 
 UNITS = {"q": "m", "v": "m/s", "a": "m/s^2"}
 """Units of positions and of their rates; quaternions are dimensionless."""
-
-
-class StateSymbol(Symbolic, Symbol):
-    """Symbol of a coordinate, rate or acceleration of a body in output expressions."""
-
-    owner: Any
-    quantity: str
-    index: int
-
-    def __new__(cls, owner: Any, quantity: str, index: int, name: str, units: str = "") -> StateSymbol:
-        """Make a symbol with its meaning."""
-        self: StateSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
-        self.owner, self.quantity, self.index = owner, quantity, index
-        self.units = units
-        return self
-
-    def __init__(self, *args: Any) -> None:
-        """Accept the arguments of ``__new__``."""
-
-    def _hashable_content(self) -> tuple[Any, ...]:
-        return (*super()._hashable_content(), id(self.owner))
 
 
 class PlaneScalar(StateSymbol):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.components.auxiliary_state import AuxiliarySymbol, at_initial_values
+from uqmbd.mechanism.components.auxiliary_state import AuxiliarySymbol, at_initial_values, frames_of
 from uqmbd.mechanism.components.component import (
     Auxiliary,
     Component,
@@ -21,6 +21,7 @@ from uqmbd.mechanism.components.component import (
     VirtualWork,
     flatten,
 )
+from uqmbd.mechanism.components.coordinates import Coordinate, CoordinateSet, StateSymbol, coordinates_of, pairs_of
 from uqmbd.mechanism.components.effects import effective_parameters, known_effects, no_effect, require_effects
 from uqmbd.mechanism.components.joint_motion import (
     AngleSymbol,
@@ -43,6 +44,8 @@ __all__ = [
     "at_initial_values",
     "Component",
     "Constraint",
+    "Coordinate",
+    "CoordinateSet",
     "Event",
     "Impact",
     "JointAngle",
@@ -54,21 +57,25 @@ __all__ = [
     "Potential",
     "ReactionSymbol",
     "Separation",
+    "StateSymbol",
     "Term",
     "TypedComponent",
     "Upright",
     "VelocityConstraint",
     "VirtualWork",
     "angles_in",
+    "coordinates_of",
     "counted_angle",
     "effective_parameters",
     "flatten",
+    "frames_of",
     "half_angle",
     "known_effects",
     "law_at",
     "law_values",
     "motion_quantities",
     "no_effect",
+    "pairs_of",
     "range_text",
     "require_effects",
     "settle",

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.coordinates import pairs_of
 from uqmbd.mechanism.components.local import Local
 from uqmbd.mechanism.components.terms import Auxiliary
 from uqmbd.mechanism.expressions import as_symbolic, t
@@ -56,7 +57,7 @@ def make_auxiliary_state(component: HasStates, name: object, space: Space) -> Au
     where = f"{type(component).__name__} {component.name!r}: state({name!r:.80})"
     if not component.settled:
         raise StudyError(f"{where}: the component has not been added to a mechanism; call mechanism.add(...) first.")
-    local = Local(space, frames_of(component), component.values, t)
+    local = Local(space, frames_of(component), component.values, t, pairs_of(component))
     read, component.read = component.read, set()
     try:
         component.stated(local)
@@ -80,7 +81,7 @@ def at_initial_values(expression: sympy.Expr, space: Space) -> sympy.Expr:
 
 def _initial_value(symbol: AuxiliarySymbol, space: Space) -> sympy.Expr:
     component = symbol.component
-    local = Local(space, frames_of(component), component.values, t)
+    local = Local(space, frames_of(component), component.values, t, pairs_of(component))
     read, component.read = component.read, set()
     try:
         terms, _ = component.stated(local)
@@ -102,7 +103,4 @@ def _initial_value(symbol: AuxiliarySymbol, space: Space) -> sympy.Expr:
 
 def frames_of(component: HasStates) -> dict[str, Frame]:
     """Return the frames of a component's bodies, by argument name, in the symbols of the bodies."""
-    return {
-        role: Frame(body.space) if body.is_ground else Frame(body.space, body.q, body.v)
-        for role, body in component.attached.items()
-    }
+    return {role: Frame(body.space) if body.is_ground else body.in_terms() for role, body in component.attached.items()}

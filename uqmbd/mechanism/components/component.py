@@ -13,6 +13,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.auxiliary_state import make_auxiliary_state
+from uqmbd.mechanism.components.coordinates import Coordinate, CoordinateSet, coordinate_symbol
 from uqmbd.mechanism.components.declaration import declare
 from uqmbd.mechanism.components.joint_motion import (
     JointAngle,
@@ -82,8 +83,9 @@ class Component:
     """Base of joints, drivers, springs and forces.
 
     A subclass names its body arguments in `bodies` and its admissible spaces in `spaces`. The ground replaces omitted
-    body arguments that are in `grounded`. The subclass declares each `Parameter` as a class attribute, and its method
-    `terms` yields terms. uqmbd derives equations of motion, Jacobians and reactions from these terms.
+    body arguments that are in `grounded`. A component with its own coordinates needs no body. The subclass declares
+    each `Parameter` as a class attribute, and its method `terms` yields terms. uqmbd derives equations of motion,
+    Jacobians and reactions from these terms.
 
     ``at=`` gives one point in the world frame instead of `point_i` and `point_j`. ``axis=`` gives one axis in the world
     frame instead of `axis_i` and `axis_j`, or instead of the only axis. The point and the axis refer to the drawn
@@ -168,6 +170,10 @@ class Component:
         self.attached: dict[str, NamedFrame] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
+        self.coordinate_set: CoordinateSet | None = None
+        """Coordinates of the component; None: it has none."""
+        self.settled_space: Space | None = None
+        """Space of the mechanism; None: the component is not part of a mechanism."""
         self.read: set[str] = set()
         """Parameters with values read by code other than `prepare`."""
         self.prepared_from: frozenset[str] = frozenset()
@@ -252,6 +258,14 @@ class Component:
         """
         return {}
 
+    def coordinates(self) -> Mapping[str, Coordinate]:
+        """Return generalised coordinates of the component with kinetic energy, by name; default: none.
+
+        `Mechanism.add` calls this method after `prepare`. The equations of motion contain one row for each coordinate,
+        which follows from the energies, the virtual work and the constraints of all components.
+        """
+        return {}
+
     def terms(self, p: Local) -> Iterable[Term]:
         """Yield the terms as expressions in attributes of `p` (never of `self`)."""
         raise NotImplementedError
@@ -282,6 +296,8 @@ class Component:
 
     def reaction_point(self, p: Local) -> sympy.Matrix:
         """Return the world position of the reference point of `reaction_moment`: `point_i` if it exists."""
+        if not self.bodies:
+            return sympy.zeros(p.space.dimension, 1)
         first = getattr(p, self.bodies[0])
         if isinstance(first, Frame):
             local = p.__dict__["_names"].get("point_i", p.__dict__["_names"].get("point"))
@@ -357,6 +373,47 @@ class Component:
         36.788
         """
         return make_auxiliary_state(self, name, self._space())
+
+    def coordinate(self, name: str, derivative: int = 0) -> sympy.Symbol:
+        """Return the symbol of a coordinate of this component, or of its time derivative.
+
+        The symbol may occur in outputs, requirements, start conditions and summaries. The coordinate and its rate may
+        also occur in parameters of other components.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate in the method `coordinates` of the component.
+        derivative : int
+            0 for the coordinate, 1 for its rate, 2 for its acceleration (outputs only).
+
+        Returns
+        -------
+        symbol
+            Symbol of the coordinate, with units.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the component is not in a mechanism, or has no coordinate of this name.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> class Rotor(uqmbd.Component):
+        ...     bodies, spaces = ("body",), (uqmbd.Line,)
+        ...     inertia = uqmbd.Parameter("kg m^2", "second moment of mass")
+        ...     def coordinates(self):
+        ...         return {"angle": uqmbd.extend.Coordinate("rad", rate=3)}
+        ...     def terms(self, p):
+        ...         yield uqmbd.Kinetic(p.inertia * p.coordinate("angle", 1) ** 2 / 2)
+        >>> mechanism = uqmbd.Mechanism("drive", uqmbd.Line())
+        >>> rotor = mechanism.add(Rotor("rotor", mechanism.ground, inertia=2))
+        >>> mechanism.output("angle", rotor.coordinate("angle"), units="rad")
+        >>> round(float(uqmbd.simulate(mechanism, [0, 2])["angle"][-1]), 6)
+        6.0
+        """
+        return coordinate_symbol(self, name, derivative)
 
     @checked
     def event_time(self, label: str, number: int = 1) -> sympy.Symbol:
@@ -519,6 +576,8 @@ class Component:
         return i.direction(axis_i).dot(j.point(point_j) - i.point(point_i))
 
     def _space(self) -> Space:
+        if self.settled_space is not None:
+            return self.settled_space
         for body in self.attached.values():
             space = getattr(body, "space", None)
             if isinstance(space, Space):

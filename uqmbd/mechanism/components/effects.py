@@ -11,6 +11,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.auxiliary_state import frames_of
 from uqmbd.mechanism.components.component import Component, Parameter, VirtualWork
+from uqmbd.mechanism.components.coordinates import pairs_of
 from uqmbd.mechanism.components.local import Local
 from uqmbd.mechanism.expressions import as_symbolic, flatten, shown, t
 from uqmbd.mechanism.geometry import Space
@@ -60,11 +61,12 @@ def effective_parameters(
     found = points | {component.radius_of(name) for name in points} | {component.prescribed_angle}
     found |= {name for name, parameter in declared.items() if parameter.about}
     values, symbols_of = _symbolic(component, options or {})
-    local = _Watched(space, frames_of(component), values, t)
+    local = _Watched(space, frames_of(component), values, t, pairs_of(component))
     read, component.read = component.read, set()
     try:
         terms, point = component.stated(local)
         component.motion()
+        component.coordinates()
         asked = component.read | local.asked
         read_alone = component.read & set(declared)
     except Exception:  # the derivation of the equations reports errors in the code of a component

@@ -14,6 +14,7 @@ import sympy
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.coordinates import pairs_of
 from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import (
     Frame,
@@ -355,7 +356,7 @@ def motion_values(
     Raises `uqmbd.StudyError` if two quantities have the same name. Raises it also if an expression contains a symbol
     that is neither random nor a coordinate of one of the bodies `frames`.
     """
-    flow = {x: dx for frame in frames for x, dx in zip(frame.q, frame.v, strict=True) if x.is_Symbol}
+    flow = {x: dx for frame in frames for x, dx in frame.rates.items()} | dict(pairs_of(owner).values())
 
     def rate(expression: sympy.Expr) -> sympy.Expr:
         return sympy.Add(*(expression.diff(x) * dx for x, dx in flow.items()))

@@ -15,7 +15,9 @@ from uqmbd.names import check_units, did_you_mean
 
 __all__ = ["RESERVED", "Local", "QuantitySymbol"]
 
-RESERVED = frozenset({"insert", "let", "rate_of", "space", "state", "states", "time", "quantities", "units"})
+RESERVED = frozenset(
+    {"coordinate", "insert", "let", "rate_of", "space", "state", "states", "time", "quantities", "units"}
+)
 """Names of `Local` that parameters would hide."""
 
 
@@ -55,6 +57,8 @@ class Local:
         Symbols of parameters and prepared values, and values of options.
     time : symbol
         `uqmbd.t`, s.
+    coordinates : mapping of str to pair of symbols
+        Coordinates of the component and their rates, by name.
 
     Examples
     --------
@@ -75,10 +79,16 @@ class Local:
     """
 
     def __init__(
-        self, space: Space, frames: Mapping[str, Frame], values: Mapping[str, Any], time: sympy.Symbol
+        self,
+        space: Space,
+        frames: Mapping[str, Frame],
+        values: Mapping[str, Any],
+        time: sympy.Symbol,
+        coordinates: Mapping[str, tuple[sympy.Symbol, sympy.Symbol]] | None = None,
     ) -> None:
         self.space = space
         self.time = time
+        self._coordinates = dict(coordinates or {})
         self._names = {**frames, **values}
         self.states: dict[str, sympy.Symbol] = {}
         self.units: dict[str, str] = {}
@@ -90,7 +100,7 @@ class Local:
         except KeyError:
             names = sorted(self.__dict__.get("_names", ()))
             near = "; the time is p.time." if name == "t" else did_you_mean(name, names) or "."
-            there = ", ".join([*names, "time", "space", "let", "rate_of", "state"])
+            there = ", ".join([*names, "time", "space", "let", "rate_of", "state", "coordinate"])
             raise AttributeError(f"p has no attribute {name!r}{near} Available are {there}") from None
 
     @typechecked
@@ -115,6 +125,32 @@ class Local:
         if units or name not in self.units:
             self.units[name] = check_units(units, f"state({name!r})")
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
+
+    @typechecked
+    def coordinate(self, name: str, derivative: int = 0) -> sympy.Symbol:
+        """Return the symbol of a coordinate that `Component.coordinates` declares, or of its rate.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        derivative : int
+            0 for the coordinate, 1 for its rate.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the component declares no such coordinate, or the derivative is neither 0 nor 1.
+        """
+        if name not in self._coordinates:
+            listed = ", ".join(map(repr, self._coordinates)) or "none"
+            raise StudyError(
+                f"coordinate({name!r}): the component has no such coordinate"
+                f"{did_you_mean(name, self._coordinates) or '.'} Its method coordinates() declares: {listed}."
+            )
+        if derivative not in (0, 1):
+            raise StudyError(f"coordinate({name!r}, {derivative}): expected the derivative 0 or 1 in terms.")
+        return self._coordinates[name][derivative]
 
     def insert(self, values: Mapping[sympy.Basic, sympy.Expr]) -> None:
         """Replace symbols in the values of parameters by their definitions."""

@@ -12,6 +12,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.component import Component, Parameter
+from uqmbd.mechanism.components.coordinates import declared_coordinates
 from uqmbd.mechanism.components.world_pose import KEYWORDS, localised, replaced
 from uqmbd.mechanism.expressions import check_dimensions, flatten, numbers, shown
 from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
@@ -73,18 +74,19 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
         except StudyError as error:
             # functions for axes and rotations cannot add the component's name to their messages
             raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None
+    component.settled_space = space
     known = [(x, set(x.read)) for x in (component, *_holders(component))]
     component.read = set()
     try:
         prepared = dict(component.prepare())
         component.prepared_from = frozenset(component.read)
+        component.values.update({key: _prepared(where, key, value) for key, value in prepared.items()})
+        component.coordinate_set = declared_coordinates(where, component)
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
     finally:
         for holder, read in known:  # exclude values that `prepare` reads, because it runs again when they change
             holder.read = read
-    for key, value in prepared.items():
-        component.values[key] = _prepared(where, key, value)
     component.settled += 1
     vars(component).pop("_quantities", None)  # stored motion quantities contain the old values
     return component.values

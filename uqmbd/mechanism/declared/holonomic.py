@@ -5,10 +5,18 @@ from __future__ import annotations
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.bodies import Body, StateSymbol
-from uqmbd.mechanism.components import Component, Constraint, Local, Potential, flatten
+from uqmbd.mechanism.components import (
+    Component,
+    Constraint,
+    Local,
+    Potential,
+    StateSymbol,
+    flatten,
+    frames_of,
+    pairs_of,
+)
 from uqmbd.mechanism.expressions import t
-from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.mechanism.geometry import Space
 
 __all__ = ["RATES", "require_holonomic"]
 
@@ -45,15 +53,12 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
 
 def _place(component: Component, space: Space) -> str:
     """Return the term that contains a velocity as text: "a constraint" or "a potential energy", or empty if none."""
-    frames = {
-        role: Frame(space, body.q, body.v) if isinstance(body, Body) else Frame(space)
-        for role, body in component.attached.items()
-    }
+    frames = frames_of(component)
     values = {
         key: sympy.Matrix(value) if isinstance(value, tuple) and value else value
         for key, value in component.values.items()
     }
-    local = Local(space, frames, values, t)
+    local = Local(space, frames, values, t, pairs_of(component))
     for term in component.terms(local):
         if isinstance(term, Constraint) and _rates(*flatten(term.equations), named=local):
             return f"the constraint {term.label!r}" if term.label else "a constraint"

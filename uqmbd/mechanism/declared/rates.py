@@ -7,8 +7,8 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.bodies import Body, StateSymbol
-from uqmbd.mechanism.components import AngleSymbol
+from uqmbd.mechanism.bodies import Body
+from uqmbd.mechanism.components import AngleSymbol, CoordinateSet, StateSymbol
 from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, At, Part, as_symbolic, shape_of_mode, shown, t
 from uqmbd.names import checked
 from uqmbd.randomness import RandomVariable
@@ -125,6 +125,8 @@ def _rate(symbol: Any, whole: sympy.Expr) -> sympy.Expr:
     if isinstance(symbol, AngleSymbol):
         return as_symbolic(symbol.angle.whole(symbol.angle.rate))
     owner = getattr(symbol, "owner", None)
+    if isinstance(symbol, StateSymbol) and isinstance(owner, CoordinateSet) and symbol.quantity in ("q", "v"):
+        return (owner.v if symbol.quantity == "q" else owner.a)[symbol.index]
     if isinstance(symbol, StateSymbol) and isinstance(owner, Body):
         if symbol.quantity == "q":
             return owner.v[symbol.index]

@@ -8,13 +8,15 @@ from typing import Any, Literal, Protocol
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.bodies import Body, Ground, StateSymbol
+from uqmbd.mechanism.bodies import Body, Ground
 from uqmbd.mechanism.components import (
     AngleSymbol,
     AuxiliarySymbol,
     Component,
+    CoordinateSet,
     ReactingComponent,
     ReactionSymbol,
+    StateSymbol,
     unseen_in,
 )
 from uqmbd.mechanism.controller import Controller, HeldSymbol
@@ -87,7 +89,9 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
             _require_scope(where, symbol, scope)
             continue
         if isinstance(symbol, StateSymbol):
-            _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: the expression contains {symbol}")
+            owner = symbol.owner.component if isinstance(symbol.owner, CoordinateSet) else symbol.owner
+            members = mechanism.bodies if isinstance(owner, Body) else mechanism.components
+            _require_member(members, owner, mechanism, f"{where}: the expression contains {symbol}")
         elif isinstance(symbol, AngleSymbol):
             members = mechanism.bodies if isinstance(symbol.owner, Body) else mechanism.components
             _require_member(members, symbol.owner, mechanism, f"{where}: the expression contains {symbol}")

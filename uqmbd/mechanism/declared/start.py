@@ -8,8 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.bodies import StateSymbol
-from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol, at_initial_values
+from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol, StateSymbol, at_initial_values
 from uqmbd.mechanism.declared.holonomic import RATES
 from uqmbd.mechanism.declared.recorded import require_recordable
 from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.geometry.angles import angle_at_start, continued
-from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
+from uqmbd.mechanism.geometry.frame import ComposedFrame, Frame, NamedFrame
 from uqmbd.mechanism.geometry.matrix import Matrix
 from uqmbd.mechanism.geometry.quaternions import (
     aligned,
@@ -19,6 +19,7 @@ from uqmbd.mechanism.geometry.quaternions import (
 from uqmbd.mechanism.geometry.space import Line, Planar, Space, Spatial, Translational
 
 __all__ = [
+    "ComposedFrame",
     "Frame",
     "Line",
     "Matrix",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -18,7 +18,7 @@ from uqmbd.randomness import Symbolic
 from uqmbd.typing import Vector
 from uqmbd.units import without_quantities
 
-__all__ = ["Frame", "NamedFrame"]
+__all__ = ["ComposedFrame", "Frame", "NamedFrame"]
 
 
 class Frame:
@@ -216,9 +216,29 @@ class Frame:
         if self.is_ground:
             return vector * 0
         result = sympy.zeros(*vector.shape)
-        for x, dx in zip((*self.q, *self.v), (*self.v, *self._a), strict=True):
+        for x, dx in self._flow():
             result += vector.diff(x) * dx
         return result
+
+    def _flow(self) -> Iterable[tuple[sympy.Expr, sympy.Expr]]:
+        """Return the symbols of the frame's motion with their rates."""
+        return zip((*self.q, *self.v), (*self.v, *self._a), strict=True)
+
+
+class ComposedFrame(Frame):
+    """Frame whose coordinates are expressions in other coordinates, such as a node of a deformed body.
+
+    `moving` contains the symbols of these coordinates with their rates, and symbols of rates with accelerations.
+    """
+
+    def __init__(self, space: Space, q: Sequence[Any], moving: Mapping[sympy.Expr, sympy.Expr]) -> None:
+        self.moving = dict(moving)
+        self.space, self.is_ground = space, False
+        v = self._rate(sympy.Matrix(list(q)))
+        super().__init__(space, list(q), list(v), list(self._rate(v)))
+
+    def _flow(self) -> Iterable[tuple[sympy.Expr, sympy.Expr]]:
+        return self.moving.items()
 
 
 class NamedFrame(Frame):
@@ -235,6 +255,15 @@ class NamedFrame(Frame):
     """
 
     name: str
+
+    @property
+    def rates(self) -> dict[sympy.Expr, sympy.Expr]:
+        """Coordinates of the frame, and their rates."""
+        return {x: dx for x, dx in zip(self.q, self.v, strict=True) if x.is_Symbol}
+
+    def in_terms(self) -> Frame:
+        """Return the frame for the terms of components, in the symbols of the body."""
+        return Frame(self.space, self.q, self.v)
 
     def _column(self, local: Any, method: str, kind: str) -> Matrix:
         column = super()._column(local, method, kind)

@@ -246,12 +246,13 @@ def _dataset(
     """Store poses (realisation, time, coordinate) and properties of the bodies in one dataset."""
     import xarray as xr
 
-    from uqmbd.mechanism import collect_skeleton
+    from uqmbd.mechanism import carrier_name, collect_skeleton
     from uqmbd.results.schema import fixed_width
 
     space, inputs = mechanism.space, mechanism.inputs
     d, coordinates = space.dimension, list(space.coordinates)
-    pose = q.reshape(*q.shape[:2], len(mechanism.bodies), space.size).copy()
+    count = len(mechanism.bodies)
+    pose = q[..., : count * space.size].reshape(*q.shape[:2], count, space.size).copy()
     if space.turns:
         pose[..., d:] /= np.linalg.norm(pose[..., d:], axis=-1, keepdims=True)
     marks = collect_skeleton(mechanism, float(np.asarray(times)[0]))
@@ -268,7 +269,7 @@ def _dataset(
     kinds = {
         "component_type": [type(c).__name__ for c in components],
         "component_symbol": [symbol_of(c, space, constrains=c.name in owners) for c in components],
-        "component_bodies": ["/".join(getattr(c.attached[b], "name", "ground") for b in c.bodies) for c in components],
+        "component_bodies": ["/".join(carrier_name(c.attached[b]) for b in c.bodies) for c in components],
     }  # names never contain a slash
     data: dict[str, Any] = {
         "pose": (

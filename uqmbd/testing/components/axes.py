@@ -8,7 +8,7 @@ import numpy as np
 
 from uqmbd.dynamics import ParameterMap, instances_of
 from uqmbd.mechanism import Space, flatten
-from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.bench import Bench, own_coordinates
 from uqmbd.testing.components.loads import feasible_state, loads_at
 from uqmbd.testing.components.motion import displaced, random_turn
 from uqmbd.typing import Array
@@ -34,12 +34,13 @@ def check_axes(bench: Bench, rng: np.random.Generator) -> None:
             given[key] = tuple(sum(a * x for a, x in zip(row, value, strict=True)) for row in rotation.tolist())
     turned: Any = type(component)("turned", **{k: x for k, x in given.items() if x is not None})
     there = instances_of([bench.case.mechanism.add(turned)], space)[0]
+    count = own_coordinates(bench.instance)
     others = ParameterMap.of(there.parameters, bench.case.mechanism.inputs.variables)(bench.inputs)
     for own, other in zip(bench.parameters(bench.inputs), others, strict=True):
         q, s, v, time = feasible_state(bench, own, rng)
         here = loads_at(bench.instance, q, s, v, time, own).force
-        q, v = displaced(space, turn, q), displaced(space, turn, v)
-        error = _size(loads_at(there, q, s, v, time, other).force - displaced(space, turn, here))
+        q, v, here = (displaced(space, turn, x, own=count) for x in (q, v, here))
+        error = _size(loads_at(there, q, s, v, time, other).force - here)
         assert error < 1e-8 * (1 + _size(here)), (
             f"{bench.title}: its forces change by {error:.2g} when its bodies and its vectors in world "
             f"axes rotate together ({_listed(declared, space)}). Check p.BODY.direction(...): it may "

@@ -10,12 +10,11 @@ import numpy as np
 
 from uqmbd.compiled import Kernel, cached
 from uqmbd.dynamics import Instance, ParameterMap, derive, instances_of
-from uqmbd.mechanism import Space
 from uqmbd.testing.components.cases import ComponentCase
 from uqmbd.testing.components.motion import random_unit
 from uqmbd.typing import Array
 
-__all__ = ["REALISATIONS", "Bench", "random_coordinates"]
+__all__ = ["REALISATIONS", "Bench", "norm_rows", "own_coordinates", "random_coordinates"]
 
 
 REALISATIONS = 3
@@ -56,7 +55,7 @@ class Bench:
         """Return random values of all variables by letter, shape (K, count), without regard to constraints."""
         counts = Counter(letter for letter, *_ in derive(self.instance.type).arguments("jacobian"))
         found = {letter: rng.normal(size=(REALISATIONS, count)) for letter, count in counts.items()}
-        found["q"] = random_coordinates(self.case.mechanism.space, rng, REALISATIONS, len(self.instance.bodies))
+        found["q"] = random_coordinates(self.instance, rng, REALISATIONS)
         found["c"] = found["c"] ** 2 + 1
         return found
 
@@ -67,9 +66,25 @@ class Bench:
         return self.kernel(kind)[0](np.ascontiguousarray(arguments))
 
 
-def random_coordinates(space: Space, rng: np.random.Generator, count: int, bodies: int) -> Array:
-    """Return random poses of some bodies, shape (count, coordinates); quaternions have length one."""
-    q = rng.uniform(-1, 1, (count, bodies, space.size))
+def random_coordinates(instance: Instance, rng: np.random.Generator, count: int) -> Array:
+    """Return random coordinates, shape (count, coordinate): poses of bodies, then coordinates of components."""
+    space = instance.type.space
+    q = rng.uniform(-1, 1, (count, len(instance.bodies), space.size))
     if space.turns:
         q[..., space.dimension :] = random_unit(rng, q[..., space.dimension :].shape)
-    return q.reshape(count, -1)
+    return np.concatenate([q.reshape(count, -1), rng.uniform(-1, 1, (count, own_coordinates(instance)))], axis=1)
+
+
+def own_coordinates(instance: Instance) -> int:
+    """Return the number of coordinates of components, which follow those of the bodies."""
+    return sum(len(one.q) for one in instance.sets)
+
+
+def norm_rows(instance: Instance, q: Array) -> Array:
+    """Return the gradients of half the squared lengths of all quaternions, shape (body, coordinate)."""
+    space, count = instance.type.space, len(instance.bodies)
+    rows = np.zeros((count, len(q)))
+    for k in range(count if space.turns else 0):
+        part = slice(k * space.size + space.dimension, (k + 1) * space.size)
+        rows[k, part] = q[part]
+    return rows if space.turns else rows[:0]

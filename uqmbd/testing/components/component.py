@@ -12,12 +12,13 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism import Component, Space, effective_parameters
 from uqmbd.propagation import Propagator
 from uqmbd.testing.components.axes import check_axes
-from uqmbd.testing.components.bench import REALISATIONS, Bench
+from uqmbd.testing.components.bench import REALISATIONS, Bench, own_coordinates
 from uqmbd.testing.components.cases import component_cases, name_of
 from uqmbd.testing.components.dissipation import check_dissipation
 from uqmbd.testing.components.effects import check_effects
 from uqmbd.testing.components.energy import check_energy
 from uqmbd.testing.components.events import check_events
+from uqmbd.testing.components.inertia import check_inertia
 from uqmbd.testing.components.loads import feasible_state, loads_at
 from uqmbd.testing.components.methods import check_studies
 from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
@@ -114,6 +115,7 @@ def check_component(
             check_jacobian(bench, rng)
             check_broadcasting(bench, rng)
             check_events(bench, rng, between=internal and case.free and len(component.bodies) > 1)
+            check_inertia(bench, rng)
             if number == 0:
                 check_effects(bench, rng, set(given or ()))
                 check_axes(bench, rng)
@@ -208,7 +210,8 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         q, s, v, time = feasible_state(bench, parameters, rng)
         here = loads_at(instance, q, s, v, time, parameters)
         scale = 1 + abs(here.force).max(initial=0)
-        motions = virtual_motions(space, q)
+        own = own_coordinates(instance)
+        motions = virtual_motions(space, q, own)
         power = abs(motions @ here.force).max()
         assert power < 1e-9 * scale, (
             f"{bench.title}: its forces and torques on the bodies do not cancel: in a rigid motion of "
@@ -220,8 +223,9 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
             f"{bench.title}: its reactions do not cancel: a rigid motion of all bodies changes a constraint."
         )
         turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
-        there = loads_at(instance, displaced(space, turn, q, shift), s, displaced(space, turn, v), time, parameters)
-        error = abs(there.force - displaced(space, turn, here.force)).max(initial=0)
+        moved = displaced(space, turn, q, shift, own)
+        there = loads_at(instance, moved, s, displaced(space, turn, v, own=own), time, parameters)
+        error = abs(there.force - displaced(space, turn, here.force, own=own)).max(initial=0)
         assert error < 1e-9 * scale, (
             f"{bench.title}: its forces change by {error:.2g} when the whole mechanism is translated and rotated; "
             "expected no change."
@@ -232,9 +236,7 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         )
         # rates of vectors rotate with the mechanism; zero rates remain zero
         allowed = v - np.linalg.lstsq(here.gradient, here.rate, rcond=1e-10)[0] if len(here.rate) else v
-        there = loads_at(
-            instance, displaced(space, turn, q, shift), s, displaced(space, turn, allowed), time, parameters
-        )
+        there = loads_at(instance, moved, s, displaced(space, turn, allowed, own=own), time, parameters)
         error = abs(there.rate).max(initial=0)
         assert error < 1e-7 * (1 + abs(here.rate).max(initial=0)), (
             f"{bench.title}: admissible velocities violate its constraints by {error:.2g} when the whole mechanism "

@@ -8,7 +8,7 @@ import numpy as np
 
 from uqmbd.compiled import Kernel, cached
 from uqmbd.dynamics import Instance, derive
-from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.bench import Bench, norm_rows
 from uqmbd.testing.components.loads import feasible_state, loads_at
 from uqmbd.typing import Array
 
@@ -96,13 +96,9 @@ def _kernel(instance: Instance) -> Kernel:
 
 def _allowed(bench: Bench, q: Array, s: Array, time: float, parameters: Array) -> Array:
     """Return a basis (motion, n) of the velocities that satisfy the constraints and the lengths of quaternions."""
-    space, n = bench.case.mechanism.space, len(q)
+    n = len(q)
     rows = loads_at(bench.instance, q, s, np.zeros(n), time, parameters).gradient
-    if space.turns:
-        count = n // space.size
-        norms = np.zeros((count, count, space.size))
-        norms[range(count), range(count), space.dimension :] = q.reshape(count, -1)[:, space.dimension :]
-        rows = np.concatenate([rows, norms.reshape(count, -1)])
+    rows = np.concatenate([rows, norm_rows(bench.instance, q)])
     if not len(rows):
         return np.eye(n)
     _, sizes, basis = np.linalg.svd(rows)

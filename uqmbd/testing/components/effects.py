@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uqmbd.mechanism import Component, effective_parameters
+from uqmbd.mechanism import Component, coordinates_of, effective_parameters, random_variables
 from uqmbd.testing.components.bench import Bench
 from uqmbd.typing import Array
 
@@ -22,7 +22,10 @@ STEPS = 0.01, 10.0
 def check_effects(bench: Bench, rng: np.random.Generator, given: set[str]) -> None:
     """Require an effect of each random parameter and of each auxiliary state that no output records."""
     component, space, names = bench.case.component, bench.case.mechanism.space, bench.case.mechanism.inputs.names
-    idle, still = set(names), set(range(len(bench.instance.type.states)))
+    own = coordinates_of(component)
+    values = () if own is None else (x for one in own.declared.values() for x in (one.initial, one.rate))
+    stated = {variable.name for value in values for variable in random_variables(value)}
+    idle, still = set(names) - stated, set(range(len(bench.instance.type.states)))
     if not space.turns:  # points, axes and radii of bodies that cannot rotate may have no effect
         declared = component.parameters()
         effective = effective_parameters(component, space)

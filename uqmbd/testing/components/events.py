@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.bench import Bench, own_coordinates
 from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
 from uqmbd.typing import Array
 
@@ -26,9 +26,12 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
         return
     state, parameters = bench.state(rng), bench.parameters(bench.inputs)
     if space.turns:  # quaternions keep their length
-        shape = (len(parameters), -1, space.size)
-        e, de = (state[x].reshape(shape)[:, :, space.dimension :] for x in "qv")
-        de -= (e * de).sum(axis=2, keepdims=True) * e
+        shape = (len(parameters), len(bench.instance.bodies), space.size)
+        last = shape[1] * space.size
+        parts = (state[x][:, :last].reshape(shape) for x in "qv")
+        (_, e), (v, de) = (np.split(x, [space.dimension], axis=2) for x in parts)
+        de = de - (e * de).sum(axis=2, keepdims=True) * e
+        state["v"][:, :last] = np.concatenate([v, de], axis=2).reshape(len(parameters), last)
     here = _seen(bench, state, parameters)
     ahead, behind = (
         {**state, "q": state["q"] + sign * STEP * state["v"], "t": state["t"] + sign * STEP} for sign in (1, -1)
@@ -45,13 +48,13 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
         )
     if not between:
         return
-    moved = {x: state[x].copy() for x in state}
+    moved, own = {x: state[x].copy() for x in state}, own_coordinates(bench.instance)
     turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
     for row in range(len(parameters)):
-        moved["q"][row] = displaced(space, turn, state["q"][row], shift)
-        moved["v"][row] = displaced(space, turn, state["v"][row])
+        moved["q"][row] = displaced(space, turn, state["q"][row], shift, own)
+        moved["v"][row] = displaced(space, turn, state["v"][row], own=own)
         slope = here["slope"][row].reshape(directions[-1], -1)
-        power = abs(slope @ virtual_motions(space, state["q"][row]).T).max()
+        power = abs(slope @ virtual_motions(space, state["q"][row], own).T).max()
         assert power < 1e-9 * (1 + abs(slope).max()), (
             f"{bench.title}: the impulses of its events do not cancel: in a rigid motion of all bodies, a speed "
             f"changes by {power:.2g}; expected 0."

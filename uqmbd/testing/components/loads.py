@@ -8,8 +8,7 @@ import numpy as np
 
 from uqmbd.compiled import Kernel, cached
 from uqmbd.dynamics import Instance, derive
-from uqmbd.mechanism import Space
-from uqmbd.testing.components.bench import Bench, random_coordinates
+from uqmbd.testing.components.bench import Bench, norm_rows, random_coordinates
 from uqmbd.typing import Array
 
 __all__ = ["Loads", "feasible_state", "loads_at"]
@@ -50,24 +49,21 @@ def feasible_state(bench: Bench, parameters: Array, rng: np.random.Generator) ->
     """Return a random state of the bodies that satisfies the constraints (Gauss-Newton, several starts)."""
     instance, space, n = bench.instance, bench.case.mechanism.space, bench.instance.type.coordinates
     for _ in range(50):
-        q = random_coordinates(space, rng, 1, len(instance.bodies))[0]
+        q = random_coordinates(instance, rng, 1)[0]
         s, v, time = rng.normal(size=len(instance.type.states)), rng.normal(size=n), rng.uniform(0.1, 1.0)
         for _ in range(50):
             found = loads_at(instance, q, s, v, time, parameters)
-            if abs(found.violation).max(initial=0) < 1e-12 and _normalised(space, q):
+            if abs(found.violation).max(initial=0) < 1e-12 and _normalised(instance, q):
                 return q, s, v, time
             rows, violation = [found.gradient], [found.violation]
             if space.turns:
-                parts = q.reshape(-1, space.size)[:, space.dimension :]
-                norms = np.zeros((len(parts), len(parts), space.size))
-                norms[range(len(parts)), range(len(parts)), space.dimension :] = 2 * parts
-                rows.append(norms.reshape(len(parts), -1))
-                violation.append((parts**2).sum(axis=1) - 1)
+                norms = norm_rows(instance, q)
+                rows.append(2 * norms)
+                violation.append(norms @ q - 1)
             q = q - np.linalg.lstsq(np.concatenate(rows), np.concatenate(violation), rcond=1e-10)[0]
     raise AssertionError(f"{bench.title}: the check found no state that satisfies its constraints.")
 
 
-def _normalised(space: Space, q: Array) -> bool:
+def _normalised(instance: Instance, q: Array) -> bool:
     """Return whether all quaternions have length one."""
-    e = q.reshape(-1, space.size)[:, space.dimension :]
-    return not space.turns or bool(abs((e**2).sum(axis=1) - 1).max() < 1e-12)
+    return bool(abs(norm_rows(instance, q) @ q - 1).max(initial=0.0) < 1e-12)

@@ -11,7 +11,7 @@ import numpy as np
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble, derive, instances_of, integrate
 from uqmbd.errors import AssemblyError
-from uqmbd.mechanism import Component, Space
+from uqmbd.mechanism import Component, Space, coordinates_of
 from uqmbd.propagation import Propagator, Study
 from uqmbd.results.chaos import surrogate_parts
 from uqmbd.testing.components.cases import ComponentCase, moving_case, name_of
@@ -91,6 +91,9 @@ def _possible(make: Callable[[], ComponentCase], title: str, *, conservative: bo
         for body in mechanism.bodies.values():
             for k, x in enumerate(body.position):
                 mechanism.output(f"{body.name} {'xyz'[k]}", x, units="m")
+        own = coordinates_of(case.component)
+        for name, declared in () if own is None else own.declared.items():
+            mechanism.output(f"coordinate {name}", case.component.coordinate(name), units=declared.units)
         if len(case.component.bodies) > 1:
             mechanism.output("force", case.component.reaction_force[0], units="N")
         study = Study("trial", mechanism, [0, 0.05, 0.1], rtol=RTOL)

@@ -27,8 +27,10 @@ def random_turn(space: Space, rng: np.random.Generator) -> Array:
     return random_unit(rng, (space.size - space.dimension,)) if space.turns else np.zeros(0)
 
 
-def displaced(space: Space, turn: Array, values: Array, shift: Array | None = None) -> Array:
+def displaced(space: Space, turn: Array, values: Array, shift: Array | None = None, own: int = 0) -> Array:
     """Rotate coordinates, rates or forces (bodies * size,) about the world origin by a unit quaternion, and shift them.
+
+    The last `own` values belong to coordinates of components and do not change.
 
     The map of the coordinates is orthogonal, so generalised forces transform like rates. Only coordinates have a shift
     (dimension,).
@@ -39,28 +41,29 @@ def displaced(space: Space, turn: Array, values: Array, shift: Array | None = No
     array([-1.,  2.,  0.,  1.])
     """
     d = space.dimension
-    parts = values.reshape(-1, space.size).copy()
+    count = len(values) - own
+    parts = values[:count].reshape(-1, space.size).copy()
     if space.turns:
         rotation = np.array(space.rotation(list(turn)).tolist(), dtype=float)
         parts[:, :d] = parts[:, :d] @ rotation.T
         parts[:, d:] = parts[:, d:] @ _left(turn).T
     if shift is not None:
         parts[:, :d] += shift
-    return parts.ravel()
+    return np.concatenate([parts.ravel(), values[count:]])
 
 
-def virtual_motions(space: Space, q: Array) -> Array:
+def virtual_motions(space: Space, q: Array, own: int = 0) -> Array:
     """Return the rates of coordinates (bodies * size,) for the rigid motions of all bodies, one row for each motion.
 
     The motions are translations along the axes and, for bodies that rotate, rotations about the axes through the world
-    origin.
+    origin. The last `own` coordinates belong to components and do not change.
 
     >>> import uqmbd
     >>> virtual_motions(uqmbd.Planar(), np.array([1.0, 0.0, 1.0, 0.0]))[2]
     array([0. , 1. , 0. , 0.5])
     """
     d = space.dimension
-    parts = q.reshape(-1, space.size)
+    parts = q[: len(q) - own].reshape(-1, space.size)
     motions = []
     for k in range(d):
         rate = np.zeros_like(parts)
@@ -73,7 +76,7 @@ def virtual_motions(space: Space, q: Array) -> Array:
         rate[:, :d] = np.cross(axis[1:], parts[:, :d]) if d == 3 else parts[:, :d] @ np.array([[0, 1], [-1, 0]])
         rate[:, d:] = parts[:, d:] @ _left(axis).T / 2
         motions.append(rate.ravel())
-    return np.array(motions)
+    return np.pad(np.array(motions), ((0, 0), (0, own)))
 
 
 def _left(e: Array) -> Array:

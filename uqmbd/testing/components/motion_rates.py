@@ -9,7 +9,7 @@ import numpy as np
 import sympy
 
 from uqmbd.mechanism import AngleSymbol, as_symbolic, motion_quantities
-from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.bench import Bench, norm_rows, own_coordinates
 from uqmbd.testing.components.motion import displaced, random_turn
 from uqmbd.typing import Array
 
@@ -38,18 +38,12 @@ def check_motion_rates(bench: Bench, row: int, q: Array, v: Array, gradient: Arr
     if not motion_quantities(bench.case.component):
         return
     space = bench.case.mechanism.space
-    rows = gradient
-    if space.turns:
-        norms = np.zeros((len(bench.instance.bodies), len(q)))
-        for k in range(len(norms)):
-            part = slice(k * space.size + space.dimension, (k + 1) * space.size)
-            norms[k, part] = q[part]
-        rows = np.concatenate([gradient, norms])
+    rows, own = np.concatenate([gradient, norm_rows(bench.instance, q)]), own_coordinates(bench.instance)
     v = v - np.linalg.lstsq(rows, rows @ v, rcond=1e-10)[0] if len(rows) else v
     compiled = _compile(bench, row)
     here = list(compiled.values(q, v))
     turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
-    there = list(compiled.values(displaced(space, turn, q, shift), displaced(space, turn, v)))
+    there = list(compiled.values(displaced(space, turn, q, shift, own), displaced(space, turn, v, own=own)))
     between = bench.case.free and len(bench.case.component.bodies) > 1
     for one, other in zip(here, there, strict=True):
         assert np.isfinite([one.value, one.stated]).all(), (
@@ -75,12 +69,10 @@ class _Compiled(NamedTuple):
     function: Callable[
         ..., list[float]
     ]  # functions of poses and velocities of all bodies: rate, and cosine and sine or value
-    size: int  # number of coordinates of a body
 
     def at(self, q: Array, v: Array) -> Array:
         """Evaluate the quantities at poses q and velocities v."""
-        pairs = zip(q.reshape(-1, self.size), v.reshape(-1, self.size), strict=True)
-        return np.array(self.function(*(x for pair in pairs for part in pair for x in part)), dtype=float)
+        return np.array(self.function(*q, *v), dtype=float)
 
     def values(self, q: Array, v: Array) -> Iterator[MotionRate]:
         """Yield the motion quantities as numbers, with rates of values by central differences."""
@@ -101,7 +93,8 @@ def _compile(bench: Bench, row: int) -> _Compiled:
 
     SymPy compiles all expressions at once, independently of kernels, because they share most of their terms.
     """
-    symbols = [x for body in bench.instance.bodies for x in (*body.q, *body.v)]
+    owners = bench.instance.owners
+    symbols = [*(x for one in owners for x in one.q), *(x for one in owners for x in one.v)]
     inputs = dict(zip(bench.case.mechanism.inputs.variables, map(sympy.Float, bench.inputs[row]), strict=True))
     found = motion_quantities(bench.case.component)
     quantities: list[tuple[str, int]] = []
@@ -116,4 +109,4 @@ def _compile(bench: Bench, row: int) -> _Compiled:
         known = {k: as_symbolic(x).xreplace(inputs).evalf() for k, x in constants.items()}
         expressions += [as_symbolic(x).xreplace({**inputs, **known}) for x in parts]
         quantities.append((name, angle.parts if angle else 0))
-    return _Compiled(quantities, sympy.lambdify(symbols, expressions, cse=True), bench.case.mechanism.space.size)
+    return _Compiled(quantities, sympy.lambdify(symbols, expressions, cse=True))

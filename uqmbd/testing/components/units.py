@@ -20,6 +20,7 @@ from uqmbd.mechanism import (
     Space,
     VirtualWork,
     as_symbolic,
+    coordinates_of,
 )
 from uqmbd.mechanism.expressions import flatten, mismatches, t, units_of
 from uqmbd.units import PURE, TABLE, read_units
@@ -53,7 +54,12 @@ def check_units(title: str, component: Component, space: Space) -> None:
         role: Frame(space, _rotated(body.q, "1"), _rotated(body.v, "1/s")) if isinstance(body, Body) else Frame(space)
         for role, body in component.attached.items()
     }
-    local = Local(space, frames, values, t)
+    own = coordinates_of(component)
+    pairs = {}
+    for name, declared_coordinate in () if own is None else own.declared.items():
+        units = declared_coordinate.units
+        pairs[name] = _stated(name, units), _stated(f"{name}'", "1/s" if units == "1" else f"{units}/s")
+    local = Local(space, frames, values, t, pairs)
     terms, _ = component.stated(local)
     states = {symbol: _stated(name, local.units[name]) for name, symbol in local.states.items()}
     named = _named(title, local, states)
@@ -68,6 +74,7 @@ def check_units(title: str, component: Component, space: Space) -> None:
             inserted = expression.xreplace(named)
             symbols = expression.free_symbols | _within(expression, local)
             stated = [states[s] for s in symbols & declared_states]
+            stated += [x for pair in pairs.values() for x in pair if x in symbols]
             if _tells(inserted, symbols | set(stated), [*values.values(), *stated]):
                 _require(title, what, inserted, units)
 
