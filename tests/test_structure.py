@@ -27,7 +27,7 @@ STATEMENTS = {
     "uqmbd.cli": 1620,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_060,
-    "uqmbd.dynamics": 14_350,
+    "uqmbd.dynamics": 14_360,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 175,
     "uqmbd.mechanism": 5_250,
