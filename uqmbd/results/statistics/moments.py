@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.arguments import Bounds, Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 
 __all__ = [
     "Moments",
@@ -329,7 +329,7 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = 
     """
     moves = varying(statistics, rtol)
     if verified is not None:
-        moves = moves | varying(statistics.assign(std=statistics["std"].copy(data=verified)), rtol)
+        moves = moves | _varies_where_verified(statistics, verified, rtol)
     if moves.all():
         return statistics
     found = statistics.copy()
@@ -340,6 +340,14 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = 
             still = SETTLED.get(str(name), 0.0)
             variable.data = np.where(mask | np.isnan(variable.values), variable.values, still)
     return found
+
+
+def _varies_where_verified(statistics: xr.Dataset, verified: Array, rtol: float) -> Mask:
+    """Return a mask (O,) of outputs whose verification realisations, of standard deviation (O, T), vary."""
+    # these realisations have steps of their own, so that the error of the others does not limit theirs
+    seen = statistics.assign(std=statistics["std"].copy(data=verified))
+    unmeasured = seen.drop_vars(["integration_error_rms", "integration_error"], errors="ignore")
+    return np.asarray(varying(seen, rtol) & varying(unmeasured, rtol))
 
 
 def rtol_of(node: xr.DataTree) -> float:
