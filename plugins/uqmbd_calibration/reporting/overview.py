@@ -62,11 +62,16 @@ def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:
         one = data.sel(input=name)
         yield (
             with_units(name, str(one["units"].item())) + of,
-            mean_and_deviation(one["prior_mean"], one["prior_sd"]),
-            mean_and_deviation(one["mean"], one["sd"]),
-            interval(one),
+            _unbroken(mean_and_deviation(one["prior_mean"], one["prior_sd"])),
+            _unbroken(mean_and_deviation(one["mean"], one["sd"])),
+            _unbroken(interval(one)),
             reduction_in_words(one),
         )
+
+
+def _unbroken(numbers: str) -> str:
+    """Return numbers that a narrow column of the page does not break into two lines."""
+    return numbers.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _fits(tree: xr.DataTree) -> Iterator[Chart]:
