@@ -37,6 +37,7 @@ from uqmbd.dynamics.integrators import (
 from uqmbd.dynamics.margins import MarginValues, margins_of
 from uqmbd.dynamics.mechanism_check import Check, check
 from uqmbd.dynamics.model_building import build, constraining, kinematic_model
+from uqmbd.dynamics.observation import undetermined_contacts
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
 from uqmbd.dynamics.risks import Risk, find_risks, range_findings
 from uqmbd.dynamics.sampled_paths import numbers_of
@@ -108,4 +109,5 @@ __all__ = [
     "scalars_of",
     "static_equilibria",
     "steady_motions",
+    "undetermined_contacts",
 ]

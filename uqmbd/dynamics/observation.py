@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from uqmbd.compiled import Columns, Kernel, Program, ProgramWriter, cached, compile_kernel
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.contact import ContactEvaluator, states_in_contact
+from uqmbd.dynamics.contact import ContactEvaluator, states_in_contact, undetermined_forces
 from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
 from uqmbd.dynamics.linear import RESIDUAL, Programs, accelerations
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["energies", "observe", "observe_along", "observe_singly", "output_program", "prepare"]
+__all__ = [
+    "energies",
+    "observe",
+    "observe_along",
+    "observe_singly",
+    "output_program",
+    "prepare",
+    "undetermined_contacts",
+]
+
+
+CANCELS = 1e-9
+"""Change of an output, relative to the sum of the changes by single forces, that counts as zero."""
 
 
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
@@ -59,13 +73,18 @@ def _one_by_one(
         e = q[:, quaternions]
         q[:, quaternions] = e / np.linalg.norm(e, axis=2, keepdims=True)
     a, multipliers = np.zeros_like(q), np.zeros((len(q), layout.constraints))
-    forces = None
+    forces, free = None, list[_FreeForces]()
     if outputs.accelerates:
         a, multipliers[:, layout.kept], _ = accelerations(model, q, s, v, time, parameters)
         if model.events:
-            forces = _add_contacts(model, states, time, parameters, a, multipliers)
+            forces, free = _add_contacts(model, states, time, parameters, a, multipliers)
     state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
-    return outputs(state, values, parameters, forces)
+    found = outputs(state, values, parameters, forces)
+    for one in free:
+        k = one.index
+        assert forces is not None
+        found[k, _changes(outputs, state[k], values[k], parameters[k], forces[k], one)] = np.nan
+    return found
 
 
 def output_program(model: Model, outputs: OutputMap) -> Program | None:
@@ -150,14 +169,75 @@ def _unit(size: int) -> Kernel:
     return kernel
 
 
-def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
-    """Correct accelerations and multipliers for persistent contacts; return contact forces (S, direction), N."""
+class _FreeForces(NamedTuple):
+    """Contact forces (direction, N) that may be added to those of a state, and their columns of arguments (N, width).
+
+    The columns are those of multipliers in the arguments of outputs.
+    """
+
+    index: int
+    forces: Array
+    multipliers: Array
+    columns: Index
+
+
+def _add_contacts(
+    model: Model, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array
+) -> tuple[Array, list[_FreeForces]]:
+    """Correct accelerations and multipliers for persistent contacts.
+
+    Return contact forces (S, direction), N, and the forces that the laws of contact do not determine.
+    """
     evaluator = ContactEvaluator(model)
-    forces = np.zeros((len(states), evaluator.directions))
+    forces, free = np.zeros((len(states), evaluator.directions)), list[_FreeForces]()
     n, kept = model.layout.coordinates, model.layout.kept
-    for k, resting in states_in_contact(evaluator, time, states, parameters):
+    columns = model.layout.width + n + np.asarray(kept)
+    for k, contacts, lasting, resting in states_in_contact(evaluator, time, states, parameters):
         a[k], multipliers[k, kept], forces[k] = resting.motion[0, :n], resting.motion[0, n:], resting.force[0]
-    return forces
+        if (ways := undetermined_forces(contacts, lasting, resting)).shape[1]:
+            answer = contacts.answer[0, n:]
+            change = answer @ ways
+            change[np.abs(change) <= CANCELS * (np.abs(answer) @ np.abs(ways))] = 0.0
+            free.append(_FreeForces(k, ways, change.T, columns))
+    return forces, free
+
+
+def _changes(
+    outputs: OutputMap, state: Array, values: Array, parameters: Array, forces: Array, free: _FreeForces
+) -> Mask:
+    """Return a mask (output,) of the outputs of one state that change with undetermined contact forces."""
+    # combinations without a pattern, so that the changes of a nonlinear output do not cancel
+    weights = np.random.default_rng(0).uniform(0.5, 1.5, (2, free.forces.shape[1])) * [[1.0], [-0.7]]
+    changed = np.zeros(len(outputs.names), dtype=bool)
+    for force, multiplier in zip(weights @ free.forces.T, weights @ free.multipliers, strict=True):
+        # all forces at once, then each of them alone: forces that cancel leave rounding errors
+        pushes = np.concatenate([[0 * force, force], np.diag(force), np.zeros((len(multiplier), len(force)))])
+        steps = np.zeros((len(pushes), len(state)))
+        steps[1, free.columns] = multiplier
+        steps[range(2 + len(force), len(pushes)), free.columns] = multiplier
+        count = len(pushes)
+        rows = np.tile(values, (count, 1)), np.tile(parameters, (count, 1))
+        seen = outputs(state + steps, *rows, forces + pushes)
+        alone = np.abs(seen[2:] - seen[0]).sum(axis=0)
+        changed |= ~(np.abs(seen[1] - seen[0]) <= CANCELS * alone)
+    return changed
+
+
+def undetermined_contacts(batch: Batch, time: float, state: Array, member: int) -> list[str]:
+    """Return the names of contacts whose forces are undetermined at a state (width,) of a realisation, at a time, s."""
+    model = batch.model
+    if not model.events:
+        return []
+    evaluator = ContactEvaluator(model)
+    found = states_in_contact(evaluator, np.array([time]), state[None], batch.block[member : member + 1])
+    names = dict[str, None]()
+    for _, contacts, lasting, motion in found:
+        ways = undetermined_forces(contacts, lasting, motion)
+        for k in lasting.modes if ways.shape[1] else ():
+            own = ways[evaluator.first[k] : evaluator.first[k + 1]]
+            if own.any():
+                names[model.events[k][0]] = None
+    return list(names)
 
 
 def energies(batch: Batch, times: Array, states: Array) -> Array:

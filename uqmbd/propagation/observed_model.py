@@ -24,6 +24,7 @@ __all__ = [
     "finding_attributes",
     "mechanism_attributes",
     "not_unique_attribute",
+    "several_motions",
     "build_observed_model",
     "refuse_jumps",
     "step_attributes",
@@ -123,6 +124,18 @@ def step_attributes(max_step: float, breaks: tuple[float, ...]) -> dict[str, Any
     """Return the attributes on step limits; empty without limits."""
     found: dict[str, Any] = {} if max_step == float("inf") else {"max_step": max_step}
     return found | ({"breaks": list(breaks)} if breaks else {})
+
+
+def several_motions(where: str) -> str:
+    """Return a warning of contacts for which several motions are possible; `where` states them.
+
+    >>> print(several_motions("in 3 of 8 realisations, two motions satisfy the laws of contact").partition(";")[0])
+    in 3 of 8 realisations, two motions satisfy the laws of contact (Painleve's paradox)
+    """
+    return (
+        f"{where} (Painleve's paradox); the motion is that of a compliant contact whose stiffness grows without bound. "
+        "Compare with a compliant contact, or lower the coefficient of friction."
+    )
 
 
 def not_unique_attribute(model: Model) -> dict[str, str]:

@@ -6,6 +6,7 @@ from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.integrate import event_times, integrate_with_events, motion_in_segments
 from uqmbd.dynamics.contact.persistent import states_in_contact
+from uqmbd.dynamics.contact.undetermined import undetermined_forces
 
 __all__ = [
     "ContactEvaluator",
@@ -14,4 +15,5 @@ __all__ = [
     "integrate_with_events",
     "motion_in_segments",
     "states_in_contact",
+    "undetermined_forces",
 ]

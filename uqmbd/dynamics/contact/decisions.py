@@ -73,6 +73,8 @@ class Decisions:
         # last decision of each realisation on friction at its limit
         self.at_limit: dict[int, AtLimit] = {}
         self.turning: dict[int, float] = {}
+        # by realisation: first time and contacts at which several motions satisfy the laws
+        self.several: dict[int, str] = {}
 
     def slow(self, member: int) -> float:
         """Return the speed that counts as zero, m/s."""
@@ -295,8 +297,13 @@ class Decisions:
                 "wedged (Painleve's paradox). Lower the coefficient of friction, or use a compliant contact."
             )
             return z
-        self._keep(member, found[0], contacts)
-        modes, headings, _ = found[0]
+        self._keep(member, found.lasting, contacts)
+        modes, headings, _ = found.lasting
+        if found.several and member not in self.several:
+            names = ", ".join(repr(self.model.events[k][0]) for k in near)
+            # the time of a start is a little after the first time
+            when = self.duration * round(time / self.duration, 9)
+            self.several[member] = f"at t = {when:.6g} s, two motions satisfy the laws of contact and friction at {names}"
         for k in before:
             if k not in modes:
                 self.records.add(member, time, k, "lift-off")

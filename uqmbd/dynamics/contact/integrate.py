@@ -124,6 +124,7 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recordi
         accelerations=motion.run.evaluations,
         steps=int(motion.run.steps.sum()),
         events=int(motion.records.count.sum()),
+        two_motions=len(motion.decisions.several),
         by_dop853=len(members),
         seconds=clock.perf_counter() - begin,
     )
@@ -133,6 +134,7 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recordi
         tuple(messages),
         counters,
         motion.records.times(members, len(ensemble)),
+        notes=tuple(motion.decisions.several[k] for k in sorted(motion.decisions.several)),
         path=None if path is None else path.placed(members),
     )
 

@@ -25,6 +25,8 @@ __all__ = [
     "CLOSED",
     "ContactModes",
     "Mode",
+    "PersistentContacts",
+    "StateInContact",
     "contact_forces",
     "contact_motion",
     "heading_of",
@@ -47,6 +49,8 @@ UNMOVED = 1e-6
 """Internal forces, relative to all forces, that count as zero."""
 PRESSED = 1e-9
 """Normal force of a redundant contact, relative to the largest force, that counts as zero."""
+UNSTABLE = 1e-9
+"""Negative stiffness of a contact through the bodies, relative to its own, that counts as zero."""
 STILL = 1e-7
 """Speed, relative to the mechanism's, that counts as zero in a persistent contact with projected velocities."""
 
@@ -137,12 +141,13 @@ def _direction(sliding: Array, heading: Array) -> Array:
 
 def persistent_contacts(
     contacts: ContactQuantities, near: list[int], slow: float
-) -> tuple[ContactModes, ContactMotion] | None:
+) -> PersistentContacts | None:
     """Return modes and motion of the contacts in `near` that persist at one state; None if no forces exist.
 
     The contacts `near` have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws
     of accelerations and forces equal those of speeds and impulses without restitution. However, the direction of
-    friction in a sliding contact is known. No forces satisfy the laws if friction wedges a sliding body.
+    friction in a sliding contact is known. No forces satisfy the laws if friction wedges a sliding body. If several
+    motions satisfy them (Painleve's paradox), the result is the limit of compliant contacts with growing stiffness.
     """
     headings: dict[int, Array] = {}
     for k in near:
@@ -163,8 +168,9 @@ def persistent_contacts(
     free = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
     spread = np.array(columns).reshape(len(rows), len(unit)).T
     problem = Collision(contacts.delassus[0][rows] @ spread, free[rows], tuple(touches), np.zeros(len(near)))
-    if (force := next(solutions(problem), None)) is None:
+    if (solution := _lasting_solution(problem)) is None:
         return None
+    force, several = solution
     after = problem.after(force)
     still = RESTS * float(np.abs(problem.before).max(initial=0.0))
     none = EXACT * problem.units * float(np.abs(force / problem.units).max(initial=0.0))
@@ -184,12 +190,28 @@ def persistent_contacts(
     lasting = ContactModes(modes, {k: x for k, x in headings.items() if k in modes})
     found = with_internal(contacts, lasting)
     if not (modes and unloaded):
-        return found
+        return PersistentContacts(*found, several)
     # redundant contacts without load in this solution may also be loaded
-    every: dict[int, Mode] = {k: (modes | unloaded)[k] for k in near if k in modes or k in unloaded}
-    others = with_internal(contacts, ContactModes(every, {k: x for k, x in headings.items() if k in every}))
+    both: dict[int, Mode] = {k: (modes | unloaded)[k] for k in near if k in modes or k in unloaded}
+    others = with_internal(contacts, ContactModes(both, {k: x for k, x in headings.items() if k in both}))
     moved = np.abs(others[1].rate - found[1].rate).max() > still
-    return found if moved or not pressed(contacts, *others) else others
+    return PersistentContacts(*(found if moved or not pressed(contacts, *others) else others), several)
+
+
+def _lasting_solution(problem: Collision) -> tuple[Array, bool] | None:
+    """Return the first stable forces (direction,) at which the laws hold, and whether other forces also satisfy them.
+
+    A compliant contact leaves forces at which its stiffness, seen through the bodies, does not restore the contact.
+    """
+    unstable: Array | None = None
+    for force in solutions(problem):
+        held = [j for x in problem.touches if force[x.normal] > 0 for j in (x.normal, *x.tangents)]
+        units = np.sqrt(problem.units[held])
+        restoring = units[:, None] * problem.matrix[np.ix_(held, held)] * units
+        if not held or np.linalg.eigvals(restoring).real.min() > -UNSTABLE:
+            return force, unstable is not None
+        unstable = force if unstable is None else unstable
+    return None if unstable is None else (unstable, False)
 
 
 def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> bool:
@@ -253,10 +275,25 @@ def heading_of(friction: Array) -> Array:
     return np.asarray(-friction / size) if size > 0 else np.eye(len(friction))[0]
 
 
-def states_in_contact(
-    evaluator: ContactEvaluator, times: Array, states: Array, blocks: Array
-) -> Iterator[tuple[int, ContactMotion]]:
-    """Yield the states (T, width) with persistent contacts, by index, and their motion.
+class PersistentContacts(NamedTuple):
+    """Modes and motion of persistent contacts, and whether the laws also allow `several` other motions."""
+
+    lasting: ContactModes
+    motion: ContactMotion
+    several: bool = False
+
+
+class StateInContact(NamedTuple):
+    """State with persistent contacts: its index, contact quantities, modes and motion."""
+
+    index: int
+    contacts: ContactQuantities
+    lasting: ContactModes
+    motion: ContactMotion
+
+
+def states_in_contact(evaluator: ContactEvaluator, times: Array, states: Array, blocks: Array) -> Iterator[StateInContact]:
+    """Yield the states (T, width) with persistent contacts.
 
     Persistent contacts have gaps and speeds that count as zero, and compressive forces.
     """
@@ -275,8 +312,8 @@ def states_in_contact(
         for k in np.flatnonzero(closed.any(axis=1)).tolist():
             one = evaluator(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])
             found = persistent_contacts(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
-            if found is not None and found[0].modes:
-                yield k, found[1]
+            if found is not None and found.lasting.modes:
+                yield StateInContact(k, one, found.lasting, found.motion)
 
 
 def onto_contacts(contacts: ContactQuantities, modes: Mapping[int, Mode]) -> tuple[Array, Array]:

@@ -39,6 +39,8 @@ class Counters:
         Number of times that other independent equations were chosen.
     events : int
         Impacts and other events.
+    two_motions : int
+        Realisations in which, at an event, several motions satisfy the laws of contact and friction.
     by_dop853, by_ida : int
         Realisations with a motion from the explicit integrator, and from IDA.
     seconds : float
@@ -63,6 +65,7 @@ class Counters:
     passages: Size = 0
     repivots: Size = 0
     events: Size = 0
+    two_motions: Size = 0
     by_dop853: Size = 0
     by_ida: Size = 0
     seconds: float = 0.0
@@ -90,7 +93,8 @@ class Trajectories:
     scalars : mapping of str to array, shape (K,)
         Scalar results of the motion by name, such as event times; NaN for realisations without a value.
     notes : tuple of str
-        Changes during the integration: choices of other independent equations.
+        Events of the integration that a user should know: choices of other independent equations, and contacts with
+        several possible motions.
     off : array, shape (K, residual + 1), optional
         Largest residuals of the constraints after the first time, first in position, then in velocity, and largest
         speeds, if the integrator has computed them; otherwise NaN.

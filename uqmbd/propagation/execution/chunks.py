@@ -22,6 +22,7 @@ from uqmbd.dynamics import (
     margins_of,
     numbers_of,
     scalars_of,
+    undetermined_contacts,
 )
 from uqmbd.propagation.execution.cost import machine_counter
 from uqmbd.propagation.execution.transport import Packed
@@ -132,15 +133,21 @@ def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
     return {"integrated_by": ", ".join(names)} if names else {}
 
 
-def not_finite_output(names: Sequence[str], times: Array, response: Array) -> str:
-    """Return a message on the first non-finite output of a realisation (output, T), with its time.
+def not_finite_output(ensemble: Ensemble, member: int, times: Array, states: Array, response: Array) -> str:
+    """Return a message on the first non-finite output (output, T) of a realisation, with its time and cause.
 
-    >>> print(not_finite_output(["y"], np.array([0.0, 0.5]), np.array([[1.0, np.nan]])).partition(";")[0])
-    an output is not finite: 'y' is nan at t = 0.5 s
+    `states` (T, width) are those of the realisation.
     """
-    wrong = ~np.isfinite(response)
+    names, wrong = ensemble.model.outputs.names, ~np.isfinite(response)
     k = int(np.argmax(wrong.any(axis=0)))
     output = int(np.argmax(wrong[:, k]))
+    if contacts := undetermined_contacts(ensemble, float(times[k]), states[k], member):
+        some = ", ".join(repr(name) for name in contacts)
+        only = f"the forces of the contacts {some} are" if len(contacts) > 1 else f"the force of the contact {some} is"
+        return (
+            f"the output {names[output]!r} is not determined at t = {times[k]:g} s: {only} not unique, because other "
+            "forces cause the same motion; use an output that depends only on their resultant, or compliant contacts"
+        )
     return (
         f"an output is not finite: {names[output]!r} is {response[output, k]:g} at t = {times[k]:g} s; check its "
         "expression for divisions by zero, and for roots and logarithms outside their domain"
@@ -220,5 +227,6 @@ def _observed(ensemble: Ensemble, times: Array, trajectories: Trajectories) -> C
             response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
     messages = list(trajectories.messages)
     for k in np.flatnonzero((status == Status.OK) & ~np.isfinite(response).all(axis=(1, 2))).tolist():
-        status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
+        status[k] = Status.NOT_FINITE
+        messages[k] = not_finite_output(ensemble, k, times, trajectories.states[k], response[k])
     return Chunk(response, status, tuple(messages), {})

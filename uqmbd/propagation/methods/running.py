@@ -29,6 +29,7 @@ from uqmbd.propagation.methods.estimate import readable
 from uqmbd.propagation.methods.keys import refused_key, require_keys_accepted
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.methods.studied import Studied
+from uqmbd.propagation.observed_model import several_motions
 from uqmbd.propagation.problem import Problem
 from uqmbd.randomness import why_not_drawn
 from uqmbd.results import clopper_pearson, requirements_of
@@ -105,6 +106,9 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
         found, further = _run_all(propagator, problem, check)
         found = with_units(found)
     _require_draws(propagator, problem, found)
+    if several := int(problem.runner.observed.counters["two_motions"]):
+        where = f"in {several} realisations, two motions satisfy the laws of contact and friction at an event"
+        warnings.warn(f"{problem.label}: {several_motions(where)}", StudyWarning, stacklevel=4)
     found.attrs.update(spent)
     if further:
         found.attrs["further_realisations"] = further

@@ -16,6 +16,7 @@ from uqmbd.errors import (
     IntegrationError,
     RedundantConstraintWarning,
     StudyError,
+    StudyWarning,
     UqmbdError,
 )
 from uqmbd.names import checked
@@ -25,6 +26,7 @@ from uqmbd.propagation.observed_model import (
     finding_attributes,
     not_unique_attribute,
     refuse_jumps,
+    several_motions,
     step_attributes,
     warn_of,
 )
@@ -145,9 +147,11 @@ def simulate(
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
     response = ensemble.outputs(grid, trajectories.states)[0]
     if not np.isfinite(response).all():
-        told = not_finite_output(model.outputs.names, grid, response)
-        warnings.warn(f"{where}: {told}.", stacklevel=3)
+        reason = not_finite_output(ensemble, 0, grid, trajectories.states[0], response)
+        warnings.warn(f"{where}: {reason}.", stacklevel=3)
     counters = trajectories.counters
+    if counters.two_motions:
+        warnings.warn(f"{where}: {several_motions(trajectories.notes[0])}", StudyWarning, stacklevel=3)
     attrs = {
         "Conventions": CF,
         "mechanism": mechanism.name,

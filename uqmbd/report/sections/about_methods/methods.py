@@ -128,6 +128,7 @@ _COUNTERS = {
     "repivots": "changes of the set of independent equations",
     "stiff": "realisations passed from the explicit integrator to IDA (stiff, or less expensive)",
     "alone": "realisations integrated separately",
+    "two_motions": "realisations with contacts for which several motions are possible",
     "by_dop853": "realisations integrated by the explicit integrator (dop853)",
     "by_ida": "realisations integrated by IDA",
     "seconds": "time in the integrator, summed over workers",
