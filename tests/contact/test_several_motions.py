@@ -68,7 +68,9 @@ def test_a_rod_with_one_motion_gives_no_warning(friction) -> None:
 def test_a_study_counts_the_realisations_with_two_motions() -> None:
     """From a spin of 3.37 rad/s on, the tip lifts off, or may be pressed; below, the rod is wedged."""
     spin = uqmbd.RandomVariable("spin", chaospy.Uniform(2.0, 5.0), units="rad/s")
-    study = uqmbd.Study("rod", rod(np.radians(60), -1.0, 2.0, spin), [0, 0.02], [MonteCarlo(samples=16, seed=3, max_failures=1.0)])
+    study = uqmbd.Study(
+        "rod", rod(np.radians(60), -1.0, 2.0, spin), [0, 0.02], [MonteCarlo(samples=16, seed=3, max_failures=1.0)]
+    )
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         node = study.propagate(study.propagators[0])

@@ -303,7 +303,9 @@ class Decisions:
             names = ", ".join(repr(self.model.events[k][0]) for k in near)
             # the time of a start is a little after the first time
             when = self.duration * round(time / self.duration, 9)
-            self.several[member] = f"at t = {when:.6g} s, two motions satisfy the laws of contact and friction at {names}"
+            self.several[member] = (
+                f"at t = {when:.6g} s, two motions satisfy the laws of contact and friction at {names}"
+            )
         for k in before:
             if k not in modes:
                 self.records.add(member, time, k, "lift-off")

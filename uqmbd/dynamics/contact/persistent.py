@@ -139,9 +139,7 @@ def _direction(sliding: Array, heading: Array) -> Array:
         return np.where(fast > 1e-12, forward * sliding / fast, heading)
 
 
-def persistent_contacts(
-    contacts: ContactQuantities, near: list[int], slow: float
-) -> PersistentContacts | None:
+def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: float) -> PersistentContacts | None:
     """Return modes and motion of the contacts in `near` that persist at one state; None if no forces exist.
 
     The contacts `near` have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws
@@ -292,7 +290,9 @@ class StateInContact(NamedTuple):
     motion: ContactMotion
 
 
-def states_in_contact(evaluator: ContactEvaluator, times: Array, states: Array, blocks: Array) -> Iterator[StateInContact]:
+def states_in_contact(
+    evaluator: ContactEvaluator, times: Array, states: Array, blocks: Array
+) -> Iterator[StateInContact]:
     """Yield the states (T, width) with persistent contacts.
 
     Persistent contacts have gaps and speeds that count as zero, and compressive forces.
