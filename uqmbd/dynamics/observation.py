@@ -81,7 +81,7 @@ def _one_by_one(
     state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
     found = outputs(state, values, parameters, forces)
     for one in free:
-        k = one.index
+        k = one.place
         assert forces is not None
         found[k, _changes(outputs, state[k], values[k], parameters[k], forces[k], one)] = np.nan
     return found
@@ -175,7 +175,7 @@ class _FreeForces(NamedTuple):
     The columns are those of multipliers in the arguments of outputs.
     """
 
-    index: int
+    place: int
     forces: Array
     multipliers: Array
     columns: Index

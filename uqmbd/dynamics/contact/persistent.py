@@ -282,9 +282,9 @@ class PersistentContacts(NamedTuple):
 
 
 class StateInContact(NamedTuple):
-    """State with persistent contacts: its index, contact quantities, modes and motion."""
+    """State with persistent contacts: its place among the states, contact quantities, modes and motion."""
 
-    index: int
+    place: int
     contacts: ContactQuantities
     lasting: ContactModes
     motion: ContactMotion
