@@ -55,6 +55,7 @@ INTERNALS = (
     "plugins/uqmbd_collocation",
     "plugins/uqmbd_contact",
     "plugins/uqmbd_drivers",
+    "plugins/uqmbd_fmi",
     "plugins/uqmbd_galerkin",
     "plugins/uqmbd_joints",
     "plugins/uqmbd_models",

@@ -209,6 +209,41 @@ def animate(
     animate_study(script, out=out, samples=samples, method=method, fps=fps, seconds=seconds)
 
 
+@app.command(
+    context_settings={**CONTEXT, "allow_extra_args": True, "ignore_unknown_options": True},
+    epilog="Other options are those of the exporter, such as --fmi 3 for .fmu; a wrong option lists them.",
+)
+def export(
+    context: typer.Context,
+    script: Script,
+    to: Annotated[
+        Path, typer.Option("--to", metavar="FILE", help="File to write; its ending selects the installed exporter.")
+    ],
+    what: Annotated[
+        str | None,
+        typer.Option("--what", metavar="surrogate|mechanism", help="Object to export (default: surrogate)."),
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            "--method", metavar="LABEL", help="Method with the surrogate, if there are several.", autocompletion=labels
+        ),
+    ] = None,
+    results: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="DIR", help="Folder of an earlier run (default: the method runs now)."),
+    ] = None,
+) -> None:
+    """Export the surrogate of a method, or the mechanism, to a file of another program."""
+    check_script(script)
+    with shown_progress() as progress:
+        progress.stage(f"loading {script.name}")
+        with loading():
+            from uqmbd.cli.export import export_study
+
+        export_study(script, to=to, what=what, method=method, results=results, words=context.args, progress=progress)
+
+
 @app.command()
 def plugins(
     as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of a table.")] = False,

@@ -5,6 +5,7 @@ from .arguments import typechecked as typechecked
 from .checks import Finding as Finding
 from .checks import Severity as Severity
 from .commands import Command as Command
+from .commands import Exporter as Exporter
 from .commands import PluginWarning as PluginWarning
 from .components import AttachedFrame as AttachedFrame
 from .components import Coordinate as Coordinate

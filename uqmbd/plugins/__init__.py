@@ -1,6 +1,6 @@
 """Plugins: hooks that a plugin package can implement, and search, loading and isolation of the packages.
 
-A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of nine
+A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of ten
 hooks, each of which returns classes::
 
     import uqmbd
@@ -22,7 +22,8 @@ separated by commas.
 from __future__ import annotations
 
 from uqmbd.plugins.command import Command, command_line
-from uqmbd.plugins.hooks import KINDS, HookKind, hookimpl, integrator_problem
+from uqmbd.plugins.exporter import Exporter
+from uqmbd.plugins.hooks import EXPORTS, KINDS, HookKind, hookimpl, integrator_problem
 from uqmbd.plugins.loading import PluginInfo, Registry, core_offers, load, merged, registered_name
 from uqmbd.plugins.registry import (
     checks,
@@ -32,6 +33,7 @@ from uqmbd.plugins.registry import (
     contact_law,
     contact_laws,
     designs,
+    exporters,
     installed,
     integrator,
     integrators,
@@ -45,8 +47,10 @@ from uqmbd.plugins.registry import (
 )
 
 __all__ = [
+    "EXPORTS",
     "KINDS",
     "Command",
+    "Exporter",
     "HookKind",
     "PluginInfo",
     "Registry",
@@ -58,6 +62,7 @@ __all__ = [
     "contact_law",
     "contact_laws",
     "designs",
+    "exporters",
     "hookimpl",
     "installed",
     "integrator",

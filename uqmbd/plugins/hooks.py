@@ -84,6 +84,13 @@ class _Hooks:
         """
 
     @_hookspec
+    def uqmbd_exporters(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
+        """Return exporters to files of other programs: dataclasses as `uqmbd.extend.Exporter` defines, by ``name``.
+
+        `uqmbd export` selects the exporter by the ending of the file, its class attribute ``suffix``.
+        """
+
+    @_hookspec
     def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Return commands of the command line: classes as `uqmbd.extend.Command` defines, without arguments.
 
@@ -130,6 +137,20 @@ def integrator_problem(cls: type) -> str:
     return ""
 
 
+EXPORTS = ("surrogate", "mechanism")
+"""Objects that an exporter may support."""
+
+
+def exporter_problem(cls: type) -> str:
+    """Return the reason why a class is not an exporter, or an empty text."""
+    suffix, supported = getattr(cls, "suffix", ""), getattr(cls, "exports", ())
+    if type(suffix) is not str or not re.fullmatch(r"\.[a-z0-9][a-z0-9._-]*", suffix):
+        return f"whose class attribute `suffix` is {suffix!r}; expected the ending of its files, such as '.fmu'"
+    if not isinstance(supported, tuple) or not supported or not set(supported) <= set(EXPORTS):
+        return f"whose class attribute `exports` is {supported!r}; expected a tuple with some of {EXPORTS}"
+    return "" if hasattr(cls, "__dataclass_fields__") else "which is not a dataclass, whose fields would be its options"
+
+
 def command_problem(cls: type) -> str:
     """Return the reason why a class is not a command, or an empty text."""
     name, text = getattr(cls, "name", ""), getattr(cls, "help", None)
@@ -167,6 +188,7 @@ KINDS = {
     "report_sections": HookKind("uqmbd_report_sections", "report section", None, False, "render"),
     "checks": HookKind("uqmbd_checks", "check of studies", None, False, "find"),
     "surrogates": HookKind("uqmbd_surrogates", "model of a surrogate", None, True, "evaluate"),
+    "exporters": HookKind("uqmbd_exporters", "exporter", None, True, "export", (), (), exporter_problem),
     "commands": HookKind(
         "uqmbd_commands",
         "command",
@@ -174,7 +196,7 @@ KINDS = {
         True,
         "run",
         (),
-        ("run", "check", "animate", "plugins", "report", "compare", "new"),
+        ("run", "check", "animate", "export", "plugins", "report", "compare", "new"),
         command_problem,
         COMMANDS_GROUP,
     ),

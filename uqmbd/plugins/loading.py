@@ -30,7 +30,7 @@ class PluginInfo:
     status: Literal["loaded", "incomplete", "failed", "disabled"] = "loaded"
     hooks: tuple[str, ...] = ()  # hooks that the plugin implements
     # components, propagators, integrators, designs, contact_laws, readers, report_sections, checks, surrogates,
-    # commands: registered names of the plugin
+    # exporters, commands: registered names of the plugin
     components: tuple[str, ...] = ()
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
@@ -40,6 +40,7 @@ class PluginInfo:
     report_sections: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     surrogates: tuple[str, ...] = ()
+    exporters: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()  # reasons why the plugin or parts of it cannot be used
 

@@ -19,6 +19,7 @@ __all__ = [
     "contact_law",
     "contact_laws",
     "designs",
+    "exporters",
     "installed",
     "integrator",
     "integrators",
@@ -82,6 +83,11 @@ def checks() -> dict[str, type]:
 def surrogates() -> dict[str, type]:
     """Return the surrogate models of plugins by registered name."""
     return dict(registered().classes.get("surrogates", {}))
+
+
+def exporters() -> dict[str, type]:
+    """Return the exporters of plugins by registered name."""
+    return dict(registered().classes.get("exporters", {}))
 
 
 def commands() -> dict[str, type]:

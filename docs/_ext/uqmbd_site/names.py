@@ -28,6 +28,7 @@ PLUGINS = (
     "uqmbd_calibration",
     "uqmbd_models",
     "uqmbd_processes",
+    "uqmbd_fmi",
 )
 """Packages of built-in plugins."""
 

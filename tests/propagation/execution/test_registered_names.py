@@ -68,7 +68,7 @@ class Mine(uqmbd.extend.Propagator):
 }
 """Source of a class by kind of plugin, in which FACTOR is a number."""
 
-WITHOUT = {"readers", "report_sections", "checks", "surrogates", "commands"}
+WITHOUT = {"readers", "report_sections", "checks", "surrogates", "exporters", "commands"}
 """Kinds whose classes compute no numbers that an unfinished run or the cache of models stores."""
 
 

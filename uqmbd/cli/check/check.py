@@ -93,6 +93,7 @@ def _show_check(script: Path, figure: Path | None) -> None:
     _show_inputs(screen, found.inputs)
     _show_requirements(screen, study)
     _show_propagators(screen, study)
+    _show_exporters(screen, study)
     _show_findings(screen, study)
 
 
@@ -255,6 +256,19 @@ def _show_propagators(screen: Console, study: Study) -> None:
     others = sorted(set(plugins.propagators()) - used)
     if others:
         screen.print(f"Other installed propagators: {', '.join(others)}", markup=False)
+
+
+def _show_exporters(screen: Console, study: Study) -> None:
+    """Print what the installed exporters can export."""
+    for name, kind in plugins.exporters().items():
+        exporter: Any = kind
+        for what in exporter.exports:
+            why = ""
+            with Isolated(*ERRORS_AND_EXITS) as work:
+                why = exporter().refusal(what, study)
+            why = work.reason if work.failed else why
+            told = f"no: {why}" if why else f"yes: uqmbd export --to FILE{exporter.suffix} --what {what}"
+            screen.print(f"Export of the {what} ({name}): {told}", markup=False)
 
 
 def _options(propagator: Any) -> str:

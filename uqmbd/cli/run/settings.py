@@ -17,7 +17,7 @@ from uqmbd.propagation import option_types
 if TYPE_CHECKING:
     from uqmbd.propagation import Propagator
 
-__all__ = ["apply_settings", "check_labels", "parse_value"]
+__all__ = ["apply_settings", "check_labels", "parse_value", "type_name"]
 
 
 def check_labels(labels: Sequence[str], propagators: Sequence[Propagator]) -> None:
@@ -62,7 +62,7 @@ def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -
             value = parse_value(text.strip(), types_of[option])
         except ValueError as error:
             raise StudyError(
-                f"--set {setting}: {option} cannot be {text.strip()!r}; expected {_type_name(types_of[option])}."
+                f"--set {setting}: {option} cannot be {text.strip()!r}; expected {type_name(types_of[option])}."
             ) from error
         changes.setdefault(label, {})[option] = value
     return tuple(_replaced(propagator, changes.get(propagator.node_name, {})) for propagator in propagators)
@@ -168,23 +168,23 @@ def _options(propagator: Propagator) -> str:
         said = "no default" if default is dataclasses.MISSING else f"default {default!r}"
         value = getattr(propagator, name)
         now = "" if value is default or value == default else f"; {value!r} in the study"
-        lines.append(f"  {name}: {_type_name(annotation)}, {said}{now}")
+        lines.append(f"  {name}: {type_name(annotation)}, {said}{now}")
     return "\n".join(lines) or "  (no options)"
 
 
-def _type_name(annotation: Any) -> str:
+def type_name(annotation: Any) -> str:
     """Return the description of a type as text.
 
-    >>> _type_name(int | None), _type_name(Literal["a", "b"]), _type_name(tuple[int, ...])
+    >>> type_name(int | None), type_name(Literal["a", "b"]), type_name(tuple[int, ...])
     ('int or none', "'a' or 'b'", 'tuple[int, ...]')
-    >>> _type_name(tuple[Literal["a", "b"], ...])
+    >>> type_name(tuple[Literal["a", "b"], ...])
     "several of 'a', 'b'"
     """
     origin, members = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
-        return _type_name(members[0])
+        return type_name(members[0])
     if origin in (Union, types.UnionType):
-        return " or ".join(_type_name(member) for member in members)
+        return " or ".join(type_name(member) for member in members)
     if origin is Literal:
         return " or ".join(repr(member) for member in members)
     if origin is tuple and typing.get_origin(members[0]) is Literal:

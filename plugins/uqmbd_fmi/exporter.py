@@ -1,0 +1,54 @@
+"""Exporter of FMUs for `uqmbd export`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from uqmbd_fmi.exporting import QUANTILES, export_fmu
+from uqmbd_fmi.refusals import refusal
+
+__all__ = ["FmuExporter"]
+
+
+@dataclass(frozen=True)
+class FmuExporter:
+    """Export as an FMU; the fields are options of the command, as arguments of `export_fmu`."""
+
+    name = "fmu"
+    suffix = ".fmu"
+    exports = ("surrogate",)
+
+    fmi: Literal[2, 3] = 2
+    quantiles: tuple[float, ...] = QUANTILES
+    compiler: str | None = None
+    windows: bool = False
+
+    def refusal(self, what: str, study: Any) -> str:
+        """Return why an object of a study cannot be exported."""
+        return refusal(study)
+
+    def export(self, source: Any, path: Path, study: Any) -> str:
+        """Write the FMU and its parameter set."""
+        done = export_fmu(
+            source,
+            path,
+            fmi=self.fmi,
+            quantiles=self.quantiles,
+            compiler=self.compiler,
+            windows=self.windows,
+        )
+        lines = [f"FMU        {done.path} (FMI {self.fmi}.0, {done.size / 1000:.0f} kB)"]
+        if done.parameters is not None:
+            lines.append(f"inputs     {done.parameters} (means and joint distribution)")
+        if done.platforms:
+            lines.append(f"binaries   {', '.join(done.platforms)}, compiled by {done.compiler}")
+            if self.windows:
+                lines.append("The binary for Windows was not run or tested.")
+        else:
+            lines.append(
+                "binaries   none: no C compiler was found, or --compiler is none. The FMU contains its sources, which "
+                "some programs compile. `pip install ziglang` installs a compiler."
+            )
+        return "\n".join([*lines, done.warnings] if done.warnings else lines)
