@@ -61,7 +61,7 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     >>> import uqmbd
     >>> gap = sympy.Symbol("gap", real=True)
     >>> class Magnet(uqmbd.Component):
-    ...     law = uqmbd.Parameter("N", "attraction over `gap`, m", kind="option", example=1 / (1 + gap))
+    ...     law = uqmbd.Parameter("N", "attraction as a function of `gap`, m", kind="option", example=1 / (1 + gap))
     ...     def prepare(self):
     ...         return uqmbd.laws.law_values(self.law, gap, package="my_package")
     ...     def terms(self, p):
