@@ -274,20 +274,26 @@ def compare(
         typer.Argument(metavar="A.nc B.nc ...", help="Result files, or folders of runs.", show_default=False),
     ],
     reference: Annotated[
-        str | None, typer.Option("--reference", metavar="LABEL", help="Reference method of the comparison.")
+        str | None,
+        typer.Option("--reference", metavar="LABEL", help="Reference method of the comparison, and of errors by cost."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Also write DIR/comparison.nc and DIR/report.html.")
     ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option("--table", metavar="FILE", help="Also write errors and costs: FILE.csv, or FILE.tex of LaTeX."),
+    ] = None,
 ) -> None:
     """Compare the results of several runs.
 
-    List differences of statistics, verdicts, and differences of inputs, options and versions.
+    List differences of statistics, verdicts, and differences of inputs, options and versions. With a reference, list
+    the error and the cost of each method.
     """
     with loading():
         from uqmbd.cli.compare import show_comparison
 
-    show_comparison(results, reference=reference, out=out)
+    show_comparison(results, reference=reference, out=out, table=table)
 
 
 Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Target folder.", show_default="here")]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
+from uqmbd.cli.compare.costs import require_table, show_costs, write_costs
 from uqmbd.cli.compare.differences import find_differences
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["show_comparison"]
 
 
-def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out: Path | None = None) -> None:
+def show_comparison(
+    paths: Sequence[Path], *, reference: str | None = None, out: Path | None = None, table: Path | None = None
+) -> None:
     """Compare stored results: files, or folders of runs.
 
     Methods with the same label are compared with the method of this label in the first file that has it. Without equal
@@ -29,18 +32,23 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
 
     `paths` are result files, or folders that contain a ``results.nc``: two or more, or one with several methods.
     `reference` is a label that occurs once, or, for example, ``"A collocation"``: the method of this label in the first
-    file. `out` is the folder for ``comparison.nc`` and ``report.html`` of all methods together.
+    file. With `reference`, errors are also listed against costs. `out` is the folder for ``comparison.nc`` and
+    ``report.html`` of all methods together. `table` is a file for errors and costs: CSV or LaTeX.
     """
     from uqmbd.results import load
     from uqmbd.results.storage import errors_of_files
 
+    if table is not None:
+        require_table(table, reference)
     trees = {chr(ord("A") + k): load(_file(path)) for k, path in enumerate(paths)}
     with errors_of_files(*trees.values()):
-        _show_all(trees, paths, reference, out)
+        _show_all(trees, paths, reference, out, table)
 
 
-def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference: str | None, out: Path | None) -> None:
-    from uqmbd.results import compare, failed_methods, propagator_nodes, scalar_nodes
+def _show_all(
+    trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference: str | None, out: Path | None, table: Path | None
+) -> None:
+    from uqmbd.results import compare, error_against_cost, failed_methods, propagator_nodes, scalar_nodes
     from uqmbd.results.storage import not_verified
     from uqmbd.results.tree import happening
 
@@ -76,6 +84,12 @@ def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference
             known = chosen if chosen in some else None
             _show_group(screen, compare(aligned, reference=known or _first(group, some, rtol), rtol=rtol), notes)
     _show_requirements(screen, nodes)
+    if chosen is not None:
+        found = error_against_cost(align(nodes)[0], chosen)
+        show_costs(screen, found)
+        if table is not None:
+            write_costs(table, found)
+            print(f"table    {table}")
     print("Largest differences over time; percentages are of the largest standard deviation of the reference.")
     if out is not None:
         _write(out, nodes, chosen, rtol, trees)

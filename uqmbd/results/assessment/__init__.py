@@ -5,6 +5,7 @@ from __future__ import annotations
 from uqmbd.results.assessment.accuracy import StatedAccuracy, stated_accuracy
 from uqmbd.results.assessment.alignment import align
 from uqmbd.results.assessment.assessment import LEVELS, Assessment, OutputReliability, assess
+from uqmbd.results.assessment.costs import error_against_cost
 from uqmbd.results.assessment.coupled import coupled_systems
 from uqmbd.results.assessment.differences import choose_reference, compare
 from uqmbd.results.assessment.error_norms import relative_errors
@@ -35,6 +36,7 @@ __all__ = [
     "choose_reference",
     "compare",
     "coupled_systems",
+    "error_against_cost",
     "integration_shares",
     "judgements_of",
     "own_statements",
