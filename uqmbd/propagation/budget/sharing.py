@@ -344,6 +344,8 @@ class BudgetedRun:
             about["met"] = one.met
             text += f"; {100 * asked:g} % was requested"
             text += "" if one.met else f", but not reached: {one.problem or 'the budget is used'}"
+            for part in (one.node, *filter(None, [one.node.children.get("scalars")])):
+                part.attrs["requested_accuracy"] = asked
         about["summary"] = text
         one.node.attrs["budget_summary"] = text
         self.about[one.label], self.nodes[one.label] = about, one.node

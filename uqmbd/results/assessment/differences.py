@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, Share, typechecked
 from uqmbd.errors import StudyError
+from uqmbd.results.assessment.accuracy import stated_accuracy
 from uqmbd.results.assessment.distances import distributions
 from uqmbd.results.assessment.limits import COARSE, ROUGH
 from uqmbd.results.assessment.own_errors import OwnError, own_error, own_statements, root_mean_square
@@ -278,6 +279,10 @@ def compare(
             reference_under_resolved=json.dumps(poor, ensure_ascii=False),
             reference_remedy="; ".join(filter(None, remedies)),
         )
+    if wanted := max((float(a.get("requested_accuracy", 0.0)) for a in attributes), default=0.0):
+        values = [stated_accuracy(node, rtol=max(rtol, rtol_of(node))).value for node in nodes.values()]
+        found = found.assign(stated_accuracy=("method", np.array(values)))
+        found = found.assign_attrs(requested_accuracy=wanted, reference_sampled=int(errors[chosen].drawn))
     use, sentences = advice(found)
     return found.assign_attrs(
         recommendation="\n".join((*loose(nodes), *sentences)),
