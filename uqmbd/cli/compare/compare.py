@@ -85,10 +85,10 @@ def _show_all(
             _show_group(screen, compare(aligned, reference=known or _first(group, some, rtol), rtol=rtol), notes)
     _show_requirements(screen, nodes)
     if chosen is not None:
-        found = error_against_cost(align(nodes)[0], chosen)
-        show_costs(screen, found)
+        costs = error_against_cost(align(nodes)[0], chosen)
+        show_costs(screen, costs)
         if table is not None:
-            write_costs(table, found)
+            write_costs(table, costs)
             print(f"table    {table}")
     print("Largest differences over time; percentages are of the largest standard deviation of the reference.")
     if out is not None:

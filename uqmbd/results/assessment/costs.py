@@ -115,7 +115,7 @@ def _largest_errors(node: xr.DataTree, base: xr.DataTree) -> tuple[float, float]
             continue
         # `relative_errors` excludes unknown times, and compares outputs and times
         errors, varies = relative_errors(one, other), own_error(other, rtol_of(other), dependence=False).varies
-        known = [np.isfinite(x.children["statistics"]["std"].values) for x in (one, other)]
+        known = [np.isfinite(x.children["statistics"].to_dataset()["std"].values) for x in (one, other)]
         gaps = (known[1] & ~known[0]).reshape(len(varies), -1).any(axis=1)
         for name, values in zip(("mean", "std"), found, strict=True):
             values += np.where(gaps, np.inf, errors[f"{name}_error_max"])[varies].tolist()
