@@ -35,6 +35,10 @@ BOUND = 10.0
 """Ratio of a requested accuracy to the tolerance of the refinement that has to reach it. The ratio exceeds 1, because
 the error bound from few verification realisations is larger than the change that ends the refinement."""
 
+SPLIT_BOUND = 2.0
+"""Ratio of a requested accuracy to the threshold of the elements that have to reach it: the margin of the error bound
+from few verification realisations."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Collocation(uqmbd.extend.Propagator):
@@ -356,7 +360,7 @@ class Collocation(uqmbd.extend.Propagator):
         )
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
-        """Return options for an accuracy by raising the order; a refinement ends at the accuracy or its limit."""
+        """Return options for an accuracy: the order; refinements and splits end at the accuracy or their limit."""
         if self.adaptive != "no":
             tolerance = self.tolerance if accuracy is None else accuracy / BOUND
             space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
@@ -369,8 +373,22 @@ class Collocation(uqmbd.extend.Propagator):
                 bound=self.max_realisations,
             )
         given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "expansion"))
-        if given or self.elements == "adaptive" or not self.verify:
+        if given or not self.verify:
             return None
+        if self.elements == "adaptive":
+            if self.alignment is not None:
+                return None
+            threshold = self.threshold if accuracy is None else accuracy / SPLIT_BOUND
+            space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
+            nodes = len(self._plans(self.node_name).plan(space, self.order).nodes)
+            return uqmbd.extend.Sizing(
+                option="max_realisations",
+                at=lambda most: replace(self, max_realisations=most, threshold=threshold),
+                least=nodes + self._limits.verified(self.verify, space),
+                falls="itself",
+                also=("threshold",),
+                bound=self.max_realisations,
+            )
         return uqmbd.extend.Sizing(
             option="order",
             at=lambda order: replace(self, order=order),

@@ -355,6 +355,20 @@ def test_an_accuracy_that_is_none_is_refused(accuracy):
         fall(MonteCarlo()).run(accuracy=accuracy)
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("accuracy", [0.05, 0.01])
+def test_elements_are_split_until_the_accuracy_is_reached(accuracy):
+    """The distance from the mean has a kink: mean s sqrt(2 / pi), variance s^2 (1 - 2 / pi); more elements for less."""
+    method = Collocation(order=2, elements="adaptive")
+    tree = fall(method, of=lambda x: sympy.Abs(x - MEAN)).run(accuracy=accuracy)
+    node, spread = tree["collocation"], STD * math.sqrt(1 - 2 / math.pi)
+    assert told(tree)["collocation"]["met"] and stated_accuracy(node).value <= accuracy
+    assert option(node, "threshold") == accuracy / 2
+    mean, std = (node[f"statistics/{name}"].values[0, -1] for name in ("mean", "std"))
+    assert abs(mean - STD * math.sqrt(2 / math.pi)) <= accuracy * spread
+    assert abs(std - spread) <= accuracy * spread
+
+
 def test_curves_of_error_against_cost_are_left_out_of_a_budget():
     study = fall(MonteCarlo(seed=1))
     study = uqmbd.Study(
