@@ -38,10 +38,13 @@ METHOD = st.tuples(st.floats(1e-4, 0.03), st.integers(100, 10**6), st.floats(0.1
 def test_the_cheapest_method_that_reaches_the_accuracy_is_recommended(methods, accuracy):
     """All agree; the cost is in realisations unless a method took more than 10 s."""
     nodes = [node(f"m{k}", 1.0, error, cost, wall, accuracy) for k, (error, cost, wall) in enumerate(methods)]
-    found = results.assess(results.study_tree(nodes, study="s", mechanism="m")).recommended
+    assessed = results.assess(results.study_tree(nodes, study="s", mechanism="m"))
+    found = assessed.recommended
     timed = max(wall for _, _, wall in methods) > 10
     costs = [wall if timed else cost for _, cost, wall in methods]
     reach = [k for k, (error, _, _) in enumerate(methods) if 1.96 * error <= accuracy]
+    missed = f"No method reaches the requested accuracy of {100 * accuracy:g} %"
+    assert assessed.recommendation[0].startswith(missed) == (not reach)
     if not reach:  # the smallest stated error
         assert f"m{min(range(len(methods)), key=lambda k: (methods[k][0], costs[k]))}" in found
         return

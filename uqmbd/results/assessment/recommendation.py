@@ -175,8 +175,8 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
             f"is above {format_percent(COARSE)} of the standard deviation. {resort(remedy)}."
         )
     elif fit == [base] and _only_samples_reach(methods, base, comparison):
-        use, wanted = [base], format_percent(float(comparison.attrs["requested_accuracy"]))
-        lead = f"Use {base.label}: no other method reaches the requested accuracy of {wanted}{base.known}."
+        use, wanted = [base], 100 * float(comparison.attrs["requested_accuracy"])
+        lead = f"Use {base.label}: no other method reaches the requested accuracy of {wanted:g} %{base.known}."
     elif fit == [base]:
         lead = _alone(methods, base)
         if base.error <= COARSE and all(m.kind == UNDER_RESOLVED and not m.unknown for m in methods if m is not base):
@@ -190,7 +190,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     else:
         best = _cheapest(fit, requested="requested_accuracy" in comparison.attrs)
         use = [m for m in fit if m is best or m.equals(best)]
-        lead = f"Use {_listed(use, 'or')}: {_reasons(use, fit, best, base, methods)}."
+        lead = f"{_missed(comparison, methods)}Use {_listed(use, 'or')}: {_reasons(use, fit, best, base, methods)}."
     others = [_other(m, base) for m in methods if m not in (*use, base)]
     if base.gaps:
         others.append(f"{base.label}, the reference, {base.gaps}.")
@@ -205,6 +205,13 @@ def _only_samples_reach(methods: list[_RatedMethod], base: _RatedMethod, compari
     """
     sampled = bool(comparison.attrs.get("reference_sampled", 0))
     return sampled and base.met and not any(m.met for m in methods if m is not base)
+
+
+def _missed(comparison: xr.Dataset, methods: list[_RatedMethod]) -> str:
+    """Return a sentence if no method reaches the requested accuracy; otherwise an empty text."""
+    if "requested_accuracy" not in comparison.attrs or any(m.met for m in methods):
+        return ""
+    return f"No method reaches the requested accuracy of {100 * float(comparison.attrs['requested_accuracy']):g} %. "
 
 
 def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
