@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import shutil
 import subprocess
 import sys
 import time
@@ -201,3 +202,18 @@ def command(monkeypatch, capsys, no_report):
         return subprocess.CompletedProcess(words, left.value.code, said.out, said.err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Drive the Chromium of this machine."""
+    command = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
+    if command is None:
+        pytest.skip("no Chromium is on this machine: charts in a browser are not verified")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed: pip install uqmbd[browser]"
+    )
+    with playwright.sync_playwright() as running:
+        opened = running.chromium.launch(executable_path=command, args=["--no-sandbox"])
+        yield opened
+        opened.close()

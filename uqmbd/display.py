@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
+from collections.abc import Callable
+from typing import Any
 
 from uqmbd.names import lineage
 
-__all__ = ["html_of"]
+__all__ = ["display_function", "html_of"]
 
 GROUP = "uqmbd.display"
 
@@ -26,6 +28,19 @@ def html_of(shown: object) -> str | None:
     drawn = next((_entry_points()[name] for name in lineage(type(shown)) if name in _entry_points()), None)
     html: str | None = None if drawn is None else drawn.load()(shown)
     return html
+
+
+def display_function(name: str) -> Callable[..., Any]:
+    """Return the function that a package registers under a name of the group; raise LookupError if there is none.
+
+    >>> display_function("uqmbd.Mechanism").__name__
+    'mechanism_html'
+    """
+    found = _entry_points().get(name)
+    if found is None:
+        raise LookupError(f"no installed package registers {name!r} in the entry-point group {GROUP!r}")
+    function: Callable[..., Any] = found.load()
+    return function
 
 
 @functools.cache

@@ -245,6 +245,27 @@ def export(
 
 
 @app.command()
+def view(
+    script: Script,
+    timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="Time limit of the study file, s.")] = 10.0,
+    port: Annotated[
+        int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port of the page (default: a free port).")
+    ] = 0,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+) -> None:
+    """View the mechanism while you build it.
+
+    A page on this machine draws the mechanism, and draws it again when the file is saved. It shows unclosed joints and
+    other findings, has a slider for each random input, and plays the motion. Ctrl-C ends it.
+    """
+    check_script(script)
+    with loading():
+        from uqmbd.viewer import view_study
+
+    view_study(script, seconds=timeout, port=port, opened=show)
+
+
+@app.command()
 def plugins(
     as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of a table.")] = False,
 ) -> None:

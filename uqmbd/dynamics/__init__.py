@@ -8,6 +8,7 @@ from __future__ import annotations
 from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.code_key import compute_code_key
 from uqmbd.dynamics.contents import content_key
+from uqmbd.dynamics.drawn_pose import moves
 from uqmbd.dynamics.ensemble import Ensemble, referenced
 from uqmbd.dynamics.equations import (
     BlockSymbols,
@@ -97,6 +98,7 @@ __all__ = [
     "linearise_steady",
     "margins_of",
     "mechanism_terms",
+    "moves",
     "off_constraints",
     "position_jumps",
     "positions",

@@ -40,11 +40,10 @@ class Move:
         return f"{self.body!r} {' and '.join(parts)}"
 
 
-def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
-    """Compare a drawn and an assembled pose, (coordinate,) each; return one move for each body."""
-    d, found = model.dimension, []
-    pairs = zip(model.by_body(drawn), model.by_body(assembled), strict=True)
-    for name, (before, after) in zip(model.bodies, pairs, strict=True):
+def moves(bodies: Sequence[str], dimension: int, drawn: Array, assembled: Array) -> tuple[Move, ...]:
+    """Compare a drawn and an assembled pose, (body, coordinate) each; return one move for each body."""
+    d, found = dimension, []
+    for name, before, after in zip(bodies, drawn, assembled, strict=True):
         e, f = (x[d:] / (np.linalg.norm(x[d:]) or 1.0) for x in (before, after))
         apart, together = sorted((float(np.linalg.norm(e - f)), float(np.linalg.norm(e + f))))  # either sign
         turn = 4 * math.atan2(apart, together)
@@ -87,7 +86,8 @@ def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tupl
     drawn = parameters[:, model.drawn]
     free = replace(model, conditions=None)
     q, _ = positions(free, drawn, model.time, parameters, model.layout.independent_holonomic)
-    found = [m for m in moves(model, drawn[0], q[0]) if m.turn > TILTED or m.distance > 1e-9]
+    pairs = moves(model.bodies, model.dimension, model.by_body(drawn[0]), model.by_body(q[0]))
+    found = [m for m in pairs if m.turn > TILTED or m.distance > 1e-9]
     limit = 0.0
     if found:  # this is slow in SymPy
         limit = MOVED * (size_of(mechanism) if size is None else size)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from uqmbd.arguments import typechecked
-from uqmbd.display import html_of
+from uqmbd.display import display_function, html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground
 from uqmbd.mechanism.components import Component, coordinates_of
@@ -387,6 +387,34 @@ class Mechanism:
         """
         known = {variable.name for variable in self._used()}
         return randomise_numbers(self, pattern, relative, absolute, distribution, known)
+
+    def view(self, times: Sequence[float] | None = None) -> Any:
+        """Show the mechanism on an interactive page; the last expression of a notebook cell shows it there.
+
+        Parameters
+        ----------
+        times : sequence of float, optional
+            Output times of a motion, s; the page can then play the motion at the chosen inputs.
+
+        Returns
+        -------
+        MechanismView
+            View with the ``address`` of the page on this machine, and the methods ``open()`` and ``close()``.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no body, or `times` are invalid.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=2)
+        >>> view = mechanism.view()
+        >>> view.close()
+        """
+        return display_function("uqmbd.Mechanism.view")(self, times)
 
     def revision(self) -> tuple[int, ...]:
         """Return numbers that change with every addition and with every change of parameter values.

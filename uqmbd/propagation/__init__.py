@@ -42,7 +42,7 @@ from uqmbd.propagation.observed_model import build_observed_model, warned_elsewh
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.reduction import Reduced, Reductions, store_name
 from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
-from uqmbd.propagation.studies import Study, findings, load_study, warning_of
+from uqmbd.propagation.studies import Study, findings, load_mechanism, load_study, warning_of
 
 __all__ = [
     "Bounds",
@@ -79,6 +79,7 @@ __all__ = [
     "findings",
     "fit_nodes",
     "input_point",
+    "load_mechanism",
     "load_study",
     "nothing_random",
     "build_observed_model",

@@ -36,21 +36,6 @@ def node(tmp_path):
     return run
 
 
-@pytest.fixture(scope="session")
-def browser():
-    """Drive the Chromium of this machine."""
-    command = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
-    if command is None:
-        pytest.skip("no Chromium is on this machine: charts in a browser are not verified")
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="playwright is not installed: pip install uqmbd[browser]"
-    )
-    with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=command, args=["--no-sandbox"])
-        yield opened
-        opened.close()
-
-
 @pytest.fixture
 def opened(browser):
     """Open pages with all parts unfolded, and check at the end that none had an error or asked for anything."""

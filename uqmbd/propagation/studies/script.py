@@ -20,10 +20,11 @@ from types import ModuleType
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import check_script
+from uqmbd.mechanism import Mechanism
 from uqmbd.names import did_you_mean
 from uqmbd.propagation.studies.study import Study
 
-__all__ = ["load_study"]
+__all__ = ["load_mechanism", "load_study"]
 
 
 @typechecked
@@ -70,6 +71,25 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     """
     file = check_script(path)
     return _take_study(_run(file.resolve(), shown=str(path)), shown=str(path))
+
+
+def load_mechanism(path: str | os.PathLike[str]) -> tuple[Mechanism, Study | None]:
+    """Run a script and return its mechanism and its study; a script without a study needs one module-level mechanism.
+
+    Raise StudyError as `load_study`, and if the script has neither a study nor exactly one mechanism.
+    """
+    file = check_script(path)
+    module = _run(file.resolve(), shown=str(path))
+    if hasattr(module, "study"):
+        study = _take_study(module, shown=str(path))
+        return study.mechanism, study
+    found = {id(value): value for value in vars(module).values() if isinstance(value, Mechanism)}
+    if len(found) != 1:
+        raise StudyError(
+            f"{path} has no module-level `study`, and {len(found)} module-level mechanisms; expected a uqmbd.Study "
+            "with the name study, or one uqmbd.Mechanism."
+        )
+    return next(iter(found.values())), None
 
 
 def _run(file: Path, shown: str) -> ModuleType:

@@ -15,14 +15,17 @@ from uqmbd.report.mechanisms.animation import (
     poses,
     with_motion,
 )
-from uqmbd.report.mechanisms.body_poses import drawn_pose
+from uqmbd.report.mechanisms.body_poses import drawn_pose, motion_at, stated_pose
 from uqmbd.report.mechanisms.film import Film
+from uqmbd.report.mechanisms.sketch import CLOSED, Sketch, world
 from uqmbd.report.mechanisms.still_picture import draw_named, draw_pose, mechanism, still
 from uqmbd.report.mechanisms.symbols import Stroke
 
 __all__ = [
+    "CLOSED",
     "SECONDS",
     "Film",
+    "Sketch",
     "Stroke",
     "animate",
     "check_target",
@@ -33,10 +36,13 @@ __all__ = [
     "marked_points",
     "mechanism",
     "motion",
+    "motion_at",
     "draw_named",
     "observed_bodies",
     "draw_pose",
     "poses",
+    "stated_pose",
     "still",
     "with_motion",
+    "world",
 ]

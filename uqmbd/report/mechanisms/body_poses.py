@@ -41,7 +41,9 @@ __all__ = [
     "integrated",
     "marked_points",
     "motion",
+    "motion_at",
     "observed_bodies",
+    "stated_pose",
 ]
 
 
@@ -70,7 +72,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     >>> [round(float(x), 6) for x in drawn_pose(mechanism)["pose"].sel(body="rod").squeeze()]
     [0.5, 0.0, 1.0, 0.0]
     """
-    from uqmbd.dynamics import ParameterMap, constraining, kinematic_model, positions
+    from uqmbd.dynamics import constraining, kinematic_model, positions
 
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies to draw; add one with mechanism.body(...).")
@@ -82,10 +84,57 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
         q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
         note, owners = messages[0], model.owners
     except AssemblyError as error:
-        drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
-        q, note = ParameterMap.of(drawn, mechanism.inputs.variables)(point), str(error)
-        owners = constraining(mechanism)
+        q, note, owners = _stated(mechanism, point), str(error), constraining(mechanism)
     return _dataset(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
+
+
+def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
+    """Return the drawn pose of a mechanism, as its bodies state it, before the assembly.
+
+    The arguments and the result are those of `drawn_pose`.
+
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Planar())
+    >>> stone = mechanism.body("stone", mass=1, inertia=1, position=(0.6, 0))
+    >>> float(stated_pose(mechanism)["pose"].sel(body="stone", coordinate="x").squeeze().round(6))
+    0.6
+    """
+    from uqmbd.dynamics import constraining
+
+    point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
+    known = {"method": "", "note": "as drawn"}
+    return _dataset(mechanism, _stated(mechanism, point)[:, None, :], point, [time], constraining(mechanism), known)
+
+
+def _stated(mechanism: Mechanism, point: Array) -> Array:
+    """Return the drawn coordinates (K, coordinate) at inputs (K, input)."""
+    from uqmbd.dynamics import ParameterMap
+
+    drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
+    return ParameterMap.of(drawn, mechanism.inputs.variables)(point)
+
+
+def motion_at(study: Study, values: Mapping[str, float] | None = None, frames: int = 60) -> xr.Dataset:
+    """Compute one motion of the bodies of a study, at values of random variables by name; others are at their means.
+
+    The module describes the result, which has one realisation and `frames` times, evenly spread over the study. Raise
+    AssemblyError if nothing can be drawn, with the reason.
+    """
+    mechanism = study.mechanism
+    times = np.linspace(study.times[0], study.times[-1], frames)
+    point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
+    with warnings.catch_warnings():
+        # the check of the study reports this warning
+        warnings.simplefilter("ignore", RedundantConstraintWarning)
+        warnings.simplefilter("ignore", StudyWarning)
+        q, message = integrated(study, times, point)
+    if not np.isfinite(q).all(axis=-1).any():
+        raise AssemblyError(f"mechanism {mechanism.name!r}: {message}")
+    from uqmbd.dynamics import kinematic_model
+
+    start = float(study.times[0])
+    model = mechanism.remembered(("kinematics", start), lambda: kinematic_model(mechanism, start))
+    return _dataset(mechanism, q, point, times, model.owners, {"method": "", "note": "", "stopped": message})
 
 
 def motion(
