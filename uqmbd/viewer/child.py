@@ -60,7 +60,7 @@ class Child:
             try:
                 self._process.stdin.write(json.dumps(request) + "\n")
                 self._process.stdin.flush()
-            except OSError:
+            except (OSError, ValueError):  # a broken or closed pipe
                 raise ChildEnded from None
             while True:
                 try:
