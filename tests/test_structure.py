@@ -24,7 +24,7 @@ MOST_LINES = 420
 STATEMENTS = {
     "uqmbd": 880,
     "uqmbd.arguments": 500,
-    "uqmbd.cli": 1_820,
+    "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_060,
     "uqmbd.dynamics": 14_470,
@@ -34,7 +34,7 @@ STATEMENTS = {
     "uqmbd.new": 231,
     "uqmbd.plugins": 410,
     "uqmbd.progress": 416,
-    "uqmbd.propagation": 6_610,
+    "uqmbd.propagation": 6_620,
     "uqmbd.randomness": 5_570,
     "uqmbd.report": 8_340,
     "uqmbd.results": 9_550,
