@@ -172,13 +172,13 @@ def prospect(steps: Sequence[RefinementStep], tolerance: float, *, more: bool = 
     needed = np.inf if power <= 0 else counts[-1] + (changes[-1] - np.log(tolerance)) / power
     if power > SAMPLED and needed < -2 * np.log(tolerance):
         return f"{lead}: about {float(f'{np.exp(needed):.1g}'):.0f} would meet the tolerance" if more else ""
-    return f"{lead}. Monte Carlo needs no more realisations for this tolerance; use it instead"
+    return f"{lead}. Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead"
 
 
 def history(steps: tuple[RefinementStep, ...]) -> xr.Dataset:
     """Return the dataset `refinement` of a node."""
     note = {"comment": "largest over outputs and times, over the largest standard deviation of the output over time"}
-    missed = {"comment": "what the standard deviation lacks by the verification; NaN where it was not asked for"}
+    missed = {"comment": "missing part of the standard deviation, from the verification; NaN without verification"}
     found = {
         "realisations": ("step", np.array([s.realisations for s in steps], dtype=np.int64)),
         "terms": ("step", np.array([s.terms for s in steps], dtype=np.int64)),

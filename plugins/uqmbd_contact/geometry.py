@@ -96,7 +96,7 @@ class OnSphere(uqmbd.extend.TypedComponent):
 
 
 class OnRoad(uqmbd.extend.TypedComponent):
-    """Geometry of a point of body j on a road in body i: a curve in the plane, a cylindrical surface in space."""
+    """Geometry of a point of body j on a road in body i: a planar curve, or a cylindrical surface in 3D."""
 
     drawn_by = ()
     body_i: uqmbd.extend.NamedFrame
@@ -128,7 +128,7 @@ class OnRoad(uqmbd.extend.TypedComponent):
 
 
 class InBearing(uqmbd.extend.TypedComponent):
-    """Geometry of a circle of body j inside a slightly larger circle of body i; in space, of a ball in a socket."""
+    """Geometry of a circle of body j in a slightly larger circle of body i, or of a ball in a socket."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
@@ -142,7 +142,7 @@ class InBearing(uqmbd.extend.TypedComponent):
     )
     radius: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "radius of the journal", minimum=0, about="point_j")
     clearance: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
-        "m", "radius of the bearing without that of the journal", minimum=0
+        "m", "radius of the bearing minus radius of the journal", minimum=0
     )
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:
@@ -157,7 +157,7 @@ class InBearing(uqmbd.extend.TypedComponent):
 
 
 def tangents(p: uqmbd.extend.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
-    """Return unit vectors along the surface, world axes: one in the plane, two in space, none on a line."""
+    """Return unit vectors along the surface, world axes: one in planar, two in spatial models, none on a line."""
     if meeting.fixed_i is not None:  # the tangents rotate with body i
         return tuple(p.let("tangent", p.body_i.direction(x)) for x in _across(meeting.fixed_i))
     return tuple(p.let("tangent", x) for x in _across(meeting.normal))

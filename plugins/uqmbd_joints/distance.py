@@ -12,7 +12,9 @@ __all__ = ["Distance"]
 
 
 class Distance(uqmbd.extend.TypedComponent):
-    """A massless rod: two points keep their distance. Both ends are ball joints in space, and hinges in the plane.
+    """A massless rod: two points keep their distance.
+
+    Both ends are ball joints in three dimensions, and hinges in planar space.
 
     On a line, point j stays on its drawn side of point i.
 

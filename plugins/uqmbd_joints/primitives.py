@@ -58,7 +58,7 @@ class Dot2(PointsAndAxis):
 class Parallel2(PointsAndAxis):
     """The vector from point i to point j stays parallel to an axis: point j stays on a line fixed in body i.
 
-    The constraint has two equations in space, and one in the plane.
+    The constraint has two equations in three dimensions, and one in planar space.
 
     Examples
     --------

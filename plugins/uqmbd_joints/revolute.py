@@ -13,7 +13,7 @@ __all__ = ["Revolute"]
 
 
 class Revolute(uqmbd.Component):
-    """A hinge: two points coincide, and in space two axes are parallel.
+    """A hinge: two points coincide, and in three dimensions two axes are parallel.
 
     The axis equations use the quaternion of joint frame j relative to joint frame i: its first two vector components
     are zero. These equations are quadratic in the coordinates. Unlike the usual dot products, they exclude the mirror

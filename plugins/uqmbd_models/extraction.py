@@ -204,7 +204,7 @@ def _remarks(loaded: ParsedFile, model: Any, joints: Sequence[TreeJoint], off: s
 
     springs = [j.name for j in joints if j.stiffness and j.kind in ("ball", "free")]
     note(
-        "springs of rotation in space",
+        "springs of rotation in three dimensions",
         springs,
         "uqmbd has no rotational spring for these joints; of a free joint, the translational spring is imported",
     )

@@ -124,7 +124,7 @@ class ControlledSums:
             name: (dims, value, {**statistics[name].attrs, **({} if "error" in name else note)})
             for name, value in replaced.items()
         }
-        about = "variance of the estimate without control over that with it; 1 where there is nothing to control"
+        about = "variance of the estimate without control, divided by the variance with control; 1 without variance"
         added = {
             name: (dims, value, {"long_name": f"variance reduction of the {what}", "comment": about})
             for name, (what, value) in reductions.items()

@@ -206,7 +206,7 @@ def estimated_psd(
     per : {"Hz", "rad/s"}
         Unit of the frequency.
     skip : float
-        Duration at the beginning of the motion that is left out, s, such as a transient motion.
+        Omitted duration at the beginning of the motion, s, such as a transient motion.
 
     Returns
     -------
@@ -290,7 +290,7 @@ def order_amplitude(
         Orders, which are positive: 1 for once per turn; 0.5 for once in two turns. Fractions have denominators up to 12
         and use a multiple of so many turns.
     skip : float
-        Duration at the beginning of the motion that is left out, s.
+        Omitted duration at the beginning of the motion, s.
 
     Returns
     -------
@@ -305,7 +305,7 @@ def order_amplitude(
     Notes
     -----
     A realisation has no value if the angle decreases, or completes less than one turn. A further part of the motion
-    after the last whole turn is left out.
+    after the last whole turn is omitted.
 
     Examples
     --------

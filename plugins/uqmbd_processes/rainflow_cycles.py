@@ -67,7 +67,7 @@ def rainflow_damage(expression: Any, *, exponent: float, coefficient: float, ski
     exponent, coefficient : float
         Exponent and coefficient of the Woehler curve ``cycles = coefficient / range^exponent``.
     skip : float
-        Duration at the beginning of the motion that is left out, s.
+        Omitted duration at the beginning of the motion, s.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def rainflow_counts(expression: Any, edges: Sequence[float], *, skip: float = 0.
         Increasing edges of bins of the range, in the units of the expression. A range at an edge belongs to the bin
         above it, or to the last bin. Ranges outside of all bins are not counted.
     skip : float
-        Duration at the beginning of the motion that is left out, s.
+        Omitted duration at the beginning of the motion, s.
 
     Returns
     -------

@@ -35,7 +35,7 @@ class Bushing(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point", body="body_j")
     stiffness = uqmbd.Parameter(
         "N/m, N m/rad",
-        "diagonal (3 + 3 numbers, in the plane 2 + 1) or symmetric matrix; one number k: k N/m and k N m/rad",
+        "diagonal (3 + 3 numbers, 2 + 1 in planar space) or symmetric matrix; one number k: k N/m and k N m/rad",
         kind="option",
         example=2.0,
     )

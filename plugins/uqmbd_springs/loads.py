@@ -86,7 +86,7 @@ class Gravity(uqmbd.extend.TypedComponent):
 
 
 class Torque(uqmbd.extend.TypedComponent):
-    """A torque on a body, in world or body axes; in the plane, the torque is a single number.
+    """A torque on a body, in world or body axes; in planar space, the torque is a single number.
 
     Examples
     --------

@@ -12,8 +12,8 @@ __all__ = ["rotation_rate"]
 def rotation_rate(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
     """Return the rate of the angle of body j relative to body i about a common axis, and the initial angle.
 
-    In the plane, the drawn angle ``p.drawn`` selects the turn of the initial angle. In space, the initial angle between
-    ``p.frame_i`` and ``p.frame_j`` is within half a turn of zero, on the side of the angle ``p.near``.
+    In planar space, the drawn angle ``p.drawn`` selects the turn of the initial angle. In three dimensions, the initial
+    angle between ``p.frame_i`` and ``p.frame_j`` is within half a turn of zero, on the side of the angle ``p.near``.
     """
     i, j = p.body_i, p.body_j
     speed = j.angular_velocity - i.angular_velocity

@@ -171,8 +171,12 @@ def test_progress_is_one_piece_of_work(resting):
 @pytest.mark.parametrize(
     ("helpful", "change", "words"),
     [
-        ("realisations", 0.5, "Monte Carlo needs no more realisations for this tolerance; use it instead"),
-        ("samples", 0.5, "Monte Carlo needs no more realisations for this tolerance; use it instead"),
+        (
+            "realisations",
+            0.5,
+            "Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead",
+        ),
+        ("samples", 0.5, "Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead"),
         ("neither", 0.5, ""),  # failures, or no further terms
         ("realisations", 1e-5, ""),  # below a hundred relative tolerances: the noise of the integration
         ("samples", 1e-5, ""),

@@ -195,7 +195,7 @@ def animate(
     fps: Annotated[float, typer.Option("--fps", metavar="N", help="Frames per second.")] = 20.0,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", metavar="S", help="Duration in s (default: that of the motion, within 3 to 8)."),
+        typer.Option("--seconds", metavar="S", help="Duration in s (default: that of the motion, between 3 and 8 s)."),
     ] = None,
 ) -> None:
     """Animate the mechanism.
@@ -211,7 +211,7 @@ def animate(
 
 @app.command(
     context_settings={**CONTEXT, "allow_extra_args": True, "ignore_unknown_options": True},
-    epilog="Other options are those of the exporter, such as --fmi 3 for .fmu; a wrong option lists them.",
+    epilog="The exporter defines further options, such as --fmi 3 for .fmu; the message on a wrong option lists them.",
 )
 def export(
     context: typer.Context,

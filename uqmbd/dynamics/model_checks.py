@@ -319,7 +319,7 @@ def inputs_of_notices(mechanism: Mechanism) -> Array:
 
 
 def _drawn_angle(component: Component) -> sympy.Expr:
-    """Return the drawn angle between two bodies, rad, as defined for rotation drivers; in space at the means."""
+    """Return the drawn angle between two bodies, rad, as rotation drivers define it; at the means in spatial models."""
     i, j = (component.drawn_frame(body) for body in ("body_i", "body_j"))
     if i.space.dimension == 2:
         return component.drawn_angle()

@@ -126,14 +126,16 @@ class Mechanism:
         mass : number
             Mass, kg.
         inertia : number or sequence
-            Inertia tensor about the centre of mass in body axes, kg m^2. In the plane: one number. In space: a 3 x 3
-            matrix or ``(Jxx, Jyy, Jzz[, Jxy, Jxz, Jyz])``, entries of the tensor. Point masses have no inertia.
+            Inertia tensor about the centre of mass in body axes, kg m^2. In planar space: one number. In three
+            dimensions: a 3 x 3 matrix or ``(Jxx, Jyy, Jzz[, Jxy, Jxz, Jyz])``, entries of the tensor. Point masses have
+            no inertia.
         com : sequence
             Centre of mass in the body frame, m. Default: the origin of the body frame.
         position : sequence
             Position of the origin of the body frame in world axes, m. Default: the world origin.
         angle, quaternion, rotation : number, four numbers, 3 x 3 matrix
-            Orientation of the body frame in the world: `angle` (rad) in the plane, `quaternion` or `rotation` in space.
+            Orientation of the body frame in the world: `angle` (rad) in planar space, `quaternion` or `rotation` in
+            three dimensions.
         velocity, angular_velocity : sequence or number, optional
             Initial velocity of the origin, m/s (world axes), and initial angular velocity, rad/s (body axes). Assembly
             does not change given values. Default: the values of smallest norm that satisfy the constraints.

@@ -198,9 +198,9 @@ class CombinedTrajectories:
         messages = [""] * len(values)
         for k, motion in enumerate(self._motions(values, self._longer if marks.ending else 1.0)):
             if motion.history.labels[: len(sequence)] != sequence:
-                messages[k] = "the sequence of its events differs from that of the element"
+                messages[k] = "the sequence of its events differs from the sequence of the element"
             elif not (motion.grows(len(sequence)) and motion.passes(marks)):
-                messages[k] = "the sequence of its events and phases differs from that of the element"
+                messages[k] = "the sequence of its events and phases differs from the sequence of the element"
             else:
                 edges[k], response[k] = motion.cut(marks, outputs)
         status = np.array([int(Status.INTEGRATION_FAILED if text else Status.OK) for text in messages])

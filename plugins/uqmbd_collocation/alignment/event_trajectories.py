@@ -126,7 +126,7 @@ class EventTrajectories:
             values,
             response.reshape(len(values), outputs, -1),
             np.where(same, int(Status.OK), int(Status.INTEGRATION_FAILED)),
-            tuple("" if ok else "the sequence of its events differs from that of the element" for ok in same),
+            tuple("" if ok else "the sequence of its events differs from the sequence of the element" for ok in same),
             {},
             0.0,
         )

@@ -243,7 +243,7 @@ def test_a_pose_from_which_two_ways_lead_is_not_chosen_for_the_user():
     mechanism, rod = pendulum()
     mechanism.start(rod.point((0.5, 0))[1], -0.5)
     with pytest.raises(
-        uqmbd.AssemblyError, match=r"No motion that the joints and drivers allow changes this quantity there"
+        uqmbd.AssemblyError, match=r"No motion that the joints and drivers allow changes this quantity in that pose"
     ):
         uqmbd.check(mechanism)
 

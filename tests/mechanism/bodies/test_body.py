@@ -44,7 +44,7 @@ PLANE = {
     "velocity short": ({"mass": 1, "inertia": 1, "velocity": 3}, "velocity has 1 number, expected 2"),
     "angular velocity long": ({"mass": 1, "inertia": 1, "angular_velocity": (0, 0, 1)}, "angular_velocity has 3 numbers, expected 1"),
     "angle a text": ({"mass": 1, "inertia": 1, "angle": "up"}, "angle is the text 'up'; expected a number (rad)"),
-    "quaternion": ({"mass": 1, "inertia": 1, "quaternion": (1, 0, 0, 0)}, "quaternion is given, but in the plane", "angle= in rad"),
+    "quaternion": ({"mass": 1, "inertia": 1, "quaternion": (1, 0, 0, 0)}, "quaternion is given, but in planar space", "angle= in rad"),
     "hold": ({"mass": 1, "inertia": 1, "hold": "yes"}, "hold is the text 'yes'; expected True or False"),
 }  # fmt: skip
 
@@ -56,7 +56,7 @@ SPACE = {
     "inertia indefinite at the means": ({"inertia": (LENGTH, 1, 1, 0, 2, 0)}, "kg m^2 at the means of the random variables"),
     "inertia unsymmetric": ({"inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "is not symmetric"),
     "inertia a text": ({"inertia": ("a", 1, 1)}, "inertia is", "which contains the text 'a'"),
-    "angle": ({"inertia": (1, 1, 1), "angle": 1}, "angle is given, but in space", "quaternion=(e0, e1, e2, e3)"),
+    "angle": ({"inertia": (1, 1, 1), "angle": 1}, "angle is given, but in three dimensions", "quaternion=(e0, e1, e2, e3)"),
     "both": ({"inertia": (1, 1, 1), "quaternion": (1, 0, 0, 0), "rotation": np.eye(3)}, "both quaternion and rotation"),
     "quaternion long": ({"inertia": (1, 1, 1), "quaternion": (2, 0, 0, 0)}, "quaternion (2, 0, 0, 0) has the length 2", "expected the length 1"),
     "quaternion short": ({"inertia": (1, 1, 1), "quaternion": (1, 0, 0)}, "quaternion has 3 numbers, expected 4 (scalar first)"),

@@ -341,7 +341,7 @@ def test_a_body_with_random_mass_properties_moves():
     ("changes", "said"),
     [
         ({"mass": 0}, "mass is 0 kg; expected more than 0"),
-        ({"centre": (1, 2, 3, 4)}, "two numbers in the plane, or three in space"),
+        ({"centre": (1, 2, 3, 4)}, "two numbers in planar space, or three numbers"),
         ({"inertia": 0.1}, "inertia"),
         ({"inertia": (1, 1, 3)}, "the inertia tensor is physically impossible"),
         ({"dispersion": 0.9}, "less than 0.8452"),

@@ -191,5 +191,5 @@ def test_what_cannot_be_given_in_the_world():
     body = plane.body("body", mass=1, inertia=1)
     refused(
         lambda: plane.add(Revolute("J", plane.ground, body, at=(0, 0), axis=(0, 0, 1))),
-        "Revolute 'J': axis is given, but in the plane all rotations have the same axis; omit it",
+        "Revolute 'J': axis is given, but in planar space all rotations have the same axis; omit it",
     )

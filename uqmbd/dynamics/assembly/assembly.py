@@ -243,8 +243,9 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
     if not len(here):
         return ""
     return (
-        f"The drawn pose is a dead centre: only in this pose {named(model, here)} can be left out, and the motion "
-        "from there is not determined. Draw the mechanism slightly farther along the motion, or drive another joint."
+        f"The drawn pose is a dead centre: only in this pose {named(model, here)} can be omitted, and the motion "
+        "from this pose is not determined. Draw the mechanism slightly farther along the motion, or drive "
+        "another joint."
     )
 
 

@@ -215,9 +215,9 @@ class _ConditionSearch:
                 holding = self._drivers(k, worst)
                 by = f" (driver {', '.join(map(repr, holding))})" if holding else ""
                 why = (
-                    "No motion that the joints and drivers allow changes this quantity there. Either they hold it "
-                    f"constant{by}, or it has a maximum or minimum, from which two motions are possible. In the "
-                    "latter case, draw the bodies on the intended side."
+                    "No motion that the joints and drivers allow changes this quantity in that pose. Either they "
+                    f"keep it constant{by}, or it has a maximum or minimum, from which two motions are possible. In "
+                    "the latter case, draw the bodies on the intended side."
                 )
             else:
                 other = f"Does the condition {' or '.join(others)} hold it elsewhere, or is it" if others else "Is it"

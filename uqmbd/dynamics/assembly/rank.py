@@ -148,7 +148,7 @@ def violated(
         names = named(model, np.flatnonzero(off[k, first]))
         texts[k] = (
             first,
-            f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s "
+            f"the equations {names}, omitted as redundant at the start, are violated from t = {times[first]:.6g} s "
             "on: other equations do not imply them. The constraints may contradict each other (as two drivers of one "
             "motion, or lengths that do not fit). Or several motions are possible, because the drawn pose is "
             "singular: draw the mechanism slightly farther along the motion",

@@ -114,8 +114,9 @@ class Collision:
 def solutions(collision: Collision) -> Iterator[Array]:
     """Yield impulses (direction,) that satisfy the laws, always in the same order.
 
-    For few contacts in the plane, and for one contact in space, all solutions are returned. Their order is given by the
-    modes of each contact: stick, slip on, slip back, no impulse.  For more contacts, an iteration finds solutions.
+    For few contacts in planar space, and for one contact in three dimensions, all solutions are returned. Their order
+    is given by the modes of each contact: stick, slip on, slip back, no impulse. For more contacts, an iteration finds
+    solutions.
     """
     touches = collision.touches
     plane = all(len(x.tangents) <= 1 for x in touches)
@@ -241,7 +242,7 @@ def _all_hit(collision: Collision) -> Array:
 
 
 def _on_pyramids(collision: Collision, facets: int) -> Array | None:
-    """Return impulses for friction pyramids, from a linear complementarity problem; exact in the plane."""
+    """Return impulses for friction pyramids, from a linear complementarity problem; exact in planar space."""
     size, count = len(collision.before), len(collision.touches)
     columns, owner, wanted = list[Array](), list[int](), list[float]()
     for k, (touch, least) in enumerate(zip(collision.touches, collision.wanted, strict=True)):

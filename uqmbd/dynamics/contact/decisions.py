@@ -115,7 +115,7 @@ class Decisions:
             turns = self._modes(member) == before and fast > float(self.chatter.slow(np.array([member]))[0])
             if turns and not at_once:
                 self.turning[member] = time
-                # the direction of a starting slide may turn in space; repeated stops would hold the bodies
+                # the direction of a starting slide may turn in three dimensions; repeated stops would hold the bodies
                 lasting = self.lasting[member]
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z

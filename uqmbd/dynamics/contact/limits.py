@@ -163,7 +163,8 @@ class _Rates(NamedTuple):
     """Accelerations of C contacts along their headings, if all contacts with headings slip.
 
     Fields are `rate` (C,), its `response` (C, C) to reserves of friction, and directions `along` (C, direction).
-    `across` is the friction across the heading of a contact in space; it prevents sliding across the heading.
+    `across` is the friction across the heading of a contact in three dimensions; it prevents sliding across the
+    heading.
     """
 
     rate: Array

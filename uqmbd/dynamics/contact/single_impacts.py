@@ -1,8 +1,8 @@
 """Impacts with one contact each, for many states at once; most impacts are of this kind.
 
 The laws, and the order of their solutions, are those of `uqmbd.dynamics.contact.impacts`. That module treats the
-remaining cases: several contacts at once, slipping contacts in space, and impacts in which restitution would add
-energy.
+remaining cases: several contacts at once, slipping contacts in three dimensions, and impacts in which restitution would
+add energy.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _smooth(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
 
 
 def _in_plane(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Return impulses (T, 2) with friction in the plane: the first valid mode of stick, slip on, and slip back."""
+    """Return impulses (T, 2) with friction in planar space: the first valid mode of stick, slip on, and slip back."""
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     normal, along = before.T
     mu, sense = law[:, 1], np.copysign(1.0, before[:, 1])
@@ -65,7 +65,7 @@ def _in_plane(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
 
 
 def _sticking(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Return the impulses (T, 3) of sticking contacts with friction in space."""
+    """Return the impulses (T, 3) of sticking contacts with friction in three dimensions."""
     wanted = np.maximum(0.0, -law[:, 0] * before[:, 0])
     right = -before
     right[:, 0] += wanted

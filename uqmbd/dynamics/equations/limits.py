@@ -59,7 +59,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Tensor:
-    """Inertia tensor of a body in space."""
+    """Inertia tensor of a body in three dimensions."""
 
     body: str
     index: Index  # (6,): of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model

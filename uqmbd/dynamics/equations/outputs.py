@@ -59,8 +59,8 @@ class AngleCounter(Component):
     sine = Parameter("1", "sine of the angle, or of half of it")
     rate = Parameter("rad/s", "its rate")
     near = Parameter("rad", "angle near which it starts")
-    half = Parameter("", "whether they are those of half the angle", kind="option")
-    signed = Parameter("", "whether their sign means something", kind="option")
+    half = Parameter("", "whether they are cosine and sine of half the angle", kind="option")
+    signed = Parameter("", "whether their sign has a meaning", kind="option")
 
     def terms(self, p: Local) -> list[Auxiliary]:
         """Return the state; its initial value is the angle of the assembled pose nearest to the drawn angle."""

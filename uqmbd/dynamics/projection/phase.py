@@ -304,7 +304,7 @@ def require_phase(projected: ProjectedEquations) -> None:
         raise StudyError(f"{where} controllers, which sample in time, cannot be followed; use collocation.")
     if names := dict.fromkeys(component for component, _, directions in model.events if directions):
         raise StudyError(
-            f"{where} impacts cannot be followed, as those of {', '.join(map(repr, names))}; use collocation with "
+            f"{where} impacts cannot be followed, such as those of {', '.join(map(repr, names))}; use collocation with "
             "alignment='events'."
         )
     if not projected.coupled.compiled:

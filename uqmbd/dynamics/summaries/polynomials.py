@@ -108,7 +108,7 @@ class MotionPolynomials:
         -------
         array
             Values that rise and fall alternately, with both sides of jumps. Reversals of less than 1e-7 of the largest
-            value are left out: polynomials of successive parts differ by their errors.
+            value are omitted: polynomials of successive parts differ by their errors.
         """
         series = self.coefficients[expression]
         fine = np.cos(np.linspace(np.pi, 0, FINEST))

@@ -30,8 +30,8 @@ class AttachedFrame(NamedFrame):
         Origin of the frame, in the axes of the body, m: expressions in coordinates of components
         (``component.coordinate(name)``), numbers and random variables.
     turned : sequence of expressions, optional
-        Unit quaternion of the frame relative to the body, scalar first; in the plane the half-angle pair. Default: the
-        frame is parallel to the body.
+        Unit quaternion of the frame relative to the body, scalar first; in planar space the half-angle pair. Default:
+        the frame is parallel to the body.
 
     Raises
     ------

@@ -31,13 +31,13 @@ UNITS = {"q": "m", "v": "m/s", "a": "m/s^2"}
 
 
 class PlaneScalar(StateSymbol):
-    """Rotation in the plane: a scalar that also accepts the index ``[0]``, like a vector."""
+    """Rotation in planar space: a scalar that also accepts the index ``[0]``, like a vector."""
 
     _iterable = False  # SymPy must not treat the symbol as a sequence
 
     def __getitem__(self, index: int) -> PlaneScalar:
         if index not in (0, -1):
-            raise IndexError(f"{self.name} has one component in the plane")
+            raise IndexError(f"{self.name} has one component in planar space")
         return self
 
 
@@ -100,7 +100,7 @@ class Body(NamedFrame):
 
     @property
     def angle(self) -> sympy.Symbol:
-        """Angle in the plane, rad, counted over any number of turns, for use in outputs, parameters and laws."""
+        """Angle in planar space, rad, counted over any number of turns, for use in outputs, parameters and laws."""
         if self.space.dimension != 2 or not self.space.turns:
             raise AttributeError(
                 f"body {self.name!r} has no .angle: only bodies in Planar space do; use .quaternion or .rotation."
@@ -112,14 +112,14 @@ class Body(NamedFrame):
 
     @property
     def angular_velocity(self) -> Any:
-        """Angular velocity, rad/s, world axes; in the plane a scalar."""
+        """Angular velocity, rad/s, world axes; in planar space a scalar."""
         if self.space.dimension == 2 and self.space.turns:
             return PlaneScalar(self, "angular_velocity", 0, f"{self.name}.angular_velocity", "rad/s")
         return super().angular_velocity
 
     @property
     def angular_acceleration(self) -> Any:
-        """Angular acceleration, rad/s^2, world axes; in the plane a scalar."""
+        """Angular acceleration, rad/s^2, world axes; in planar space a scalar."""
         if self.space.dimension == 2 and self.space.turns:
             return PlaneScalar(self, "angular_acceleration", 0, f"{self.name}.angular_acceleration", "rad/s^2")
         return super().angular_acceleration

@@ -37,7 +37,7 @@ def mass_number(where: str, mass: Any) -> sympy.Expr:
 
 
 def inertia_entries(where: str, space: Space, inertia: Any) -> tuple[sympy.Expr, ...]:
-    """Return the inertia of a body: empty for point masses, one number in the plane, six tensor entries in space.
+    """Return the inertia of a body: no number for point masses, one in planar space, six entries in three dimensions.
 
     Raises `uqmbd.StudyError` if the inertia is missing, has the wrong form, or is physically impossible at the means of
     random variables.
@@ -112,7 +112,7 @@ def is_tensor_of_body(moments: NDArray[np.float64]) -> NDArray[np.bool_]:
 def orientation(
     where: str, space: Space, angle: Any = None, quaternion: Any = None, rotation: Any = None
 ) -> tuple[sympy.Expr, ...]:
-    """Return the drawn quaternion of a body: a half-angle pair in the plane, empty for point masses.
+    """Return the drawn quaternion of a body: a half-angle pair in planar space, empty for point masses.
 
     Raises `uqmbd.StudyError` if the orientation is given twice, in a form for another space, or is not a rotation.
     """
@@ -153,10 +153,10 @@ def _require_form(where: str, space: Space, given: Mapping[str, Any]) -> None:
     if not space.turns:
         right, remedy = set(), f"bodies in {name} space do not rotate; omit it"
     elif space.dimension == 2:
-        right, remedy = {"angle"}, "in the plane the orientation is angle= in rad"
+        right, remedy = {"angle"}, "in planar space the orientation is angle= in rad"
     else:
         right = {"quaternion", "rotation"}
-        remedy = "in space the orientation is quaternion=(e0, e1, e2, e3) or rotation=3x3"
+        remedy = "in three dimensions the orientation is quaternion=(e0, e1, e2, e3) or rotation=3x3"
     for key in given:
         if key not in right:
             raise StudyError(f"{where}: {key} is given, but {remedy}.")

@@ -46,9 +46,9 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
         Spatial body: the diagonal, six entries ``(Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)`` or a 3 x 3 matrix. All entries are
         plain numbers.
     dispersion : float
-        :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms.  In the plane, the
-        dispersion is the coefficient of variation of the moment of inertia. In space, the second moments have the
-        covariance
+        :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms. In planar space, the
+        dispersion is the coefficient of variation of the moment of inertia. In three dimensions, the second moments
+        have the covariance
         :math:`\operatorname{cov}(S_{ij}, S_{kl}) = \frac{\delta^2}{4} (S_{ik} S_{jl} + S_{il} S_{jk})`, with means on
         the right-hand side. For a flat body, the factor is :math:`\delta^2 / 3`. Each moment of inertia of a ball thus
         has a coefficient of variation of :math:`\delta / 2`.
@@ -66,8 +66,8 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     ------
     uqmbd.StudyError
         If `mean` is not the inertia of a body, is random, or is zero. Also if `dispersion` is so large that the inverse
-        of the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.816 in space.
-        The limit is 0.774 for a flat body, and 0.707 for a rod and for a planar body.
+        of the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.816 in three
+        dimensions. The limit is 0.774 for a flat body, and 0.707 for a rod and for a planar body.
 
     See Also
     --------
@@ -129,8 +129,8 @@ class MassProperties:
     centre : tuple of sympy.Expr
         Coordinates of the centre of mass, m, in the frame of the given mean centre of mass.
     inertia : sympy.Expr or tuple of sympy.Expr
-        Inertia about the centre of mass, kg m^2, in axes parallel to the same frame: one number in the plane, six
-        entries in space.
+        Inertia about the centre of mass, kg m^2, in axes parallel to the same frame: one number in planar space, six
+        entries in three dimensions.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     Returns
     -------
     MassProperties
-        Expressions in independent random variables.  In space the mass has a coefficient of variation of
+        Expressions in independent random variables.  In three dimensions the mass has a coefficient of variation of
         :math:`\delta \sqrt{2/5} = 0.63\,\delta`.  The centre of mass has the mean `centre` and, conditional on the
         mass, a normal distribution. It scatters by about :math:`\delta / \sqrt{5} = 0.45\,\delta` radii of gyration.
         The inertia about the centre of mass is independent of mass and centre of mass.
@@ -187,7 +187,8 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     ------
     uqmbd.StudyError
         If the means are random, or are not physically possible. Also if `dispersion` is so large that the inverse of
-        the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.845 in space.
+        the matrix, and therefore accelerations, have no finite variance. `dispersion` must be below 0.845 in three
+        dimensions.
 
     See Also
     --------
@@ -218,7 +219,8 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     place = _numbers(where, "centre", centre, numbers(where, "centre", coordinates, len(coordinates), "m"))
     if len(place) not in (2, 3):
         raise StudyError(
-            f"{where}: the centre is {shown(centre)}; expected two numbers in the plane, or three in space."
+            f"{where}: the centre is {shown(centre)}; expected two numbers in planar space, or three "
+            "numbers in three dimensions."
         )
     planar = len(place) == 2
     heavy = _numbers(where, "mass", mass, [mass_number(where, mass)])[0]

@@ -323,7 +323,8 @@ class Component:
     def reaction_moment(self) -> Any:
         """Moment exerted on body j by body i about the component's point on body i, world axes, N m.
 
-        The moment is a column of three symbols in space and one symbol in the plane; on a line it does not exist.
+        The moment is a column of three symbols in three dimensions and one symbol in planar space; on a line it does
+        not exist.
         """
         if self._space().dimension == 1:
             raise AttributeError(
@@ -468,8 +469,8 @@ class Component:
         """Return the rotation angle of one body relative to another about a common axis, for `motion`.
 
         The angle is zero if the joint frames coincide. The joint frames are `uqmbd.extend.joint_frames` of `axis_i` and
-        `axis_j`, and in the plane the body frames. In the plane, the initial angle is in the turn of the drawn bodies,
-        which may be any turn. In space, the initial angle is within half a turn of zero.
+        `axis_j`, and in planar space the body frames. In planar space, the initial angle is in the turn of the drawn
+        bodies, which may be any turn. In three dimensions, the initial angle is within half a turn of zero.
 
         Parameters
         ----------
@@ -513,12 +514,12 @@ class Component:
         Returns
         -------
         tuple of expressions
-            Four components; in the plane the cosine and sine of half the angle.
+            Four components; in planar space the cosine and sine of half the angle.
         """
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
 
     def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
-        """Return the drawn angle of one body relative to another in the plane, with its turns, for `prepare`.
+        """Return the drawn angle of one body relative to another in planar space, with its turns, for `prepare`.
 
         Parameters
         ----------

@@ -26,7 +26,7 @@ SYMBOLS = (
 KINDS = {
     "scalar": "number or expression",
     "turning_axis": "axis",
-    "rotation": "quaternion or matrix; in the plane an angle",
+    "rotation": "quaternion or matrix; in planar space an angle",
     "numbers": "numbers or expressions",
     "option": "expression",
 }

@@ -64,8 +64,8 @@ class JointAngle:
     half : bool
         Whether `cosine` and `sine` belong to half the angle, as in quaternions.
     signed : bool
-        Whether the common sign of a half-angle pair has a meaning. In the plane, the sign distinguishes odd from even
-        numbers of turns.
+        Whether the common sign of a half-angle pair has a meaning. In planar space, the sign distinguishes odd from
+        even numbers of turns.
     near : expression
         Angle near the initial angle, rad, as a number or an expression in random variables. It selects the turn of the
         initial angle.
@@ -218,8 +218,9 @@ def angle_between(
 ) -> JointAngle:
     """Return the angle of frame j relative to frame i about a common axis; it is zero if the joint frames coincide.
 
-    `axes` contains one unit vector for each frame, and is empty in the plane; `start` is the drawn relative quaternion.
-    In the plane, `drawn` is the drawn angle, rad.  In space, the initial angle is within half a turn of zero.
+    `axes` contains one unit vector for each frame, and is empty in planar space; `start` is the drawn relative
+    quaternion. In planar space, `drawn` is the drawn angle, rad. In three dimensions, the initial angle is within half
+    a turn of zero.
     """
     if i.space.dimension == 2:
         cosine, sine = relative_quaternion(i.quaternion, j.quaternion)
@@ -252,7 +253,7 @@ def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[
 
 
 def _spin(frame: Frame) -> sympy.Matrix:
-    """Return the angular velocity in coordinates and rates, as a column, also in the plane."""
+    """Return the angular velocity in coordinates and rates, as a column, also in planar space."""
     return frame.space.angular_velocity(frame.quaternion, frame.quaternion_rate)
 
 

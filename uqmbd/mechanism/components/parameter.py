@@ -66,12 +66,12 @@ class Parameter(Generic[Given]):
         Meaning of the parameter, for help and messages.
     kind : str
         Kind of the value. ``scalar``: one number. ``point``, ``axis`` or ``vector``: one number for each dimension of
-        the space. ``turning_axis``: three numbers in space, omitted in the plane. ``moment``: three numbers in space,
-        one in the plane. ``rotation``: quaternion or matrix. ``numbers``: a row of any length. ``option``: an object
-        that is not a number and is not converted.
+        the space. ``turning_axis``: three numbers in three dimensions, omitted in planar space. ``moment``: three
+        numbers in three dimensions, one in planar space. ``rotation``: quaternion or matrix. ``numbers``: a row of any
+        length. ``option``: an object that is not a number and is not converted.
     default : object
         Default value. A parameter without a default is required. For a ``turning_axis``, ``default=()`` makes the axis
-        optional for type checkers, because it is omitted in the plane; in space it is still required.
+        optional for type checkers, because it is omitted in planar space; in three dimensions it is still required.
     choices : tuple
         Allowed values of an option. A type in the tuple allows all objects of this type.
     example : object
@@ -205,7 +205,7 @@ class Parameter(Generic[Given]):
 
     @property
     def left_out(self) -> bool:
-        """Whether type checkers accept an omitted argument: a turning axis with default ``()``, required in space."""
+        """Whether type checkers accept an omitted argument: a turning axis with default ``()``."""
         return self.kind == "turning_axis" and isinstance(self.default, tuple) and not self.default
 
     @property

@@ -136,7 +136,7 @@ def _value(
         return value
     if parameter.kind == "turning_axis" and size == 0:
         if stated and value is not None and flatten(value):
-            raise StudyError(f"{where}: {key} is given, but in the plane all rotations have the same axis; omit it.")
+            raise StudyError(f"{where}: {key} is given, but in planar space all rotations have the same axis; omit it.")
         return ()
     if value is None and not parameter.required and parameter.default is None:
         return None
@@ -169,7 +169,7 @@ def _require_range(what: str, parameter: Parameter, entries: list[sympy.Expr], h
 
 
 def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tuple[sympy.Expr, ...]:
-    """Return the quaternion of a relative rotation; a half-angle pair in the plane."""
+    """Return the quaternion of a relative rotation; a half-angle pair in planar space."""
     if not space.turns:
         raise StudyError(f"{where}: {key} is given, but bodies in {type(space).__name__} space do not rotate; omit it.")
     parts = flatten(value)

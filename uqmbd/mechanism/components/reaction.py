@@ -42,11 +42,11 @@ class ReactionSymbol(Symbolic, Symbol):
 
 
 class PlaneReaction(ReactionSymbol):
-    """Moment in the plane: a scalar that also accepts the index ``[0]``."""
+    """Moment in planar space: a scalar that also accepts the index ``[0]``."""
 
     _iterable = False  # SymPy must not treat the symbol as a sequence
 
     def __getitem__(self, index: int) -> PlaneReaction:
         if index not in (0, -1):
-            raise IndexError(f"{self.name} has one component in the plane")
+            raise IndexError(f"{self.name} has one component in planar space")
         return self

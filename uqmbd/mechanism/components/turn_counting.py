@@ -27,7 +27,7 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
     drawn : sequence
         Relative quaternion in the drawn pose, from `Component.drawn_quaternion`.
     axis_j : sequence
-        Unit vector of the axis in the frame of body j; unused in the plane.
+        Unit vector of the axis in the frame of body j; unused in planar space.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def counted_angle(
     --------
     >>> import uqmbd
     >>> class Coupling(uqmbd.Component):
-    ...     \"\"\"Two shafts in the plane, of which one turns twice as fast.\"\"\"
+    ...     \"\"\"Two shafts in planar space, of which one turns twice as fast.\"\"\"
     ...     bodies, spaces = ("body_i", "body_j"), (uqmbd.Planar,)
     ...     def prepare(self):
     ...         return {"drawn": self.drawn_quaternion()}

@@ -92,7 +92,7 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
         size = max(declared[name].size(space) for name in names)
         if size == 0:
             raise StudyError(
-                f"{where}: {keyword} is given, but in the plane all rotations have the same axis; omit it."
+                f"{where}: {keyword} is given, but in planar space all rotations have the same axis; omit it."
             )
         value = without_quantities(f"{where}: {keyword}", value, declared[names[0]].units)
         entries = numbers(where, keyword, value, size, "world axes, drawn pose")

@@ -84,7 +84,7 @@ class Frame:
 
     @property
     def quaternion(self) -> Matrix:
-        """Unit quaternion, body to world, scalar first, a column; in the plane the half-angle pair."""
+        """Unit quaternion, body to world, scalar first, a column; in planar space the half-angle pair."""
         return sympy.Matrix(self.q[self.space.dimension :])
 
     @property
@@ -104,12 +104,12 @@ class Frame:
 
     @property
     def angular_velocity(self) -> Matrix:
-        """Angular velocity, world axes; in the plane a column of one number."""
+        """Angular velocity, world axes; in planar space a column of one number."""
         return self.space.angular_velocity(self.quaternion, self.quaternion_rate)
 
     @property
     def body_angular_velocity(self) -> Matrix:
-        """Angular velocity, body axes; in the plane a column of one number."""
+        """Angular velocity, body axes; in planar space a column of one number."""
         return self.space.body_angular_velocity(self.quaternion, self.quaternion_rate)
 
     @property

@@ -95,7 +95,7 @@ def _entries(vector: Any, what: str = "the vector", sizes: tuple[int, ...] = ())
 
 
 ROTATION = (0, 2, 4)
-"""Numbers of components of a rotation: none for point masses, half-angle pair in the plane, quaternion."""
+"""Numbers of components of a rotation: none for point masses, half-angle pair in planar space, quaternion."""
 
 
 def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
@@ -199,7 +199,7 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
 
 
 def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Return the quaternion of frame j relative to frame i, ``conj(e_i) e_j``; half-angle pairs in the plane.
+    """Return the quaternion of frame j relative to frame i, ``conj(e_i) e_j``; half-angle pairs in planar space.
 
     The result is empty in spaces without rotation, such as translational space.
 
@@ -230,12 +230,12 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
 
 
 def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-    """Return the product of two quaternions (half-angle pairs in the plane): the rotation `b`, followed by `a`.
+    """Return the product of two quaternions (half-angle pairs in planar space): the rotation `b`, followed by `a`.
 
     Parameters
     ----------
     a, b : sequence
-        Quaternions of four components; half-angle pairs in the plane.
+        Quaternions of four components; half-angle pairs in planar space.
 
     Returns
     -------
@@ -338,7 +338,7 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
     Parameters
     ----------
     turn : sequence
-        Quaternion of body j relative to body i (half-angle pair in the plane).
+        Quaternion of body j relative to body i (half-angle pair in planar space).
     axis_i, axis_j : sequence
         Axes, each in the frame of its body.
 

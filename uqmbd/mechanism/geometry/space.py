@@ -1,6 +1,6 @@
 """Spaces: coordinates of bodies, and rotations as functions of these coordinates.
 
-Rotations are unit quaternions, scalar first, from the body to the world; in the plane the half-angle pair
+Rotations are unit quaternions, scalar first, from the body to the world; in planar space the half-angle pair
 ``(cos(theta/2), sin(theta/2))``.  This module uses no trigonometric functions of coordinates.
 """
 
@@ -60,11 +60,11 @@ class Space:
         raise NotImplementedError
 
     def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """Angular velocity in world axes; in the plane one number."""
+        """Angular velocity in world axes; in planar space one number."""
         raise NotImplementedError
 
     def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """Angular velocity in body axes; in the plane one number."""
+        """Angular velocity in body axes; in planar space one number."""
         raise NotImplementedError
 
     def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:

@@ -295,7 +295,7 @@ _LAST = {"units": "s", "long_name": "last time of the comparison"}
 _COMMENTS = {
     "difference_max": "largest absolute difference over time",
     "difference_l2": "root mean square of the difference over time",
-    "relative_l2": "root mean square of the difference over time, over that of the reference",
+    "relative_l2": "root mean square over time of the difference, divided by the root mean square of the reference",
 }
 
 
@@ -344,7 +344,7 @@ def _check_same_axes(label: str, found: xr.Dataset, reference: str, expected: xr
     same_dims = found["mean"].dims == expected["mean"].dims
     if not same_dims or ("time" in found.dims and not np.array_equal(found["time"], expected["time"])):
         raise StudyError(
-            f"Only results at the same times can be compared: those of {label!r} and {reference!r} differ."
+            f"Only results at the same times can be compared: the times of {label!r} and {reference!r} differ."
         )
 
 

@@ -250,7 +250,7 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
             "before you understand the reasons below."
         )
     lead = f"No other method is accurate enough to verify {base.label}, the reference"
-    rely = "rely on it within its stated error, and not on the others"
+    rely = "use only this method, within its stated error"
     agreed = {m.label: tuple(one.output for one in m.found if one.kind == AGREES) for m in methods}
     checked = {name for names in agreed.values() for name in names}
     missing = [one for one in base.found if one.varies and one.output not in checked]

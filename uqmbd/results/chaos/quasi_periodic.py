@@ -104,7 +104,7 @@ COEFFICIENTS = {
     "frequency": ("base", {"long_name": "coefficients of the base frequencies", "units": "rad/s"}),
     "constant": (
         "output",
-        {"long_name": "coefficients of what is constant", "comment": "in the units of the outputs"},
+        {"long_name": "coefficients of the constant parts", "comment": "in the units of the outputs"},
     ),
     "drift": (
         "output",

@@ -140,7 +140,7 @@ class Labels:
         if np.any(self.turns):
             about = {
                 "long_name": "length of a turn of an output that is an angle, else 0",
-                "comment": "moments and quantiles of angles are those of the unwrapped angle, which counts turns",
+                "comment": "moments and quantiles of angles refer to the unwrapped angle, which counts turns",
             }
             coords["output_angle"] = ("output", self.turns, about)
         places = [o.place for o in self.outputs]

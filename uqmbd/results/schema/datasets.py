@@ -93,9 +93,9 @@ _COMMENTS = {
     "skewness": "third standardised moment; 0 where the output does not vary",
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
     "quantile": "NaN where the method cannot tell",
-    "quantile_error": "how far the quantile of all samples may be from that which is stated; certain",
+    "quantile_error": "largest possible difference between the stated quantile and the quantile of all samples",
     "quantile_interval": "by ranks of independent samples, or by replicates of a design; infinite with too few samples",
-    "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel and for what is no angle",
+    "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel, and for other outputs",
     "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
 }
 
@@ -109,14 +109,15 @@ def check_version(attrs: Mapping[Any, Any], where: str) -> None:
     >>> check_version({"schema_version": 999}, "new.nc")
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: 'new.nc' has the schema version 999; this uqmbd reads those up to 2. Read it with ...
+    uqmbd.errors.StudyError: 'new.nc' has the schema version 999; this version of uqmbd reads versions up to 2. Read it
+    with ...
     """
     version = attrs.get("schema_version", 0)
     if isinstance(version, (bool, np.bool_)) or not isinstance(version, (int, np.integer)) or version < 0:
         raise StudyError(f"{where!r} has the schema version {version!r:.80}; expected a whole number, 0 or more.")
     if version > SCHEMA_VERSION:
         raise StudyError(
-            f"{where!r} has the schema version {version}; this uqmbd reads those up to "
+            f"{where!r} has the schema version {version}; this version of uqmbd reads versions up to "
             f"{SCHEMA_VERSION}. Read it with the version of uqmbd that wrote it "
             f"({attrs.get('uqmbd_version', 'not stated')}), or with a later version."
         )
@@ -235,7 +236,7 @@ def check_kind(data: xr.Dataset, child: str, whose: str) -> None:
     stated, wanted = data.attrs.get(KIND), CHILDREN[child]
     if stated == wanted:
         return
-    found = f"states that its rows are {stated!r}" if stated else "does not state what its rows are"
+    found = f"states that its rows are {stated!r}" if stated else "does not state the kind of its rows"
     raise StudyError(
         f"{whose}: the dataset '{child}' {found}. 'samples' are draws from the joint distribution of the inputs: "
         "probabilities, quantiles and histograms count them. Training points and quadrature nodes are 'nodes'. Write "

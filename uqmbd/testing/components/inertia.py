@@ -19,8 +19,9 @@ SMALLEST = 1e-9
 def check_inertia(bench: Bench, rng: np.random.Generator) -> None:
     """Check the kinetic energy of a component at random states.
 
-    Each own coordinate must have inertia, no motion may have a negative kinetic energy, and a rigid displacement of the
-    bodies must not change the energy of a component that acts only between bodies. Raise AssertionError otherwise.
+    Each coordinate of the component must have inertia, and no motion may have a negative kinetic energy. A rigid
+    displacement of the bodies must not change the energy of a component that acts only between bodies. Raise
+    AssertionError otherwise.
     """
     block, space = bench.instance.type, bench.case.mechanism.space
     own, moving = own_coordinates(bench.instance), block.own

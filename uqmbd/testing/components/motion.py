@@ -18,7 +18,7 @@ def random_unit(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 
 
 def random_turn(space: Space, rng: np.random.Generator) -> Array:
-    """Return the quaternion of a random rotation, a half-angle pair in the plane, or an empty array without rotation.
+    """Return the quaternion of a random rotation, a half-angle pair in planar space, or an empty array for points.
 
     >>> import uqmbd
     >>> random_turn(uqmbd.Planar(), np.random.default_rng(0)).shape

@@ -116,7 +116,7 @@ def test_one_surrogate_alone(make_chaos: Maker, tmp_path: Path) -> None:
     """A single order has no convergence figure; without verification the verdict is that of the decay."""
     tree = results.study_tree([make_chaos("collocation", 2, verify=0)], study="s", mechanism="m")
     part = _section(_write(tree, tmp_path), "trust")
-    assert part.count('class="charted"') == 2 and "over the order" not in part and "Stated error" not in part
+    assert part.count('class="charted"') == 2 and "by order and by number" not in part and "Stated error" not in part
     assert "order 2 is not enough for slider_x" in _text(part)
 
 

@@ -174,7 +174,7 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
                 f"Contribution of the polynomials of each order to the standard deviation of {name}.",
                 "Convergence with the order: contribution of the polynomials of each total order, and of each degree "
                 "in each input, to the standard deviation. If the contributions decrease, the omitted terms are "
-                "smaller than those of the highest order.",
+                "smaller than the terms of the highest order.",
                 f"{name}-coefficient-decay",
             )
         )
@@ -184,10 +184,10 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
         drawn.append(
             charted(
                 lambda: figures.orders_chart(nodes, name),
-                f"Difference of mean and standard deviation of {name} from a reference, over the order and the number "
+                f"Difference of mean and standard deviation of {name} from a reference, by order and by number "
                 "of realisations. " + " ".join(words),
                 "Convergence with the order and the cost: largest difference over time from the surrogate of the "
-                "highest order. Exponential convergence is a straight line over the order. The error does not "
+                "highest order. Exponential convergence is a straight line by order. The error does not "
                 "decrease below that of the time integration.",
                 f"{name}-orders",
             )
