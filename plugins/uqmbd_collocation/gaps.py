@@ -31,10 +31,11 @@ STREAM = 0x7E51F3
 def with_gaps(
     points: uqmbd.extend.VerificationPoints, chaos: PolynomialChaos, runs: CollocationRuns, plans: Plans
 ) -> uqmbd.extend.VerificationPoints:
-    """Return the points and, where the chaos is inaccurate, two further points in gaps between those with the error.
+    """Return the points and, for an inaccurate chaos, two further points in gaps between the points with large errors.
 
-    Errors in thin layers of the germ space, as next to a separatrix, are between verification points. The total weight
-    does not change: a further point takes the weight of the candidates that are nearer to it than to other points.
+    Errors in thin layers of the germ space, for example next to a separatrix, may be between verification points. The
+    total weight does not change: a further point takes the weight of the candidates that are nearer to it than to other
+    points.
     """
     error = chaos.verification_error().reshape(runs.response.shape[1:])
     large = np.isfinite(error) & (error > INACCURATE)
@@ -67,7 +68,7 @@ def _shares(
 def with_gap(
     points: uqmbd.extend.VerificationPoints, shares: Array, among: uqmbd.extend.VerificationPoints
 ) -> uqmbd.extend.VerificationPoints | None:
-    """Return the points and the candidate that may have most of the error, if its error is that of the nearest point.
+    """Return the points and the candidate with most of the error, if its error is that of the nearest point.
 
     A candidate takes weight from the points whose surroundings are nearer to it, at most the weight of a drawn point.
     It is between two points: beyond the outermost points errors grow outwards, where weights are small. Return None if
@@ -77,7 +78,7 @@ def with_gap(
     apart = np.linalg.norm(candidates[:, None] - known, axis=2)
     nearest, distance = apart.argmin(axis=1), apart.min(axis=1)
     own = np.bincount(nearest, among.weights, len(points))
-    # what each candidate represents of the weight of its nearest point
+    # part of the weight of its nearest point that each candidate represents
     represented = among.weights * (points.weights / np.maximum(own, 1e-300))[nearest]
     closer = np.linalg.norm(candidates[:, None] - candidates, axis=2) < distance
     gained = closer @ represented

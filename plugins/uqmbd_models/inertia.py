@@ -33,7 +33,7 @@ class Settled:
 
     tree: Tree
     # by index of the link: moment of inertia about an axis of the link, kg m^2, and this axis; the moment is the excess
-    # of a stated tensor over that of a body
+    # of a stated tensor over a possible tensor
     rotors: dict[int, tuple[float, Array]]
     rows: list[uqmbd.extend.Omission]  # changes of the model
 
@@ -66,7 +66,7 @@ def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Sett
     """Replace or divide physically impossible tensors.
 
     `tree`: model; `how`: treatment, with "refuse" left to `uqmbd.Mechanism.body`, which raises the error later;
-    `fused`, `before`: links merged into those of the model, and the model before merging.
+    `fused`: links that were merged into links of the model; `before`: the model before merging.
     """
     tensors = {k: (link.inertial.inertia + link.inertial.inertia.T) / 2 for k, link in enumerate(tree.links) if k}
     scale = max((float(np.abs(np.linalg.eigvalsh(x)).max()) for x in tensors.values()), default=0.0)

@@ -69,9 +69,9 @@ def of_study(
     best = round(optimum(left, cost) * samples)
     attrs["control_measured"] = (
         f"a realisation of the control took {cost:.3g} of the time of a realisation of the study: on an equal "
-        f"budget, it divides the variance of the mean by {gains[0]:.3g} and that of the standard deviation by "
-        f"{gains[1]:.3g}; these are medians over outputs and times, relative to Monte Carlo without control; with "
-        f"cost={cost:.2g} the optimum is {best} realisations of the control"
+        f"budget, it divides the variance of the mean by {gains[0]:.3g} and the variance of the standard deviation by "
+        f"{gains[1]:.3g}; these factors are medians over outputs and times, relative to Monte Carlo without control; "
+        f"with cost={cost:.2g} the optimum is {best} realisations of the control"
     )
     if max(gains) < HARM:
         warnings.warn(

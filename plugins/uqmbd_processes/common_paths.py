@@ -82,14 +82,15 @@ class CommonPaths(uqmbd.extend.Propagator):
     Notes
     -----
     Let :math:`c_k(\omega)` be the coefficients of the orthonormal polynomials for a path :math:`\omega`. The variance
-    due to parameters alone is :math:`\sum_{k>0} E[c_k]^2`, that due to paths alone is :math:`\mathrm{Var}\,c_0`, and
-    that of interactions is :math:`\sum_{k>0} \mathrm{Var}\,c_k`. The estimators are without bias. The standard errors
-    and intervals are those of a jackknife over the paths. Student's t and chi-square widen the standard errors, so that
-    1.96 of them to either side are a 95 % interval. In tests with 8 and 16 paths, 91 and 93 % of the intervals of the
-    standard deviation contained it. The stated error is that of the polynomials at 8 random parameters for each path.
-    Many parameters need a regression on a Latin hypercube instead of a Gauss rule. Its error is part of the
-    stated error. Paths with a failed realisation are omitted, so that the statistics refer to the other paths. The
-    polynomials of one path do not give the probability that a requirement is violated: use MonteCarlo.
+    due to parameters alone is :math:`\sum_{k>0} E[c_k]^2`, the variance due to paths alone is
+    :math:`\mathrm{Var}\,c_0`, and the variance due to interactions is :math:`\sum_{k>0} \mathrm{Var}\,c_k`. The
+    estimators are without bias. A jackknife over the paths gives the standard errors and intervals. Student's t and
+    chi-square widen the standard errors, so that 1.96 of them to either side are a 95 % interval. In tests with 8 and
+    16 paths, 91 and 93 % of the intervals of the standard deviation contained it. The stated error is the error of the
+    polynomials at 8 random parameter points for each path. Many parameters need a regression on a Latin hypercube
+    instead of a Gauss rule. Its error is part of the stated error. Paths with a failed realisation are omitted, so that
+    the statistics refer to the other paths. The polynomials of one path do not give the probability that a requirement
+    is violated: use MonteCarlo.
 
     Examples
     --------

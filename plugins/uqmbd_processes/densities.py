@@ -1,4 +1,4 @@
-"""Power spectral densities, which state their sides and their frequency by name."""
+"""Power spectral densities with stated sides and stated frequency units."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class PowerSpectralDensity:
     Parameters
     ----------
     function : callable
-        ``function(frequency)`` returns the density for an array of positive frequencies. The integral of a one-sided
-        density over positive frequencies is the variance; so is that of a two-sided density over all frequencies.
+        ``function(frequency)`` returns the density for an array of positive frequencies. The variance is the integral
+        of a one-sided density over positive frequencies, or of a two-sided density over all frequencies.
     sided : {"one", "two"}
         Sides of the density.
     per : {"rad/s", "Hz", "rad/m", "cycle/m"}

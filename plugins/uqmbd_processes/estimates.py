@@ -111,7 +111,9 @@ def covariance_density(where: str, covariance: Callable[[Array], Array], over: s
         weight = (np.diff(bounds)[:, None] * weights / 2).ravel()
         values += np.cos(np.outer(frequencies, lag)) @ (weight * np.asarray(covariance(lag), dtype=float)) / math.pi
     if values.min() < -AGREES * values.max():
-        raise uqmbd.StudyError(f"{where}: the spectral density of covariance is negative; it is no covariance.")
+        raise uqmbd.StudyError(
+            f"{where}: the spectral density of covariance is negative, so the function is not a covariance."
+        )
     count = int(np.argmax(values <= NEGLIGIBLE * values.max())) or POINTS
     table = Smooth(tuple(frequencies[:count].tolist()), tuple(values[:count].tolist()))
     band = (0.0, math.inf if count == POINTS else float(frequencies[count - 1]))

@@ -23,7 +23,7 @@ REFINEMENTS, SMALL = 6, 1e-10
 """Largest number of refinements of a covariance, and relative correction after which no further one is needed."""
 
 SLOW = 1e-7
-"""Eigenvalue, relative to the largest one, that counts as that of a rigid-body motion."""
+"""Largest eigenvalue of a rigid-body motion, relative to the largest eigenvalue."""
 
 WITHIN = 1e-9
 """Relative size of a direction of the state that counts as not excited."""
@@ -31,7 +31,7 @@ WITHIN = 1e-9
 
 @cache
 def _symmetric(n: int) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Return the map from a matrix ``A`` to that of Lyapunov's equation, and the rows and columns of its unknowns."""
+    """Return the map from ``A`` to the matrix of Lyapunov's equation, and the rows and columns of its unknowns."""
     rows, columns = np.triu_indices(n)
     count = len(rows)
     place = np.zeros((n, n), dtype=np.int64)
@@ -172,7 +172,7 @@ def controllable(a: Array, b: Array) -> tuple[Array, Array, Array]:
 def separate(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Separate one system (n, n) with inputs (n, m) and outputs (n,) into decaying motions and all others.
 
-    Return the matrix, inputs and outputs of the decaying part, then those of the other part: rigid-body motions,
+    Return the matrix, inputs and outputs of the decaying part, then of the other part: rigid-body motions,
     undamped modes, and motions that are very slow.  Inputs and outputs by rounding are set to zero.
     """
     from scipy.linalg import schur, solve_sylvester

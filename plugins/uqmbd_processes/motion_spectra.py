@@ -335,8 +335,8 @@ def order_amplitude(
         fraction = Fraction(float(order)).limit_denominator(MOST_DENOMINATOR)
         if not math.isclose(float(fraction), float(order), rel_tol=SLACK):
             raise uqmbd.StudyError(
-                f"{where}: the order {order!r} is no fraction with a denominator up to {MOST_DENOMINATOR}; its period "
-                "would be too many turns."
+                f"{where}: the order {order!r} is not a fraction with a denominator up to {MOST_DENOMINATOR}; its "
+                "period would be too many turns."
             )
         found.append(_order_amplitude(expression, angle, float(fraction.numerator), float(fraction.denominator), begin))
     if single:

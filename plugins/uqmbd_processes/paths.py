@@ -2,8 +2,8 @@
 
 A path is a sum of harmonics at the multiples of ``2 pi / P`` with independent normal amplitudes (Shinozuka & Deodatis
 1991). The path is therefore exactly Gaussian, and repeats after the period P. The power of each line is the integral of
-the spectral density over its bin, so that the variance is exact. The discrete Fourier transform of the knots, divided
-by that of the cubic B-spline, ``(4 + 2 cos(w h)) / 6``, is that of the coefficients.
+the spectral density over its bin, so that the variance is exact. The discrete Fourier transform of the coefficients is
+the transform of the knots, divided by the transform of the cubic B-spline, ``(4 + 2 cos(w h)) / 6``.
 
 M. Shinozuka, G. Deodatis, "Simulation of stochastic processes by spectral representation", Applied Mechanics Reviews 44
 (1991) 191-204.
@@ -44,7 +44,7 @@ INSIDE = 0.999
 """Share of the variance below the highest frequency of a spectrum that has no upper end."""
 
 FLATNESS = 16
-"""Number of lines that would hold the variance if each had the largest density, at least."""
+"""Least number of lines that would have the whole variance if each had the largest density."""
 
 LINES = 16_384
 """Least number of shortest wavelengths in a period by default."""

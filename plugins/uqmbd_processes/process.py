@@ -53,7 +53,7 @@ class RandomProcess:
     over : {"distance", "time"}
         Argument of the process; `uqmbd.laws.distance` and `uqmbd.t` are accepted, too.
     units : str
-        Units of the process; by default those of `psd`. Ready-made spectra state theirs.
+        Units of the process; by default the units of `psd`. Named spectra have units.
     mean : float
         Mean of the process, in its units.
     coherence : callable, optional
@@ -65,14 +65,14 @@ class RandomProcess:
     field : str
         Name of the process at all points, set by `at`.
     length : float, optional
-        Period P of sampled paths, m or s, which repeat after it. By default the longer of 16,384 shortest wavelengths
-        and ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest
-        wavelengths of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The shortest
-        wavelength is that of the band of the spectrum, or of `cutoff` if the spectrum has no upper end.
+        Period P after which sampled paths repeat, m or s. By default the longer of 16,384 shortest wavelengths and
+        ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest wavelengths
+        of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The band of the spectrum
+        determines the shortest wavelength, or `cutoff` if the spectrum has no upper end.
     cutoff : float, optional
         Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths with different cutoffs are
         correlated if their `length` is equal. Default: the end of the band;
-        for a spectrum without an end, the frequency below which 99.9 % of the variance is.
+        for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
 
     Raises
     ------
@@ -172,7 +172,7 @@ class RandomProcess:
     def density_error(self) -> float:
         """Relative standard error of each value of a density that is estimated from a record; otherwise zero.
 
-        It is that of Welch's method with Hann's window and segments that overlap by half (Welch 1967).
+        It is the standard error of Welch's method with Hann's window and segments that overlap by half (Welch 1967).
         """
         return 0.0 if self.record is None else welch_error(len(self.record[1]))
 

@@ -3,7 +3,7 @@
 The axis is divided between the natural frequencies.  Around each of them ``w = w_i + s_i sinh(u)``, with the decay rate
 ``s_i``, turns a resonance into a smooth function of ``u``, however small its damping is.  Composite Gauss rules are
 halved until two of them agree.  Beyond the first and the last interval, the integrand is a power of the frequency,
-which is integrated in closed form; an integrand without an integral is refused.
+which is integrated in closed form; an integrand without a finite integral is rejected.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Report section: how much of the variance is due to parameters, to sampled paths, and to both."""
+"""Report section: shares of the variance due to parameters, to sampled paths, and to interactions of both."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ ZERO = 1e-12
 UNSTABLE = 1e-6
 """Growth rate, relative to the rates of the mechanism, that counts as instability."""
 
-UNSTABLE_TEXT = "the pose of the linearisation is unstable, so that it has no stationary response"
+UNSTABLE_TEXT = "the pose of the linearisation is unstable, so there is no stationary response"
 
 
 def density(system: LinearSystem, frequency: float) -> tuple[Array, list[str]]:

@@ -34,7 +34,7 @@ def _stationary_std(system: LinearSystem) -> tuple[Array, list[str]]:
 
 @uqmbd.extend.linear_output(power=2, units="s")
 def _stationary_psd(system: LinearSystem, frequency: float, scale: float) -> tuple[Array, list[str]]:
-    """Return densities of the response: those with two sides per rad/s times a number."""
+    """Return densities of the response: the two-sided densities per rad/s, times `scale`."""
     found, reasons = density(system, frequency)
     return scale * found, reasons
 
@@ -124,8 +124,8 @@ LEAST = 3.0
 
 
 def _unmoved(system: LinearSystem, variance: Array, reasons: list[str]) -> list[str]:
-    """Return the reasons, with those of responses that are constant."""
-    text = f"{system.name} does not respond to a random process, so that it has no crossings"
+    """Return the reasons, including a reason for constant responses."""
+    text = f"{system.name} does not respond to a random process, so it has no crossings"
     return [reason or (text if value == 0 else "") for reason, value in zip(reasons, variance.tolist(), strict=True)]
 
 
@@ -274,7 +274,7 @@ def crossing_rate(expression: Any, level: float, at: At = "equilibrium") -> symp
 
     Notes
     -----
-    See Rice [1]_. A response whose rate has no variance crosses a level infinitely often, and is refused.
+    See Rice [1]_. A response whose rate has no variance crosses a level infinitely often, and is rejected.
 
     References
     ----------

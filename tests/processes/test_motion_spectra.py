@@ -183,7 +183,7 @@ def test_a_monotone_motion_is_a_half_cycle_and_edges_are_closed():
         (lambda x: estimated_psd(x, 1.0, segment=5, per="s"), "per='s'"),
         (lambda x: estimated_psd(x, 1.0, segment=5, skip=-1), "skip is -1"),
         (lambda x: order_amplitude(x, uqmbd.t, 0), "order is 0"),
-        (lambda x: order_amplitude(x, uqmbd.t, np.pi), "no fraction with a denominator up to 12"),
+        (lambda x: order_amplitude(x, uqmbd.t, np.pi), "not a fraction with a denominator up to 12"),
         (lambda x: order_amplitude(x, uqmbd.t, 1, skip=np.inf), "skip is inf"),
         (lambda x: rainflow_damage(x, exponent=0, coefficient=1), "exponent is 0"),
         (lambda x: rainflow_counts(x, [1]), r"edges is \[1\]; expected two or more increasing"),

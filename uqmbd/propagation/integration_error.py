@@ -206,7 +206,7 @@ def _measured(
                 few = slice(sensitive, sensitive + TOGETHER)
                 rtol, values, first, sensitive = LEAST, values[few], first[few], 0
                 again, good, wrong = _repeated(problem, values, first, workers, rtol)
-        except Exception as raised:  # noqa: BLE001 - what is measured must not cost what is known
+        except Exception as raised:  # noqa: BLE001 - a failed measurement must not discard the results
             return unknown, {"reason": f"integrating again with rtol {rtol:g} failed: {reason_of(raised)}"}
     if not len(good):
         why = again.most_frequent_reason()
@@ -257,8 +257,9 @@ def _with_sensitive(
 ) -> tuple[Array, Array, int]:
     """Replace some of the realisations (K, ...) by the most sensitive samples, which come first, and count these.
 
-    The sensitivity of a sample is the difference of its response from that of a neighbour, over their distance. Small
-    local errors grow by it. Samples have no sensitivities if they are not the whole population, or too many.
+    The sensitivity of a sample is the difference of its response from the response of a neighbour, divided by their
+    distance. It amplifies small local errors. Samples have no sensitivities if they are not the whole population, or
+    too many.
     """
     from scipy.spatial import cKDTree
 

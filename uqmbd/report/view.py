@@ -122,7 +122,9 @@ class Method:
         if (longer := float(known.get("longer", 1.0))) > 1:
             said += f"; they were integrated for {longer:.3g} times the duration of the study"
         if standing := float(known.get("standing", 0.0)):
-            said += f"; in about {standing:.1%} of them it stands still, and they are compared at equal times"
+            said += (
+                f"; in about {standing:.1%} of the realisations the clock stops, and these are compared at equal times"
+            )
         return said
 
     @property

@@ -195,7 +195,7 @@ def _computed(
         print(_resume_hint(script, out), file=sys.stderr, flush=True)
         raise
     except UqmbdError as error:
-        # what cannot be used is to be changed, and nothing goes on with it
+        # an invalid input has to be changed, so the run cannot be resumed
         if (error.failed or not isinstance(error, StudyError)) and is_unfinished(out):
             print(_resume_hint(script, out), file=sys.stderr, flush=True)
         raise
@@ -216,7 +216,7 @@ def _delivered(
     from uqmbd.results import failed_methods, save
 
     tree.attrs.update(about)
-    # before anything else that may go wrong: a result holds its methods and their comparison
+    # first of all, because later steps may fail: the result contains the methods and their comparison
     progress.stage("writing the results")
     files = {"results": save(tree, out / "results.nc")}
     files |= {

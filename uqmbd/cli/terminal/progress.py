@@ -67,7 +67,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
 
 @contextmanager
 def plain_progress(stream: TextIO) -> Iterator[Lines]:
-    """Write lines of progress, also at intervals during work that reports nothing."""
+    """Write lines of progress, also at intervals during computations without progress reports."""
     import threading
 
     lines = Lines(stream)

@@ -99,7 +99,7 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
     if curvature < 0:
         far = float(np.sqrt(2 * size / -curvature))  # size + curvature far^2 / 2 = 0
         return (
-            f"{found}, and the mechanism may move to either side. Draw {bodies} out of it to the intended side, "
+            f"{found}, and the mechanism may move to either side. Draw {bodies} out of this pose to the intended side, "
             f"by about {far:.1g} m or rad{others}."
         )
     gap = _missing(model, combined[:, None] * _phi_q(model, q, time, parameters), size)
@@ -108,9 +108,9 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
         missing += ", which may be caused by rounded input values"
     amount = " by slightly more than this gap" if np.isfinite(gap) else ""
     return (
-        f"{found}, and any motion increases their gap: lengths, or prescribed values of a driver, are out of "
-        f"reach{missing}. "
-        f"Change one of them{amount}, and draw {bodies} out of this pose{others}."
+        f"{found}, and every motion increases the gap: links are too short or too long, or a driver prescribes an "
+        f"impossible value{missing}. "
+        f"Change a length or prescribed value{amount}, and draw {bodies} out of this pose{others}."
     )
 
 
@@ -147,8 +147,8 @@ def dead_centre_of_speeds(
         return ""
     bodies = _moved(model, np.sqrt(np.sum(np.square(better), axis=0)))
     return (
-        f"The pose is a dead centre: the stated velocities can be realised next to it, but in it only {bodies} can "
-        "move. "
+        f"The pose is a dead centre: the stated velocities are possible near this pose, but in this pose only {bodies} "
+        "can move. "
         f"State velocities of {bodies} instead, or draw another pose, slightly farther along the motion."
     )
 

@@ -68,9 +68,9 @@ def integrate_by_dop853(
 ) -> Solved:
     """Integrate the assembled realisations `members` (M,) of a batch with a compiled index-1 system.
 
-    Realisations that this method cannot integrate have a message. With `comparing`, so do realisations that IDA alone
-    integrates at lower cost than this method in a group of eight, by counts.  With `patient`, many steps are allowed,
-    also for stiff realisations.  With `recording`, the steps are also returned.
+    Realisations that this method cannot integrate have a message. With `comparing`, this includes realisations that IDA
+    alone integrates at lower cost than this method in a group of eight, by counts. With `patient`, many steps are
+    allowed, also for stiff realisations. With `recording`, the steps are also returned.
     """
     begin = clock.perf_counter()
     about = {"comparing": comparing, "patient": patient, "recording": recording}

@@ -50,7 +50,7 @@ LOOKS = 60
 END = 1e-10
 """Time to a singular pose, relative to the elapsed time, that counts as zero."""
 DEPENDENT = 0.2
-"""Smallest singular value of kept equations, over that of all equations, below which they are nearly dependent."""
+"""Ratio of the smallest singular values of kept and of all equations below which they are nearly dependent."""
 STRAY = 0.05
 """Largest correction of a continuation by constraints, relative to its distance; branches are farther apart."""
 POOR = 0.1

@@ -163,7 +163,7 @@ class Segment:
     --------
     >>> import numpy as np
     >>> import uqmbd
-    >>> def fall(times):  # height and speed of what falls from 1 m, with a gravity of 2 m/s^2
+    >>> def fall(times):  # height and speed of a fall from 1 m, with a gravity of 2 m/s^2
     ...     return np.stack([1 - times**2, -2 * times], axis=1)
     >>> segment = uqmbd.extend.Segment(0.0, 1.0, "floor: impact", fall)
     >>> segment.states(np.array([segment.end])).tolist()

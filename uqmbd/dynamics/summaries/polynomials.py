@@ -78,7 +78,7 @@ class MotionPolynomials:
         Parameters
         ----------
         begin, end : float
-            Times, s; those outside of the motion are replaced by its ends.
+            Times, s; the ends of the motion replace times outside of it.
 
         Returns
         -------

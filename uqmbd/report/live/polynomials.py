@@ -62,7 +62,7 @@ def polynomial_of(chaos: CustomSurrogate) -> tuple[PolynomialChaos, dict[str, An
             break
     if best is None or least > ALLOWED:
         raise StudyError(
-            f"The page evaluates polynomials. Those fitted to the model {chaos.model.name!r} differ from it by up to "
+            f"The page evaluates polynomials. The polynomials differ from the model {chaos.model.name!r} by up to "
             f"{format_percent(least)} of the standard deviation; at most {format_percent(ALLOWED)} are allowed."
         )
     order = int(best.multi_index.sum(axis=1).max())

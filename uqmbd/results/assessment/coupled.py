@@ -12,7 +12,7 @@ __all__ = ["coupled_systems"]
 
 
 def coupled_systems(nodes: Mapping[str, xr.DataTree]) -> str:
-    """Return what the realisations of methods with coupled systems are; empty without such a method.
+    """Return a text on the realisations of methods with coupled systems; empty without such a method.
 
     These methods state the number of ``unknowns`` of their systems; `nodes`: propagator nodes by label.
 

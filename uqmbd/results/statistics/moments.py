@@ -344,7 +344,7 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = 
 
 def _varies_where_verified(statistics: xr.Dataset, verified: Array, rtol: float) -> Mask:
     """Return a mask (O,) of outputs whose verification realisations, of standard deviation (O, T), vary."""
-    # these realisations have steps of their own, so that the error of the others does not limit theirs
+    # these realisations have separate steps, so errors of other realisations do not limit their errors
     seen = statistics.assign(std=statistics["std"].copy(data=verified))
     unmeasured = seen.drop_vars(["integration_error_rms", "integration_error"], errors="ignore")
     return np.asarray(varying(seen, rtol) & varying(unmeasured, rtol))

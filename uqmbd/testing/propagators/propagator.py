@@ -1,8 +1,7 @@
-"""Does a propagator do what a study expects of it: right moments, the same bits, failures counted, nothing lost.
+"""Test a propagator against the requirements of studies.
 
-Sizes of a method: what a run with a budget or an accuracy relies on.
-
-Does a propagator survive what happens to studies: realisations that fail, interruptions, nothing that is random.
+The tests cover correct moments, bit-identical results, counts of failures and realisations, sizes for runs with a
+budget or an accuracy, failed realisations, interruptions, and studies without random variables.
 """
 
 from __future__ import annotations

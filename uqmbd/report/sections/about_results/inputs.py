@@ -199,8 +199,8 @@ def _fitted(found: Content) -> list[str]:
     order = f"order {orders[0]}" if len(orders) == 1 else f"orders {orders[0]} to {orders[-1]}"
     return [
         f"A page cannot evaluate the model {known[0]['model']!r}. The sliders evaluate polynomials of {order} that are "
-        f"fitted to it. Their root mean square difference from it is at most {format_percent(largest)} of the standard "
-        "deviation; the stated errors contain it."
+        "fitted to the model. Their root mean square difference from the model is at most "
+        f"{format_percent(largest)} of the standard deviation; the stated errors include this difference."
     ]
 
 
