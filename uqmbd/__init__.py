@@ -1,8 +1,8 @@
 """uqmbd: propagation of uncertain lengths, masses, stiffnesses and loads through multibody mechanisms.
 
-A study script describes a mechanism and its random variables once, and all propagators use this description.  They
-return xarray data that can be compared.  The package loads each public name at its first use, so that ``import uqmbd``
-takes little time.  The names for plugins are in `uqmbd.extend`.
+A study script describes a mechanism and its random variables once, and all propagators use this description. All
+propagators return xarray data that can be compared. The package loads each public name at its first use, so that
+``import uqmbd`` takes little time. The names for plugins are in `uqmbd.extend`.
 """
 
 from typing import Any

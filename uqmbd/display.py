@@ -1,7 +1,8 @@
 """Display of objects in notebooks by functions that packages register as entry points.
 
-The group is ``uqmbd.display``.  The entry point's name consists of the package and the type, as ``uqmbd.Mechanism``.
-The entry point refers to a function that converts the object to HTML.  Its first use imports the function.
+The group is ``uqmbd.display``. The entry point's name consists of the package and the type, as ``uqmbd.Mechanism``. The
+entry point refers to a function that converts the object to HTML. The first use of the entry point imports the
+function.
 """
 
 from __future__ import annotations

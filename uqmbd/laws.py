@@ -1,9 +1,9 @@
 """User-defined laws: expressions in symbols of a component, for components of any package.
 
-A component declares the symbols, and a parameter of the kind ``option`` for the law.  In `uqmbd.Component.prepare`,
-`law_values` checks the law and returns its other quantities, such as random variables and the time.  They become
-numbers of each realisation.  In `uqmbd.Component.terms`, `law_at` inserts values for the symbols.  A law may be a
-table: `uqmbd.spline` called with a symbol.  The laws of uqmbd use the symbols of this module; custom components may use
+A component declares the symbols, and a parameter of the kind ``option`` for the law. In `uqmbd.Component.prepare`,
+`law_values` checks the law and returns its other quantities, such as random variables and the time. These quantities
+become numbers of each realisation. In `uqmbd.Component.terms`, `law_at` inserts values for the symbols. A law may be a
+table: `uqmbd.spline` called with a symbol. The laws of uqmbd use the symbols of this module; custom components may use
 these or other symbols.
 
 Examples
@@ -122,9 +122,9 @@ def random_record(
     Returns
     -------
     expression
-        Cubic spline through the record, as an expression in `uqmbd.t` and `which`. It may be a force, a prescribed
-        motion or any other number of a component. If `which` is not the index of a record, the expression is the last
-        record. The mean of `which`, for example, is in general not an index.
+        Cubic spline through the record, as an expression in `uqmbd.t` and `which`. The result may be a force, a
+        prescribed motion or any other number of a component. If `which` is not the index of a record, the expression is
+        the last record. The mean of `which`, for example, is in general not an index.
 
     Raises
     ------

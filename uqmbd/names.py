@@ -145,8 +145,8 @@ def check_name(name: object, what: str) -> str:
 def check_label(label: object) -> str:
     """Return a valid label of a method for results and files, or raise StudyError.
 
-    `label` is the input of the user. It is invalid if it is not a name, is the name of a part of results, or is too
-    long.
+    `label` is the input of the user. A label is invalid if it is not a name, is the name of a part of results, or is
+    too long.
 
     >>> check_label("order 4")
     'order 4'

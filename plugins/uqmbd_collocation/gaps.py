@@ -70,9 +70,9 @@ def with_gap(
 ) -> uqmbd.extend.VerificationPoints | None:
     """Return the points and the candidate with most of the error, if its error is that of the nearest point.
 
-    A candidate takes weight from the points whose surroundings are nearer to it, at most the weight of a drawn point.
-    It is between two points: beyond the outermost points errors grow outwards, where weights are small. Return None if
-    there is no such candidate, as for germs of few values.
+    A candidate takes weight from the points whose surroundings are nearer to it, at most the weight of a drawn point. A
+    candidate is between two points: beyond the outermost points errors grow outwards, where weights are small. Return
+    None if there is no such candidate, as for germs of few values.
     """
     candidates, known = (_levels(germs, among) for germs in (among.germs, points.germs))
     apart = np.linalg.norm(candidates[:, None] - known, axis=2)

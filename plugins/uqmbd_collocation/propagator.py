@@ -73,9 +73,9 @@ class Collocation(uqmbd.extend.Propagator):
         Level of the rule ``smolyak`` or ``clenshaw-curtis``. For ``smolyak``, the sparse grid combines all levels of
         the inputs whose sum is at most `level`. At level l, an input has ``2l + 1`` Gauss nodes and degrees up to
         ``2l``. By default, the grid contains the levels that the terms of the order need, and one more level of each
-        single input. For ``clenshaw-curtis``, every input has the same level l. Its number of nodes is ``2^l + 1``
-        (level 0: one node), or ``2^(l+1) - 1`` if its distribution is unbounded. By default, each input has the lowest
-        level that is exact for products of two terms of uniform inputs.
+        single input. For ``clenshaw-curtis``, every input has the same level l. The number of nodes of an input is
+        ``2^l + 1`` (level 0: one node), or ``2^(l+1) - 1`` if its distribution is unbounded. By default, each input has
+        the lowest level that is exact for products of two terms of uniform inputs.
     samples : int, optional
         Number of points of a sampling design. Default: twice the number of terms. For sparse regression, the default is
         limited to 100, or to the number of terms if there are more than 100 terms.
@@ -134,9 +134,10 @@ class Collocation(uqmbd.extend.Propagator):
         output changes its alignment as seldom as possible, at times at which both alignments differ least.
 
         If both ``events`` and ``phase`` are named, and the clock is an angle that grows in all nodes, ``events+phase``
-        is also tried. Its markers are the events, and equal phases that all nodes pass between the same events. Other
-        phases are dropped (attributes ``phases_between_events`` and ``phases_dropped``). ``events+phase`` suits outputs
-        that depend on both events and phases. Near an event it is not better than ``events``.
+        is also tried. The markers of ``events+phase`` are the events, and equal phases that all nodes pass between the
+        same events. Other phases are dropped (attributes ``phases_between_events`` and ``phases_dropped``).
+        ``events+phase`` suits outputs that depend on both events and phases. Near an event it is not better than
+        ``events``.
 
         ``auto``: all alignments that are possible for the mechanism; ``two-frequency`` is used only if the others leave
         an error above 1 % of the largest standard deviation. The attributes ``alignment``, ``alignment_error`` and
@@ -157,14 +158,14 @@ class Collocation(uqmbd.extend.Propagator):
     transform : {"rosenblatt", "nataf"}
         Transform of dependent inputs to functions of independent germs.
     verify : int
-        Number of verification realisations, which determine the stated error of the surrogate; 0: no verification. They
-        differ from the nodes. Half of them have the distribution of the inputs; the others have densities like squares
-        of polynomials of the inputs, which are large in the tails. The mean square error is weighted for the
-        distribution of the inputs (:class:`uqmbd.extend.VerificationPoints`). With eight or more realisations, two are
-        at extremes of the outputs, unless elements or an alignment are used. If the stated error is then above 10 %,
-        two further ones are in gaps between points with large errors. The other points are the same for every order. No
-        point affects the coefficients. Verification ends a refinement, after which the stated error is slightly more
-        likely to be too small. Sixteen points state the error within a factor of two for nearly all
+        Number of verification realisations, which determine the stated error of the surrogate; 0: no verification.
+        Verification points differ from the nodes. Half of them have the distribution of the inputs; the others have
+        densities like squares of polynomials of the inputs, which are large in the tails. The mean square error is
+        weighted for the distribution of the inputs (:class:`uqmbd.extend.VerificationPoints`). With eight or more
+        realisations, two are at extremes of the outputs, unless elements or an alignment are used. If the stated error
+        is then above 10 %, two further ones are in gaps between points with large errors. The other points are the same
+        for every order. No point affects the coefficients. Verification ends a refinement, after which the stated error
+        is slightly more likely to be too small. Sixteen points state the error within a factor of two for nearly all
         seeds. 32 points do so even if the error grows fast in the tails of several inputs. The statistic
         ``verification_factor`` states the factor.
     seed : int

@@ -88,8 +88,8 @@ class Refinement:
 def scale_of(runs: CollocationRuns, mean: Array, variance: Array) -> Array:
     """Return the scale of changes of each output, shape (O,), from mean and variance (O, T).
 
-    The scale is the scale of the runs if they have one, otherwise the largest standard deviation over time. It is at
-    least the integration error: the relative tolerance times the largest mean.
+    The scale is the scale of the runs if they have one, otherwise the largest standard deviation over time. The scale
+    is at least the integration error: the relative tolerance times the largest mean.
     """
     if runs.scale is not None:
         return runs.scale

@@ -94,7 +94,7 @@ def export_fmu(
         C compiler: the name of a program, ``"zig"`` for the compiler of the package ziglang, or ``"none"`` for an FMU
         of sources. Default: the first one of ``$CC``, cc, gcc, clang and zig.
     windows : bool
-        Whether to add a binary for 64-bit Windows, which zig compiles. It is not tested.
+        Whether to add a binary for 64-bit Windows, which zig compiles. This binary is not tested.
 
     Returns
     -------

@@ -50,7 +50,8 @@ class Galerkin(uqmbd.extend.Propagator):
         Number of Gauss nodes of each input, or one number for all inputs. Default: ``order + 1``, or the number of
         values of a discrete input if that is smaller. Tests with more nodes were less accurate for rotating mechanisms.
     rule : str
-        Quadrature rule: ``gauss``, ``smolyak``, or the name of a sampling design. Its weights must be positive.
+        Quadrature rule: ``gauss``, ``smolyak``, or the name of a sampling design. The weights of the rule must be
+        positive.
     samples : int, optional
         Number of nodes, if the rule is a sampling design.
     level : int, optional
@@ -81,10 +82,10 @@ class Galerkin(uqmbd.extend.Propagator):
         Integrator, as for a study. The integrator must support projected equations. Default: the integrator of the
         study.
     verify : int
-        Number of verification realisations, which determine the stated error; 0: no verification. Their inputs differ
-        from the nodes. Half of the verification realisations have the distribution of the inputs; the others are in the
-        tails and have smaller weights (:class:`uqmbd.extend.VerificationPoints`). The statistic ``verification_factor``
-        bounds the uncertainty of the stated error.
+        Number of verification realisations, which determine the stated error; 0: no verification. Verification points
+        differ from the nodes. Half of the verification realisations have the distribution of the inputs; the others are
+        in the tails and have smaller weights (:class:`uqmbd.extend.VerificationPoints`). The statistic
+        ``verification_factor`` bounds the uncertainty of the stated error.
     stop_at : float, optional
         Stated error, relative to the standard deviation, at which the run ends. Results up to the end time are stored;
         the attribute ``ends_at`` contains the end time.

@@ -88,9 +88,9 @@ class CommonPaths(uqmbd.extend.Propagator):
     chi-square widen the standard errors, so that 1.96 of them to either side are a 95 % interval. In tests with 8 and
     16 paths, 91 and 93 % of the intervals of the standard deviation contained it. The stated error is the error of the
     polynomials at 8 random parameter points for each path. Many parameters need a regression on a Latin hypercube
-    instead of a Gauss rule. Its error is part of the stated error. Paths with a failed realisation are omitted, so that
-    the statistics refer to the other paths. The polynomials of one path do not give the probability that a requirement
-    is violated: use MonteCarlo.
+    instead of a Gauss rule. The error of the regression is part of the stated error. Paths with a failed realisation
+    are omitted, so that the statistics refer to the other paths. The polynomials of one path do not give the
+    probability that a requirement is violated: use MonteCarlo.
 
     Examples
     --------

@@ -33,7 +33,7 @@ KNOTS_PER_WAVE = 8
 """Knots in the shortest wavelength.
 
 The rms error between knots, relative to the rms value, is then 8e-4 for the shortest wavelength (its second derivative:
-2.5e-2), and 9e-6 for a road of ISO 8608 over three decades (second derivative: 1.6e-2). It is a sum over the
+2.5e-2), and 9e-6 for a road of ISO 8608 over three decades (second derivative: 1.6e-2). The error is a sum over the
 aliases of each frequency; `test_paths` compares it with paths.
 """
 

@@ -1,7 +1,7 @@
 """Fixtures of pytest for the tests of plugins: the checks of `uqmbd.testing`, available without an import.
 
-pytest loads this module in every run of an environment with uqmbd, even if the run does not use uqmbd. It is therefore
-a separate package without options and hooks, which imports uqmbd only when a fixture is used.
+pytest loads this module in every run of an environment with uqmbd, even if the run does not use uqmbd. The module is
+therefore a separate package without options and hooks, which imports uqmbd only when a fixture is used.
 """
 
 from __future__ import annotations

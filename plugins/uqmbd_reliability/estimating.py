@@ -114,8 +114,8 @@ def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:
 def weighted_bound(weights: Array) -> float:
     """Return the upper bound of a sum of weights of rare events.
 
-    This is the gamma interval of Fay and Feuer, Statistics in Medicine 16 (1997) 791, which is valid even for a single
-    event.
+    The interval is the gamma interval of Fay and Feuer, Statistics in Medicine 16 (1997) 791, which is valid even for a
+    single event.
 
     >>> round(weighted_bound(np.array([0.0, 0.1, 0.0])), 3)  # one event: that of a count of one
     0.557

@@ -1,14 +1,14 @@
 """Reliability analysis with a surrogate, realisations near the limits, and a correction by missed violations.
 
 The steps of `uqmbd_reliability.analysis` (search, splitting, sampling) run on the surrogate, whose evaluations have
-negligible cost. Their proposal gives a population of weighted points. Realisations are computed at points at which the
-sign of a margin is uncertain. A Gaussian process (of scikit-learn) of the residuals corrects the surrogate, and both
-steps repeat. Then the surrogate is frozen, and the probability is
+negligible cost. The proposal of the sampling step gives a population of weighted points. Realisations are computed at
+points at which the sign of a margin is uncertain. A Gaussian process (of scikit-learn) of the residuals corrects the
+surrogate, and both steps repeat. Then the surrogate is frozen, and the probability is
 
     P = P of the surrogate + P(violation, not predicted) - P(predicted, no violation).
 
 Realisations drawn from the population give estimates of the last two terms. Points with an uncertain sign are drawn
-more often. This is the estimator of Hansen and Hurwitz, unbiased for every surrogate. Half of the points are drawn from
+more often. The estimator is that of Hansen and Hurwitz, unbiased for every surrogate. Half of the points are drawn from
 the unchanged proposal, so that no weight is larger than twice the weight in importance sampling.
 """
 

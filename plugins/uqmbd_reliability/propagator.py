@@ -163,7 +163,7 @@ class Reliability(uqmbd.extend.Propagator):
         ``"auto"`` searches design points, then uses multilevel splitting, which finds violations that a search misses,
         then importance sampling. ``"form"`` omits the splitting, and so needs fewer realisations; use it if the limit
         is known to be simple. ``"subset"`` is subset simulation of OpenTURNS (``pip install "uqmbd[reliability]"``) for
-        one requirement. It is an independent but far less accurate estimate. The other methods need no other package.
+        one requirement. Its estimate is independent, but far less accurate. The other methods need no other package.
     target_cov : float
         Coefficient of variation (standard error divided by probability) at which sampling stops.
     max_realisations : int
@@ -171,10 +171,10 @@ class Reliability(uqmbd.extend.Propagator):
     seed : int
         Seed of the random numbers. The same seed gives the same bits for any number of workers.
     surrogate : uqmbd.extend.Propagator, optional
-        Method that provides a surrogate of the margins, such as ``Collocation(order=3)``. It runs first. The search
-        uses the surrogate, and realisations are computed at points at which the sign of a margin is uncertain. The
-        probability and its interval refer to the mechanism; an inaccurate surrogate only costs more realisations. At
-        least 500 of `max_realisations` must remain after the surrogate.
+        Method that provides a surrogate of the margins, such as ``Collocation(order=3)``. This method runs first. The
+        search uses the surrogate, and realisations are computed at points at which the sign of a margin is uncertain.
+        The probability and its interval refer to the mechanism; an inaccurate surrogate only costs more realisations.
+        At least 500 of `max_realisations` must remain after the surrogate.
     label : str, optional
         Name of the results. Default: ``reliability``.
 

@@ -1,10 +1,10 @@
 """Find design points, the points on the limits nearest to the origin, by simultaneous searches from several starts.
 
-OpenTURNS's FORM computes all realisations of a gradient in one call. It processes one start after another, and computes
-the points of the line search one by one. It needs 11 calls and 20 points for a plane in two dimensions, and 26 and 50
-for a parabola. A plane in 40 dimensions needs 415 points. It cannot continue if a realisation fails, and its MultiFORM
-raises an error for symmetric branches. Here, one stack contains all starts and all requirements. With many inputs,
-gradients are updated instead of computed again.
+OpenTURNS's FORM computes all realisations of a gradient in one call. FORM processes one start after another, and
+computes the points of the line search one by one. FORM needs 11 calls and 20 points for a plane in two dimensions, and
+26 calls and 50 points for a parabola. A plane in 40 dimensions needs 415 points. FORM cannot continue if a realisation
+fails, and its MultiFORM raises an error for symmetric branches. Here, one stack contains all starts and all
+requirements. With many inputs, gradients are updated instead of computed again.
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ __all__ = ["Bushing"]
 class Bushing(uqmbd.Component):
     """Forces and moments that are linear in the relative displacement, rotation and their rates, in frame i.
 
-    Frame i is the frame of body i. The rotation is relative to the drawn pose. Its measure is twice the vector part of
-    the relative quaternion, which equals the rotation vector for small rotations. In a matrix that couples translation
-    and rotation, the rows and columns of the displacement come first.
+    Frame i is the frame of body i. The rotation is relative to the drawn pose. The measure of the rotation is twice the
+    vector part of the relative quaternion, which equals the rotation vector for small rotations. In a matrix that
+    couples translation and rotation, the rows and columns of the displacement come first.
 
     Examples
     --------

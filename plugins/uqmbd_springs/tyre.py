@@ -64,9 +64,9 @@ class RadialTyre(uqmbd.extend.TypedComponent):
     ``(1 + c / sqrt(c^2 + e^2)) / 2`` rises from 0 without contact to 1 in contact.
 
     The road only pushes: the vertical force on the wheel is ``(f + sqrt(f^2 + (stiffness e)^2)) / 2``, which is
-    positive. It is about ``f`` in contact, ``stiffness e / 2`` at ``f = 0``, and tends to 0 without contact. On an
-    inclined road, the force also has a horizontal component, so that it is normal to the profile. Its power is zero at
-    constant compression.
+    positive. The force is about ``f`` in contact, ``stiffness e / 2`` at ``f = 0``, and tends to 0 without contact. On
+    an inclined road, the force also has a horizontal component, so that it is normal to the profile. The power of the
+    force is zero at constant compression.
 
     Examples
     --------

@@ -1,10 +1,10 @@
 """Annotations: their alternatives, the bounds of numbers, and the check of values.
 
-This module checks values by its own code, because the libraries typeguard and beartype apply other rules.  Each library
-differs for 40 of 546 measured pairs of an annotation and a value.  typeguard 4.6.1 accepts True as an integer, NaN as a
-number, and texts as sequences and arrays.  beartype 0.23.1 refuses 0 as a number, and accepts texts as sequences and
-arrays.  Both libraries check only the kind of an array and ignore its mask.  Their hooks would need every rule on
-numbers, sequences and arrays of this module.
+This module checks values by its own code, because the libraries typeguard and beartype apply other rules. Each library
+differs for 40 of 546 measured pairs of an annotation and a value. typeguard 4.6.1 accepts True as an integer, NaN as a
+number, and texts as sequences and arrays. beartype 0.23.1 refuses 0 as a number, and accepts texts as sequences and
+arrays. Both libraries check only the kind of an array and ignore its mask. Hooks of these libraries would need every
+rule on numbers, sequences and arrays of this module.
 """
 
 from __future__ import annotations

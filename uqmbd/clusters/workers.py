@@ -106,7 +106,8 @@ class Workers:
         uqmbd.StudyError
             If the library is missing, no scheduler answers, or a cluster cannot be started.
         SystemExit
-            In all processes of MPI except the first. They compute tasks until the context ends, and then exit.
+            In all processes of MPI except the first. These processes compute tasks until the context ends, and then
+            exit.
         """
         for file in files:
             _require_kind("Workers.start", "files", file, str | Path)

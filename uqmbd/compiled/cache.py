@@ -66,9 +66,9 @@ def _surroundings() -> bytes:
 def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
     """Return the result of `make` from the cache on disk, or call `make` and store its result.
 
-    The key is plain data; its ``repr`` is hashed together with the other dependencies of kernels. It must be possible
-    to pickle the result. A damaged entry, or an entry of another user, is made again. A folder that cannot be written
-    only costs time. If several processes need the same entry at once, such as starting workers, one process makes it.
+    The key is plain data; its ``repr`` is hashed together with the other dependencies of kernels. The result must be
+    picklable. A damaged entry, or an entry of another user, is made again. A folder that cannot be written only costs
+    time. If several processes need the same entry at once, such as starting workers, one process makes it.
     """
     name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
     store = Store(cache_folder())

@@ -63,9 +63,9 @@ class NodalSystems:
 class CoupledSystems:
     """The projected system ``Psi^T W A_k Psi x = Psi^T W b_k``, with a correction from its last solutions.
 
-    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `parameters` of the nodes are
-    (K, parameter). The callable `outside` replaces the programs `factor` and `solve`. Its arguments are the work arrays
-    (K / 8, rows, 8), and True for new systems or False for a solution.
+    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `parameters` of the nodes are (K,
+    parameter). The callable `outside` replaces the programs `factor` and `solve`. The arguments of `outside` are the
+    work arrays (K / 8, rows, 8), and True for new systems or False for a solution.
     """
 
     def __init__(

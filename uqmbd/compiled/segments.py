@@ -70,8 +70,8 @@ class SegmentTable:
     def evaluate(self, basis: Array, times: Array, outputs: slice, found: Array, rows: Index) -> None:
         """Evaluate outputs of K samples, with terms `basis` (K, P), at increasing times (T,), s.
 
-        The values are written to rows `rows` (K,) of `found` (R, outputs, T). They are NaN at times after the last edge
-        of a sample, up to rounding; times before the first edge have the value at this edge.
+        The values are written to rows `rows` (K,) of `found` (R, outputs, T). The values are NaN at times after the
+        last edge of a sample, up to rounding; times before the first edge have the value at this edge.
         """
         basis = self._basis(basis)
         rows = np.ascontiguousarray(rows, dtype=np.int64)

@@ -47,10 +47,10 @@ class HeldSymbol(Symbolic, Symbol):
 class Controller:
     """Sampled controller: a Python function of measured outputs, called `rate` times a second.
 
-    Add a controller with `Mechanism.add`. Its commands (`command`) are symbols for component parameters that accept
-    laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``. Expressions and outputs may also contain
-    commands. Commands are constant from one sample to the next (zero-order hold), so they are constants in the
-    equations of motion.
+    Add a controller with `Mechanism.add`. The commands (`command`) of the controller are symbols for component
+    parameters that accept laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``. Expressions and
+    outputs may also contain commands. Commands are constant from one sample to the next (zero-order hold), so they are
+    constants in the equations of motion.
 
     The states of a controller are the numbers that it keeps from one sample to the next, such as the integral of a PI
     controller. Each realisation has separate states. At each sample, uqmbd calls ``function(time, measured, state)``
@@ -96,8 +96,8 @@ class Controller:
         Smallest and largest value of each command, as numbers or expressions in random variables. None: no limit. One
         pair applies to every command.
     initial : number, or mapping of str to number
-        Initial values of the commands, as numbers or expressions in random variables. They apply until the first
-        commands act, in static equilibrium, and in the linearisation about the equilibrium.
+        Initial values of the commands, as numbers or expressions in random variables. Initial values apply until the
+        first commands act, in static equilibrium, and in the linearisation about the equilibrium.
 
     Raises
     ------

@@ -309,7 +309,7 @@ class Mechanism:
         pose until all conditions are satisfied, with the smallest motion of the remaining degrees of freedom.  The
         assembly tracks angles, so that a condition may contain up to about 150 turns.  The turn counts of joints and
         springs include these turns, even if a rotation driver determines the angle.  Conditions in velocities must be
-        linear in the velocities.  They are solved together with the given velocities of bodies.
+        linear in the velocities.  These conditions are solved together with the given velocities of bodies.
 
         Parameters
         ----------

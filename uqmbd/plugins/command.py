@@ -14,10 +14,10 @@ class Command(Protocol):
     from this protocol.  The entry-point group ``uqmbd.commands`` names its module.  The module must not import large
     libraries, because `uqmbd --help` imports it; the method `run` imports them.
 
-    The parameters of `run` are arguments and options with annotations for typer.  The method `run` returns None and
-    prints its result.  The command line shows a `uqmbd.UqmbdError` as a message.  It ends the program with the status 2
-    for a `uqmbd.StudyError`, and with 1 for other errors of this type.  ``raise SystemExit(status)`` sets another
-    status.  All commands have the option ``--debug``, which shows the traceback.
+    The parameters of `run` are arguments and options with annotations for typer. The method `run` returns None and
+    prints its result. The command line shows a `uqmbd.UqmbdError` as a message. The command line ends the program with
+    the status 2 for a `uqmbd.StudyError`, and with 1 for other errors of this type. ``raise SystemExit(status)`` sets
+    another status. All commands have the option ``--debug``, which shows the traceback.
 
     The options ``--workers``, ``--dask`` and ``--mpi`` replace a parameter of the type `uqmbd.Workers` without a
     default, after a ``*``.  The statement ``with workers.start(script) as executor:`` yields an object that

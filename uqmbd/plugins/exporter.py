@@ -11,9 +11,9 @@ __all__ = ["Exporter"]
 class Exporter(Protocol):
     """Protocol of an exporter to files of another program; a plugin offers the class by the hook ``uqmbd_exporters``.
 
-    The class is a dataclass, and need not be derived from this protocol.  Its fields are options with defaults:
-    ``uqmbd export STUDY.py --to FILE --steps 20`` sets the field ``steps``.  The annotation of a field states its
-    values.  A field with truth values is a switch.
+    The class is a dataclass, and need not be derived from this protocol. The fields of the dataclass are options with
+    defaults: ``uqmbd export STUDY.py --to FILE --steps 20`` sets the field ``steps``. The annotation of a field states
+    its values. A field with truth values is a switch.
 
     Attributes
     ----------

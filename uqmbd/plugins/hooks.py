@@ -37,9 +37,9 @@ class _Hooks:
     def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Return time integrators: classes as `uqmbd.extend.Integrator` defines, each with a ``name``.
 
-        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.extend.Trajectories`. Its
-        attribute ``capabilities``, a `uqmbd.extend.Capabilities`, declares further capabilities; without it, there are
-        none. The core registers its integrators by this hook.
+        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.extend.Trajectories`. The
+        attribute ``capabilities`` of the class, a `uqmbd.extend.Capabilities`, declares further capabilities; without
+        it, there are none. The core registers its integrators by this hook.
         """
 
     @_hookspec
@@ -60,7 +60,7 @@ class _Hooks:
     def uqmbd_readers(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Return readers of model files, registered by their class attribute ``name``, a format such as ``"urdf"``.
 
-        The class has no constructor arguments.  Its method ``read(path, **options)`` returns
+        The class has no constructor arguments.  The method ``read(path, **options)`` of the class returns
         `uqmbd.extend.ImportedMechanism`.
         """
 

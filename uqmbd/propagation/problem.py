@@ -172,8 +172,8 @@ class Problem(ProblemData):
         values : array, shape (K, input)
             Inputs of the realisations, in the order of ``inputs.names``.
         function : callable
-            Function of a module, which workers can import. It maps `Realisations` of consecutive rows, the index of the
-            first row, and `arguments` to arrays by name, without side effects.
+            Function of a module, which workers can import. The function maps `Realisations` of consecutive rows, the
+            index of the first row, and `arguments` to arrays by name, without side effects.
         arguments : tuple
             Further arguments of `function`; plain data.
         keep : int
@@ -182,7 +182,7 @@ class Problem(ProblemData):
         Returns
         -------
         Reductions
-            Iterable of `Reduced`, in the order of the rows, with the same bits for any number of workers. Its attribute
+            Iterable of `Reduced`, in the order of the rows, with the same bits for any number of workers. The attribute
             ``store`` is the `uqmbd.results.SampleStore` of all responses, or None without a folder.
         """
         return Reductions(self, self.runner, self.checked(values), function, arguments, keep)
@@ -194,8 +194,8 @@ class Problem(ProblemData):
         Parameters
         ----------
         function : callable
-            Function of a module, which workers can import. It maps the model (:attr:`model`) and a task to arrays by
-            name, without side effects.
+            Function of a module, which workers can import. The function maps the model (:attr:`model`) and a task to
+            arrays by name, without side effects.
         tasks : sequence of tuple
             Further arguments of `function` for each task; plain data.
 

@@ -1,8 +1,8 @@
 """Messages for symbols of uqmbd that are used as numbers of Python or NumPy; each message states the replacement.
 
-SymPy reports conditions, comparisons with NaN, and conversions to numbers in terms of SymPy. It has no hook for the
-message. This module replaces the methods, only for expressions with symbols of uqmbd. SymPy catches its own TypeError
-and ValueError, so the errors also have these classes.
+SymPy reports conditions, comparisons with NaN, and conversions to numbers in terms of SymPy. SymPy has no hook for
+these messages. This module replaces the methods, only for expressions with symbols of uqmbd. SymPy catches its own
+TypeError and ValueError, so the errors also have these classes.
 """
 
 from __future__ import annotations

@@ -50,9 +50,9 @@ def read_units(text: str) -> Unit | None:
     """Return the unit that a text denotes; None if it is unknown or empty.
 
     The text consists of symbols of units with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``,
-    ``**2``, ``²``, ``^(1/2)``).  They are read from left to right: ``m/N s`` is ``(m/N) s``.  The text may also contain
-    names in words.  Alternatives with commas, such as ``N/m, N m/rad``, and units with a variable exponent, such as
-    ``N/m^n``, are unknown.
+    ``**2``, ``²``, ``^(1/2)``). Products and quotients are read from left to right: ``m/N s`` is ``(m/N) s``. The text
+    may also contain names in words. Alternatives with commas, such as ``N/m, N m/rad``, and units with a variable
+    exponent, such as ``N/m^n``, are unknown.
     """
     return _read(text)[0]
 

@@ -87,7 +87,7 @@ def default_methods(
     """Return default collocation methods of the installed plugins, for which about half of the realisations suffice.
 
     The first method collocates at equal times. If its error for outputs over time is too large, methods aligned at
-    events and at phases follow. These do not split the germ space: with splitting, a damped motion needed 2500
+    events and at phases follow. These methods do not split the germ space: with splitting, a damped motion needed 2500
     realisations.
     """
     collocation = uqmbd.extend.propagator("collocation")

@@ -1,9 +1,9 @@
 """Maxima of the posterior density on the mechanism: Gauss-Newton method in a trust region.
 
-Each step computes one realisation and shifts the surrogate to be exact there. It then climbs on this surrogate within
-the trust region. Over a wide prior, slopes of a surrogate can have errors larger than the slopes. Forward differences
-of realisations replace them if a step does not gain about the predicted increase. They also replace them if a climb
-would end without any step, because no step has then tested the slopes.
+Each step computes one realisation and shifts the surrogate to be exact there. The step then climbs on this surrogate
+within the trust region. Over a wide prior, slopes of a surrogate can have errors larger than the slopes. Forward
+differences of realisations replace them if a step does not gain about the predicted increase. Forward differences also
+replace the slopes if a climb would end without any step, because no step has then tested the slopes.
 """
 
 from __future__ import annotations

@@ -134,7 +134,7 @@ def allocate(
     Parameters
     ----------
     study : uqmbd.Study
-        Study of a mechanism with requirements. Its propagators are not used.
+        Study of a mechanism with requirements. The propagators of the study are not used.
     requirement : str or None
         Name of the requirement. None: no requirement may be violated.
     probability : float
@@ -159,7 +159,8 @@ def allocate(
     Returns
     -------
     Allocation
-        Tolerances, cost, and the probability of the realisations with its interval. It is printed as a table.
+        Tolerances, cost, and the probability of the realisations with its interval. `print` shows the allocation as a
+        table.
 
     Raises
     ------

@@ -50,7 +50,7 @@ class MarginSamples:
         """Germs (n,) of the centres of contraction; None if a germ is not an affine map of its input.
 
         If all germs are affine maps, as for normal, truncated and uniform inputs, they are contracted like the inputs.
-        This takes a hundredth of the time of mapping the inputs.
+        Contraction takes a hundredth of the time of mapping the inputs.
         """
         few, columns = self.germs[:AFFINE], self.tightened.columns
         ones = np.ones(len(columns))

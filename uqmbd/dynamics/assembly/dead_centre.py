@@ -1,8 +1,8 @@
 """Dead centres: poses with dependent constraints or given velocities, which are independent in the neighbourhood.
 
-At a dead centre, a linear combination of equations is in the left null space of the Jacobian. It is the left singular
-vector of a vanishing singular value. Redundant equations have such a combination in every pose. A dead centre is
-recognised by the curvature of the residual along the remaining motions, or by possible velocities near it.
+At a dead centre, a linear combination of equations is in the left null space of the Jacobian. This combination is the
+left singular vector of a vanishing singular value. Redundant equations have such a combination in every pose. A dead
+centre is recognised by the curvature of the residual along the remaining motions, or by possible velocities near it.
 """
 
 from __future__ import annotations

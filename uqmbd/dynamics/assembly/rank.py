@@ -109,8 +109,8 @@ def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
 def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
     """Return combinations of constraint equations without an effect on coordinates: arbitrary extra multipliers.
 
-    The result for one realisation has the shape (equation, redundancy). It is orthonormal before the division of each
-    row by the length of its equation's gradient.
+    The result for one realisation has the shape (equation, redundancy). The result is orthonormal before the division
+    of each row by the length of its equation's gradient.
     """
     scaled, lengths = _scaled_gradient(model, q, s, time, parameters)
     left = np.linalg.svd(scaled)[0]

@@ -114,9 +114,9 @@ class Collision:
 def solutions(collision: Collision) -> Iterator[Array]:
     """Yield impulses (direction,) that satisfy the laws, always in the same order.
 
-    For few contacts in planar space, and for one contact in three dimensions, all solutions are returned. Their order
-    is given by the modes of each contact: stick, slip on, slip back, no impulse. For more contacts, an iteration finds
-    solutions.
+    For few contacts in planar space, and for one contact in three dimensions, all solutions are returned. The modes of
+    each contact determine the order of solutions: stick, slip on, slip back, no impulse. For more contacts, an
+    iteration finds solutions.
     """
     touches = collision.touches
     plane = all(len(x.tangents) <= 1 for x in touches)

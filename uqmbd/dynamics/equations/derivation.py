@@ -12,8 +12,8 @@ geometric constraints, and remains valid with auxiliary states in constraints or
     0 = Phi
     0 = psi
 
-A constraint between velocities only defines ``psi`` directly.  It has no ``Phi`` and does not contribute to ``D^T mu``;
-the row of its ``Phi`` is ``0 = mu``.
+A constraint between velocities only defines ``psi`` directly. Such a constraint has no ``Phi`` and does not contribute
+to ``D^T mu``; the row of its ``Phi`` is ``0 = mu``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Evaluators of a mechanism: blocks, placements, and kernels, which are compiled at once or on first use.
 
-Energies, residual and Jacobian, which only some integrators use, are compiled on first use.  Their expressions are
-transferred as bytes, so that they are identical in the process that built the model and in other processes.
+Energies, residual and Jacobian, which only some integrators use, are compiled on first use. The expressions of these
+functions are transferred as bytes, so that they are identical in the process that built the model and in other
+processes.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ rougher than the others is therefore less accurate than alone, at most by its ro
 loss is too large, the realisation is removed and integrated alone.
 
 IDA satisfies the tolerance in each step, averaged over all unknowns.  Without damping, velocity errors accumulate over
-a hundred steps per turn of a body.  Their sum shifts the phase at a growing rate.  If only one of
+a hundred steps per turn of a body.  The sum of these errors shifts the phase at a growing rate.  If only one of
 many bodies rotates, the average over resting bodies and multipliers, which have no errors, hides its errors.  A step
 therefore uses only a small part of the tolerance (`step_tolerance`).
 """

@@ -2,11 +2,11 @@
 
 Branches of motion meet in a singular pose, and the equations of motion do not determine the branch. Momentum selects
 the smooth continuation of the motion. A polynomial through the last states and rates before the pose therefore
-extrapolates the motion [1]_. It extends as far beyond the pose as these states are before it; its end is projected onto
-the constraints. The extrapolation starts so close to the pose that polynomials of degree 9 and 7 (or 7 and 5) agree
-within the tolerance. A motion that ends in the pose (a mechanism that locks up) has no such polynomial. Near the pose,
-rounding grows with the inverse square of the distance. If rounding exceeds the tolerance, the continuation with the
-least difference is used, provided that this difference is small enough.
+extrapolates the motion [1]_. The extrapolation extends as far beyond the pose as these states are before the pose; its
+end is projected onto the constraints. The extrapolation starts so close to the pose that polynomials of degree 9 and 7
+(or 7 and 5) agree within the tolerance. A motion that ends in the pose (a mechanism that locks up) has no such
+polynomial. Near the pose, rounding grows with the inverse square of the distance. If rounding exceeds the tolerance,
+the continuation with the least difference is used, provided that this difference is small enough.
 
 The fixed order of elimination can fail in a regular pose, at which a pivot passes through zero.  Rejected steps near
 such a pose trigger a new choice of the order at the pose.

@@ -76,7 +76,7 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
     """Integrate K realisations by `method`, and compute their motion between the output times (T,), s.
 
     A UserWarning reports that the largest number of times does not resolve the motion of a realisation without failure.
-    It also reports that the integrator fails at a larger number of times; the previous motion remains valid.
+    The warning also reports that the integrator fails at a larger number of times; the previous motion remains valid.
     """
     count, counters, notes = len(ensemble), Counters(), list[str]()
     kept, coarse = dict[int, tuple[_IntervalRun, int]](), np.zeros(count)

@@ -181,7 +181,7 @@ class ProjectedEnsemble(ProjectedEquations):
         Returns
         -------
         PhaseMotion
-            Motion. Its method ``at(phases)`` continues the integration, and returns coefficients
+            Motion. The method ``at(phases)`` continues the integration, and returns coefficients
             (P, N, 2 coordinate + state + 1) at phases (N,), rad. The time is after the states. ``counters`` contains
             the numbers of steps and operations.
 

@@ -73,8 +73,8 @@ class Capabilities:
         threads at once with the same bits as result.  Workers are then threads, unless the mechanism has events or
         controllers, which are handled in Python. Otherwise workers are processes.
     dense_output : bool
-        Whether ``integrate`` accepts ``recording=True``, and then also returns its steps in `Trajectories.path`. They
-        are the motion between the output times, for outputs such as `uqmbd.maximum`.  Integrators without this
+        Whether ``integrate`` accepts ``recording=True``, and then also returns its steps in `Trajectories.path`. The
+        steps contain the motion between the output times, for outputs such as `uqmbd.maximum`. Integrators without this
         capability must compute states at more times.
     linear_solvers : tuple of str
         Names that ``integrate_projected`` accepts as ``linear_solver=``; empty: it does not accept the argument.

@@ -74,9 +74,9 @@ def _motion(model: Model, writer: ProgramWriter, values: Index, solve: Solver, r
 def _turning(model: Model) -> Index:
     """Return the coordinates (body, 2 or 4) of the quaternions of rotating bodies that are not in a loop.
 
-    Constraints of a tree are independent in every pose.  Constraints of a loop are dependent in singular poses.  An
-    integration passes these poses only if the steps violate the constraints little.  This requires steps of the
-    quaternion rates, the velocities of the equations.
+    Constraints of a tree are independent in every pose. Constraints of a loop are dependent in singular poses. An
+    integration passes these poses only if the steps violate the constraints little. This condition requires steps of
+    the quaternion rates, the velocities of the equations.
     """
     found = model.quaternions()
     if not found.size:

@@ -51,9 +51,9 @@ def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weigh
     """Return the smallest singular values (T,) of projected Jacobians, and the smallest nodal ones (T,).
 
     The Jacobians (T, K, m, n) usually have full rank, with 1 <= m <= n; psi (K, P), adjoint (P, K) and weights (K,).
-    Projected values are accurate to 0.5 %.  They are accurate to rounding if the iteration does not converge, as for a
-    singular matrix, or misses the smallest value.  A nodal value is the exact value of one node; the values of other
-    nodes are less by at most 0.1 %.
+    Projected values are accurate to 0.5 %. The values are accurate to rounding if the iteration does not converge, as
+    for a singular matrix, or misses the smallest value. A nodal value is the exact value of one node; the values of
+    other nodes are less by at most 0.1 %.
     """
     grams = jacobians @ jacobians.swapaxes(2, 3)
     mean = np.einsum("k,tkab->tab", weights, grams)

@@ -1,12 +1,12 @@
 """Find the static equilibrium of realisations from the assembled pose.
 
-Coordinates and multipliers solve ``Q(q, v = 0, t0) = D^T lambda`` and ``Phi(q, t0) = 0``.  Each iteration is a Newton
-step within the tangent space of the constraints. The stiffness ``K`` is the exact Jacobian, including ``(D^T
-lambda)_q``. Negative stiffness is replaced by its absolute value (saddle-free Newton: Dauphin et al., 2014). The
+Coordinates and multipliers solve ``Q(q, v = 0, t0) = D^T lambda`` and ``Phi(q, t0) = 0``. Each iteration is a Newton
+step within the tangent space of the constraints. The stiffness ``K`` is the exact Jacobian, including
+``(D^T lambda)_q``. Negative stiffness is replaced by its absolute value (saddle-free Newton: Dauphin et al., 2014). The
 iteration thus descends to stable equilibria, even from poses with zero stiffness, such as a horizontal pendulum.
 Directions without stiffness get the step of smallest norm, which is zero. The step follows the constraints (Runge-Kutta
-of order 4, then a projection), and its length is bounded. The step is halved until the forces do work along it. This is
-Armijo's rule with work in place of the loss of energy, so it admits forces without a potential.
+of order 4, then a projection), and its length is bounded. The step is halved until the forces do work along it. The
+step size follows Armijo's rule with work in place of the loss of energy, so it admits forces without a potential.
 
 Auxiliary states follow the motion of the search: the angle of a torsion spring is its initial value plus the rotation
 of the bodies, for any number of turns. If the initial value also depends on the pose (as for angles), the state is

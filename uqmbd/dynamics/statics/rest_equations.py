@@ -1,7 +1,7 @@
 """Equations of motion at rest, and their exact derivatives, for statics and linearisation.
 
 The unknowns at rest, at one time, are the coordinates ``q``, the auxiliary states ``s`` and the multipliers ``lambda``
-of the stabilised index-2 form. Their equations are::
+of the stabilised index-2 form. The equations at rest are::
 
     0 = -Q(q, s) + D(q, s)^T lambda        s' = g(q, s)        0 = Phi(q, s)
 

@@ -351,7 +351,7 @@ def running_minimum(
 ) -> tuple[Array, list[MissingReason | None]]:
     """Find the running minima of outputs (K, output, T), at the output times and between them, on both sides of jumps.
 
-    They are NaN where a realisation failed, and where the output is not a finite real number.  Return also for each
+    Values are NaN where a realisation failed, and where the output is not a finite real number.  Return also for each
     realisation the reason if one of the outputs is undefined, else None.  The trajectories hold the motion between
     output times (``integrate(..., between=True)``).
     """
@@ -386,8 +386,8 @@ def _resolve(
 ) -> None:
     """Resolve outputs along the motions of members in groups, and pass the groups to `collect`.
 
-    `collect` also receives their rows among the members and the tolerances of the polynomials. Its last argument is the
-    time from which each column is not finite and real, s, for each realisation (R, column).
+    `collect` also receives their rows among the members and the tolerances of the polynomials. The last argument of
+    `collect` is the time from which each column is not finite and real, s, for each realisation (R, column).
     """
     if not members.size:  # all realisations have failed without a motion
         return

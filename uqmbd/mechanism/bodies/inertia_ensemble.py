@@ -178,9 +178,9 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     Returns
     -------
     MassProperties
-        Expressions in independent random variables.  In three dimensions the mass has a coefficient of variation of
-        :math:`\delta \sqrt{2/5} = 0.63\,\delta`.  The centre of mass has the mean `centre` and, conditional on the
-        mass, a normal distribution. It scatters by about :math:`\delta / \sqrt{5} = 0.45\,\delta` radii of gyration.
+        Expressions in independent random variables. In three dimensions the mass has a coefficient of variation of
+        :math:`\delta \sqrt{2/5} = 0.63\,\delta`. The centre of mass has the mean `centre` and, conditional on the mass,
+        a normal distribution. The centre scatters by about :math:`\delta / \sqrt{5} = 0.45\,\delta` radii of gyration.
         The inertia about the centre of mass is independent of mass and centre of mass.
 
     Raises

@@ -67,8 +67,8 @@ class JointAngle:
         Whether the common sign of a half-angle pair has a meaning. In planar space, the sign distinguishes odd from
         even numbers of turns.
     near : expression
-        Angle near the initial angle, rad, as a number or an expression in random variables. It selects the turn of the
-        initial angle.
+        Angle near the initial angle, rad, as a number or an expression in random variables. This angle selects the turn
+        of the initial angle.
     rate : expression, optional
         Rate of the angle, rad/s, in coordinates and velocities. None: derived from cosine and sine.
     speed : str

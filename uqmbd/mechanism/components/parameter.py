@@ -78,8 +78,9 @@ class Parameter(Generic[Given]):
         Value with which `uqmbd.testing.check_component` tests the component, if arbitrary numbers are unsuitable.
     minimum, maximum : float
         Range of each number, in the units of the parameter. `Mechanism.add` raises an error for a constant outside the
-        range. It also raises an error for an expression that is outside the range at the means of its random variables.
-        A realisation with a value outside the range fails. uqmbd does not check values that depend on time or motion.
+        range. `Mechanism.add` also raises an error for an expression that is outside the range at the means of its
+        random variables. A realisation with a value outside the range fails. uqmbd does not check values that depend on
+        time or motion.
     exclusive : bool
         Whether the range excludes its ends.
     one_sign : bool

@@ -153,10 +153,10 @@ class Constraint:
 class VelocityConstraint:
     """Equations ``a(q, t) . v + b(q, t) = 0`` between velocities: nonholonomic constraints.
 
-    Examples are rolling wheels, skates and knife edges.  Their equations are not derivatives of equations in positions.
-    Initial velocities and velocities after impacts satisfy the equations.  The assembly of positions does not use the
-    equations.  Their reactions do no work if ``b`` is zero (Lagrange and d'Alembert; Neimark and Fufaev, Dynamics of
-    Nonholonomic Systems, 1972).
+    Examples are rolling wheels, skates and knife edges. The equations of such constraints are not derivatives of
+    equations in positions. Initial velocities and velocities after impacts satisfy the equations. The assembly of
+    positions does not use the equations. Reactions of these constraints do no work if ``b`` is zero (Lagrange and
+    d'Alembert; Neimark and Fufaev, Dynamics of Nonholonomic Systems, 1972).
 
     Parameters
     ----------

@@ -24,8 +24,8 @@ NO_NUMBERS = (sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I)
 def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str = "") -> dict[str, sympy.Symbol]:
     """Return the quantities in a user-defined law other than its arguments, for `uqmbd.Component.prepare`.
 
-    These quantities, such as random variables and the time, become parameters of the component. Their values differ
-    between realisations, and those of the time and of commands also change during the motion.
+    These quantities, such as random variables and the time, become parameters of the component. The values of these
+    parameters differ between realisations. Values of the time and of commands also change during the motion.
 
     Parameters
     ----------

@@ -149,8 +149,8 @@ def summary(
         the motion, 1024 or more. The array ``weights`` (N,) contains the duration that each point represents, s. N
         differs between realisations. Without `function`, the call returns a decorator.
     polynomials : bool
-        The function is ``function(motion, *numbers)`` instead, with an `uqmbd.extend.MotionPolynomials`. It returns
-        a number, or the reason why the realisation has no value: a clause, without a full stop.
+        The function is ``function(motion, *numbers)`` instead, with an `uqmbd.extend.MotionPolynomials`. The function
+        returns a number, or the reason why the realisation has no value: a clause, without a full stop.
     further : sequence of str
         Units of further expressions, which follow the first one in calls: ``("rad",)`` for an angle. An empty text
         accepts every unit. Requires `polynomials`.
@@ -174,10 +174,10 @@ def summary(
 
     Notes
     -----
-    uqmbd divides each integration step until polynomials resolve the expression.  The points are the 16 nodes of Gauss'
-    rule on each part of a step.  Weighted sums of smooth functions of the values are therefore as accurate as
-    `uqmbd.integral`.  A result that depends on single points, such as a percentile, has a further error.  Its order of
-    magnitude is one weight divided by the whole time.
+    uqmbd divides each integration step until polynomials resolve the expression. The points are the 16 nodes of Gauss'
+    rule on each part of a step. Weighted sums of smooth functions of the values are therefore as accurate as
+    `uqmbd.integral`. A result that depends on single points, such as a percentile, has a further error. The order of
+    magnitude of this error is one weight divided by the whole time.
 
     Examples
     --------

@@ -101,7 +101,7 @@ def check_dimensions(where: str, expression: Any, units: str = "", unseen: Calla
     Symbols have an attribute `units`; empty `units` accept any dimension.  The argument `unseen` is a function that
     returns the dimensions of numbers that equal 1, which products may contain invisibly.  `unseen` is called only if
     dimensions do not fit.  `check_dimensions` raises `uqmbd.StudyError` if values are wrong by the factor between two
-    units, such as metres declared as millimetres.  It warns with `uqmbd.UnitsWarning` if dimensions do not fit.
+    units, such as metres declared as millimetres.  It warns with `uqmbd.UnitsWarning` if dimensions are inconsistent.
 
     >>> import chaospy, uqmbd
     >>> gap = uqmbd.RandomVariable("gap", chaospy.Uniform(1, 2), units="mm")

@@ -126,8 +126,8 @@ def linear_output(function: Callable[..., Any] | None = None, *, power: int | No
     ----------
     function : callable
         Function of a module, which workers can import. ``function(system, *numbers)`` receives the response of one
-        expression in K realisations as `uqmbd.extend.LinearSystem`. It returns K numbers, and K texts: the reason of a
-        realisation without a value, or an empty text. Without `function`, the call returns a decorator.
+        expression in K realisations as `uqmbd.extend.LinearSystem`. The function returns K numbers, and K texts: the
+        reason of a realisation without a value, or an empty text. Without `function`, the call returns a decorator.
     power : int, optional
         The quantity has the units of the expression to this power, times `units`: 1 for a standard deviation, 2 for a
         variance, 0 for a rate. Default: uqmbd does not check the units of the quantity.

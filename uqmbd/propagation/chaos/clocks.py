@@ -53,8 +53,8 @@ class Clock:
         Length of a turn, in the units of the output; negative for a backward rotation. 0 for an oscillation, with the
         phase in the plane of value and rate.
     start : float
-        Phase near the initial phase of the realisations, rad. It selects one of several phases that differ by whole
-        turns.
+        Phase near the initial phase of the realisations, rad. This phase selects one of several phases that differ by
+        whole turns.
 
     Examples
     --------

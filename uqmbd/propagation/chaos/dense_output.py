@@ -161,8 +161,8 @@ def dense(
     asked : array, shape (N,), optional
         Further times, s, at which the integration provides outputs without interpolation.
     worth : callable, optional
-        Function that returns whether more times justify their cost; the default is always true. Its arguments are
-        realisations whose splines are within 10 % of the range of an output, but not accurate.
+        Function that returns whether more times justify their cost; the default is always true. The arguments of the
+        function are realisations whose splines are within 10 % of the range of an output, but not accurate.
 
     Returns
     -------

@@ -249,8 +249,8 @@ def refine_elements(
     """Split the germ space in regions where a chaos is not accurate enough.
 
     In each round the error of every element is estimated: at each output and time, it is the larger of the energy of
-    its top order and of the mean square at its verification realisations. It is weighted by the probability of the
-    element. Elements with the largest contributions are split at the median along the input with most energy of the
+    its top order and of the mean square at its verification realisations. The error is weighted by the probability of
+    the element. Elements with the largest contributions are split at the median along the input with most energy of the
     top order. The local variance has the same influence if the error exceeds a tenth of the local standard deviation.
     The halves replace the elements, and new chaoses are computed for them. The result does not depend on the workers.
 
@@ -270,12 +270,12 @@ def refine_elements(
     affordable : callable, optional
         Function that returns, before each round, the number of elements that may still be split.
     lost : callable, optional
-        Function of the index of an element in the order of computation. It returns the share of realisations that the
-        chaos does not represent. The error of these realisations is set to the largest standard deviation.
+        Function of the index of an element in the order of computation. The function returns the share of realisations
+        that the chaos does not represent. The error of these realisations is set to the largest standard deviation.
     further : callable, optional
-        Function that verifies elements at further points at the end. Its arguments are the joined chaos and the indices
-        of its elements in the order of computation. It returns the chaoses of the elements, and the error is estimated
-        again.
+        Function that verifies elements at further points at the end. The arguments of the function are the joined chaos
+        and the indices of its elements in the order of computation. The function returns the chaoses of the elements,
+        and the error is estimated again.
 
     Returns
     -------

@@ -38,7 +38,7 @@ class VerificationPoints:
     """Germ points of verification realisations, and their weights.
 
     The points are more often in the tails than the inputs are, because errors of polynomials are largest in the tails.
-    Their weights are smaller there, so weighted means are those of the input distribution.
+    Points in the tails have smaller weights, so weighted means refer to the input distribution.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ def static_equilibrium(
 
     The search starts at the drawn pose and goes downhill: forces do work. If the drawn pose is exactly an unstable
     equilibrium, it is the result. During the search, the angles of rotational springs follow the bodies over any number
-    of turns, and wheels roll. It is an error if the rest position of a wheel may depend on its path.
+    of turns, and wheels roll. If the rest position of a wheel may depend on its path, the function raises an error.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Weighted points, denser in the tails than the inputs, for means of quantities that are large in the tails.
 
-The truncation error of a polynomial chaos of order n begins with polynomials of degree n + 1. Their squares are large
-in the tails. Few points with the distribution of the inputs do not sample this error. chaospy and SciPy do not sample
-such densities; the densities of single polynomials are the induced distributions of the references.
+The truncation error of a polynomial chaos of order n begins with polynomials of degree n + 1. The squares of these
+polynomials are large in the tails. Few points with the distribution of the inputs do not sample this error. chaospy and
+SciPy do not sample such densities; the densities of single polynomials are the induced distributions of the references.
 """
 
 from __future__ import annotations

@@ -123,8 +123,8 @@ def clenshaw_curtis(space: GermSpace, level: int | Sequence[int]) -> Quadrature:
     A germ of bounded support gets the rule of Clenshaw and Curtis (Numer. Math. 2 (1960) 197) with 1, 3, 5, 9, ...
     nodes. Any other germ gets Fejer's second rule, which excludes the ends, with 1, 3, 7, 15, ... nodes. For a uniform
     germ, the rule is exact up to the degree that equals its number of nodes. For any other germ, the quantile function
-    maps the nodes: the rule is nested, but exact for constants only. It converges slowly for functions that grow in a
-    tail; Gauss rules are preferable for such functions.
+    maps the nodes: the rule is nested, but exact for constants only. The rule converges slowly for functions that grow
+    in a tail; Gauss rules are preferable for such functions.
 
     Parameters
     ----------

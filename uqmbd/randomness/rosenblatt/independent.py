@@ -1,7 +1,7 @@
 """Replacement of distributions of independent variables that chaospy evaluates incorrectly.
 
-chaospy treats a doubled, shifted or truncated whole number as a continuous variable. Its arithmetic of independent
-variables provides no components, and it searches for quantiles of mixtures with random steps.
+chaospy treats a doubled, shifted or truncated whole number as a continuous variable. The arithmetic of chaospy for
+independent variables provides no components, and chaospy searches for quantiles of mixtures with random steps.
 """
 
 from __future__ import annotations

@@ -29,8 +29,8 @@ Interval = tuple[float, float]
 def supports_of(law: JointLaw, outer: Array | None = None) -> Array:
     """Return an interval for each component that contains all its values, shape (n, 2).
 
-    The interval is wider than the support if the support depends on other variables without simple bounds. It is
-    infinite if no bound is known. `outer` (m, 2) contains the intervals of the larger distribution, if any.
+    The interval is wider than the support if the support depends on other variables without simple bounds. The interval
+    is infinite if no bound is known. `outer` (m, 2) contains the intervals of the larger distribution, if any.
 
     >>> import chaospy
     >>> from uqmbd.randomness.rosenblatt.reading import joint_law

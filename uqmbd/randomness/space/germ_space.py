@@ -97,7 +97,7 @@ class GermSpace:
         Independent inputs get polynomials that are orthonormal for their own distribution: Hermite, Legendre, Jacobi or
         Laguerre polynomials if the distribution is one of Askey's scheme. Otherwise a discretised Stieltjes procedure
         on the affinely standardised input computes them. An input becomes a function of a standard normal germ if its
-        upper or lower tail is too heavy for polynomials. This is the case for lognormal and similar distributions: all
+        upper or lower tail is too heavy for polynomials. Examples are lognormal and similar distributions: all
         moments exist, but do not determine the distribution.
 
         Parameters
@@ -310,8 +310,8 @@ class GermSpace:
         Returns
         -------
         array, shape (K, d, d)
-            Derivative of germ j with respect to input i at [:, j, i], in one over the units of the inputs. It is
-            infinite if several germ points belong to one input.
+            Derivative of germ j with respect to input i at [:, j, i], in one over the units of the inputs. The
+            derivative is infinite if several germ points belong to one input.
 
         Raises
         ------

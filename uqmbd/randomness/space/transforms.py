@@ -27,8 +27,8 @@ class CorrelatedTransform:
     """Inputs as increasing functions of correlated standard variables: ``x_k = m_k(sum_j factor[k, j] * germ_j)``.
 
     With standard normal germs and a factor of a correlation matrix that is lower triangular in the order of
-    conditioning, this is a Gaussian copula. It is also the Rosenblatt transform of that copula. A single input has the
-    factor 1 and any germ.
+    conditioning, this is a Gaussian copula. The map is also the Rosenblatt transform of this copula. A single input has
+    the factor 1 and any germ.
     """
 
     columns: tuple[int, ...]  # of the inputs and of the germs

@@ -152,8 +152,8 @@ def iso286(
 
     Notes
     -----
-    Limits come from the tables of ISO 286-1:2010. They include the correction of holes K, M, N up to grade 8 and P to
-    ZC up to grade 7. Zones js extend half the standard tolerance to either side, without the rounding to whole
+    Limits come from the tables of ISO 286-1:2010. These limits include the correction of holes K, M, N up to grade 8
+    and P to ZC up to grade 7. Zones js extend half the standard tolerance to either side, without the rounding to whole
     micrometres in some tables of grades 7 to 11. The function rejects sizes up to 1 mm and holes K to ZC of grades
     below 3. It also rejects the letters cd, ef and fg above 10 mm.
 

@@ -65,7 +65,7 @@ def density(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Estimate a density with Gaussian kernels.
 
-    The width of the kernels follows the rule of Silverman. It uses the smaller of the standard deviation and the
+    The width of the kernels follows the rule of Silverman. The rule uses the smaller of the standard deviation and the
     interquartile range (scaled for a normal distribution). Outliers and several peaks therefore do not blur the
     estimate. The width is increased, at most threefold, while a dip between two peaks is shallower than two and a half
     standard errors of the estimate. At the ends, the parts of the kernels beyond the bound are reflected.

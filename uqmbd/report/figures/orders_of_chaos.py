@@ -145,9 +145,9 @@ def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> A
 def order_convergence(results: Results, output: str, *, reference: str | None = None) -> Figure:
     """Draw the error of a chaos over its order, and over the number of realisations.
 
-    The figure shows the differences of mean (full lines) and standard deviation (dashed) to a reference. They are the
-    largest differences over time, relative to the largest standard deviation. The scale over the order is logarithmic,
-    so exponential convergence is a straight line. Points show the largest standard errors of Monte Carlo.
+    The figure shows the differences of mean (full lines) and standard deviation (dashed) to a reference. The values are
+    the largest differences over time, relative to the largest standard deviation. The scale over the order is
+    logarithmic, so exponential convergence is a straight line. Points show the largest standard errors of Monte Carlo.
 
     Parameters
     ----------

@@ -156,8 +156,8 @@ def _bends(lines: Array, most: int, tolerance: float) -> NDArray[np.intp]:
     """Choose points such that straight lines between them approximate lines of shape (R, 2, T).
 
     Each step adds the point with the largest deviation. The search ends at ``most`` points, or if no deviation exceeds
-    the tolerance, relative to the extent of all lines along each axis. This is the algorithm of Ramer, Douglas and
-    Peucker for many lines at once.
+    the tolerance, relative to the extent of all lines along each axis. The method is the algorithm of Ramer, Douglas
+    and Peucker for many lines at once.
     """
     extent = np.ptp(lines, axis=(0, 2))
     scaled = lines / np.where(extent > 0, extent, 1.0)[:, None]

@@ -1,7 +1,7 @@
 """Poses of assembled bodies and of bodies in realisations of the motion: data for pictures and animations.
 
-The resulting dataset contains all data of the drawing. It can therefore be stored with results, and drawn without the
-mechanism::
+The resulting dataset contains all data of the drawing. The dataset can therefore be stored with results, and drawn
+without the mechanism::
 
     pose (realisation, time, body, coordinate)   positions (m) and unit quaternions; realisation 0: at the means
     local (realisation, point, axis)             points in the frames of their bodies, m, and directions
@@ -149,9 +149,9 @@ def motion(
 
     `study` has at least one output. `samples` is the number of realisations in addition to the means (0 without random
     inputs), and `seed` their seed. `frames` is the number of times, evenly spread over the study. `method` is the label
-    of a propagator of the study. Its first samples, or samples of its polynomial chaos of all coordinates, are used. By
-    default, realisations are integrated. `named` are realisations with a pose in the report. They follow the means, and
-    the attribute ``named`` lists them.
+    of a propagator of the study. The first samples of the propagator, or samples of its polynomial chaos of all
+    coordinates, are used. By default, realisations are integrated. `named` are realisations with a pose in the report.
+    These realisations follow the means, and the attribute ``named`` lists them.
 
     The module describes the result. Failed realisations are omitted, and counted in the attribute ``failures``. Raise
     StudyError if a number is invalid, if the study lacks the method, or if it stores neither samples nor chaos. Raise

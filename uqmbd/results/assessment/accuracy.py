@@ -81,9 +81,9 @@ def stated_accuracy(
     rtol : float
         Relative tolerance of the integration, which decides which outputs vary.
     of : {"moments", "probabilities"}
-        ``moments``: half-widths of the mean and of the standard deviation of each output at each time. They are
-        relative to the largest standard deviation of that output over time. For a scalar output they are relative to
-        its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
+        ``moments``: half-widths of the mean and of the standard deviation of each output at each time. The half-widths
+        are relative to the largest standard deviation of that output over time. For a scalar output they are relative
+        to its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
         replaces 1.96. For a surrogate it is the error bound from its verification. Outputs that do not vary are
         ignored. The integration error, which more realisations do not reduce, is stated separately.
 

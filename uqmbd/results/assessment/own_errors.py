@@ -113,8 +113,8 @@ class OwnError:
     def relative(self, times: Array) -> Array:
         """Return the relative own error of the standard deviation (O,); infinite if unknown.
 
-        The error is the root mean square over time of 1.96 standard errors and of the bound of the bias. It is 0 for
-        outputs that do not vary.
+        The error is the root mean square over time of 1.96 standard errors and of the bound of the bias. The error is 0
+        for outputs that do not vary.
         """
         if not self.samples and np.isnan(self.stated).any():
             return np.full(len(self.std), np.inf)

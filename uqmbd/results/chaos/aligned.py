@@ -34,9 +34,9 @@ class AlignedChaos(Surrogate):
     """Outputs as polynomials that follow the markers of a motion: its events, or equal phases of a clock.
 
     At a fixed time, outputs may jump as functions of the inputs, or phases may drift apart. The times of markers, and
-    the outputs between them in normalised time, remain smooth. They are expanded separately, and combined for each
-    sample. Statistics come from samples of this surrogate. After the last marker of a sample, its outputs are NaN:
-    phases are only known as far as nearly all samples of the inputs advance within the times.
+    the outputs between them in normalised time, remain smooth. Times and outputs are expanded separately, and combined
+    for each sample. Statistics come from samples of this surrogate. After the last marker of a sample, its outputs are
+    NaN: phases are only known as far as nearly all samples of the inputs advance within the times.
 
     Parameters
     ----------

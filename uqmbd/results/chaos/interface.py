@@ -241,8 +241,8 @@ class Surrogate(SurrogateContainer):
         The samples are K points of a scrambled Sobol' sequence of the germs; K is `samples`, rounded up to a power of
         two. Outputs and times are processed in blocks, so that memory does not grow with their number. For one germ,
         the probability of a returned quantile differs from the requested one by less than 2 / K. For several germs,
-        this probability has a random error. Its standard deviation is at most about the value for independent samples,
-        sqrt(p (1 - p) / K), and mostly far less.
+        this probability has a random error. The standard deviation of this error is at most about the value for
+        independent samples, sqrt(p (1 - p) / K), and mostly far less.
 
         Parameters
         ----------
@@ -379,7 +379,7 @@ class Surrogate(SurrogateContainer):
         -------
         xarray.Dataset
             Dataset as from :func:`uqmbd.extend.statistics_dataset`, with Sobol' indices of independent inputs. For
-            dependent inputs it has `sobol_first_germ` and `sobol_total_germ` (germ, output, time). It contains
+            dependent inputs it has `sobol_first_germ` and `sobol_total_germ` (germ, output, time). The dataset contains
             `verification_error` if this error is known, and `circular_mean` and `circular_std` if an output is an
             angle. Skewness and kurtosis may be estimated from samples, and a surrogate of very many terms may allow
             fewer samples than requested. The attribute ``samples`` of the variable then states the number of samples,
@@ -515,11 +515,11 @@ class Surrogate(SurrogateContainer):
     def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
         """Return the stated error: the error at the verification realisations, relative to the standard deviation.
 
-        The stated error is the weighted root mean square over the realisations. These are more frequent in the tails
-        than the inputs, and have smaller weights there. If the standard deviation is below 1 % of its maximum over
-        time, the error is relative to 1 % of that maximum. An output that is constant in the surrogate (as at order 0)
-        has the error 1 if the realisations differ from its mean. :meth:`verification_factor` returns the uncertainty
-        factor of this error.
+        The stated error is the weighted root mean square over the realisations. Verification realisations are more
+        frequent in the tails than the inputs, and have smaller weights in the tails. If the standard deviation is below
+        1 % of its maximum over time, the error is relative to 1 % of that maximum. An output that is constant in the
+        surrogate (as at order 0) has the error 1 if the realisations differ from its mean. :meth:`verification_factor`
+        returns the uncertainty factor of this error.
 
         Parameters
         ----------

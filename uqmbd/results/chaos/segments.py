@@ -97,9 +97,9 @@ class AlignedElement(GermElement):
         """Return the mean square (O, T) of errors between predicted and true times (s) of events, from local germs.
 
         Between both times, the output has jumped in either the surrogate or the mechanism, but not in both. This layer
-        is thinner than the distance of verification realisations, which therefore miss the layer. Its probability is
-        the probability of an event within the mean error of its time. The result is NaN if an output jumps and the
-        error of the event time is unknown.
+        is thinner than the distance of verification realisations, which therefore miss the layer. The probability of
+        the layer is the probability of an event within the mean error of its time. The result is NaN if an output jumps
+        and the error of the event time is unknown.
         """
         found = np.zeros((self.segments.shape[2], len(times)))
         # realisations with a late event may be missing; use the largest known error

@@ -116,8 +116,8 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
 def meets(found: Collection[Answer], allowed: float) -> bool | None:
     """Return whether a requirement is met with 95 % confidence; None if this is uncertain.
 
-    The requirement is met if the upper ends of all methods are allowed. It is not met if the lower end of one method is
-    not allowed, and no method has an allowed upper end. Methods without a probability are ignored.
+    The requirement is met if the upper ends of all methods are allowed. The requirement is not met if the lower end of
+    one method is not allowed, and no method has an allowed upper end. Methods without a probability are ignored.
     """
     found = [one for one in found if one.known]
     if allowed >= 1:
@@ -155,9 +155,9 @@ def met_in_words(found: Collection[Answer], allowed: float) -> str:
 def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     """Return the requirements that are not met, or not known to be met, with 95 % confidence.
 
-    A requirement is met if every method with a known probability states an upper end of at most the allowed one. It is
-    not met if one method states a larger lower end and no method an allowed upper end. Otherwise, it is not known to be
-    met; the sentence names the methods with an allowed upper end.
+    A requirement is met if every method with a known probability states an upper end of at most the allowed one. The
+    requirement is not met if one method states a larger lower end, and no method states an allowed upper end.
+    Otherwise, it is not known to be met; the sentence names the methods with an allowed upper end.
 
     Parameters
     ----------

@@ -6,15 +6,15 @@ the margin from its median, and limits are usually far from the median. Residual
 growth function: the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate, at most `HIGHEST`. Here
 :math:`u` is the normal score of the margin in its own distribution. An error that consists of all polynomials up to
 that degree grows like this. The root mean square of the divided residuals is multiplied by a quantile of Student's t
-distribution. Its degrees of freedom are the effective number of residuals. This product, times the root of the growth
-function, is the half-width of a band about the limit. Residuals have the weights of the realisations or equal weights;
-the wider band is used. Samples within the band may be violations or not.
+distribution. The degrees of freedom of the quantile are the effective number of residuals. This product, times the root
+of the growth function, is the half-width of a band about the limit. Residuals have the weights of the realisations or
+equal weights; the wider band is used. Samples within the band may be violations or not.
 
 Residuals contain no information on a margin that the surrogate does not follow at all. Such a margin jumps, or its only
-change is between the realisations. This is assumed if residuals exceed `FOLLOWED` of the spread of the samples, or if
-nothing varies. The interval then also includes the information from signs: the probability that a verification
-realisation and the surrogate are on different sides of the limit. Clopper and Pearson's method gives the interval of
-this probability, with the effective number of trials of the weights.
+change is between the realisations. Such a margin is assumed if residuals exceed `FOLLOWED` of the spread of the
+samples, or if nothing varies. The interval then also includes the information from signs: the probability that a
+verification realisation and the surrogate are on different sides of the limit. Clopper and Pearson's method gives the
+interval of this probability, with the effective number of trials of the weights.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ def tightened_probabilities(
 ) -> dict[str, TightenedProbability]:
     """Return probabilities of an event by input, if the distance of the input from its mean is multiplied by a factor.
 
-    `part`: the node ``requirements`` of a method. The result excludes dependent and discrete inputs. It is empty if the
-    surrogate does not follow the margin, or without verification realisations.
+    `part`: the node ``requirements`` of a method. The result excludes dependent and discrete inputs. The result is
+    empty if the surrogate does not follow the margin, or without verification realisations.
     """
     data = part.to_dataset()
     names = [str(name) for name in data["requirement"].values]

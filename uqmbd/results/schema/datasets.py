@@ -138,7 +138,7 @@ def sample_dataset(
     """Build the dataset ``samples`` or ``nodes``: responses and inputs, with a status and a reason for each sample.
 
     A sample whose status is not 0 is stored as NaN. A sample of status 0 that contains a NaN or an infinity becomes a
-    failure (status 3, ``not_finite``), so that no mean becomes NaN. Its message states the place.
+    failure (status 3, ``not_finite``), so that no mean becomes NaN. The message of this failure states the place.
 
     Parameters
     ----------

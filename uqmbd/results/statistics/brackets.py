@@ -1,9 +1,10 @@
 """Bracket order statistics of many columns, and count the samples in the bins of each bracket.
 
 Counts between fixed edges are faster than sketches. For 100,000 samples of 201 columns, KLL sketches of Apache
-``datasketches`` (k = 2000) took 58 ns per number, with rank uncertainty 9e-4. Its t-digest (k = 1000) took 98
-ns per number, with an uncertainty of 4e-3. Sketches draw random numbers, so each process returned different bits for
-the same samples. Counts take some 15 ns per number, return the same bits in any order, and give certain bounds.
+``datasketches`` (k = 2000) took 58 ns per number, with rank uncertainty 9e-4. The t-digest of ``datasketches`` (k =
+1000) took 98 ns per number, with an uncertainty of 4e-3. Sketches draw random numbers, so each process returned
+different bits for the same samples. Counts take some 15 ns per number, return the same bits in any order, and give
+certain bounds.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Compute statistics of angles, for which plain averages are wrong.
 
-:func:`scipy.stats.circmean` and ``circstd`` accept no weights, such as weights of a quadrature. They return a direction
-even if directions cancel, and lose the digits of small deviations: for 1e-9 and -1e-9 they return the deviation 0.
+:func:`scipy.stats.circmean` and ``circstd`` accept no weights, such as weights of a quadrature. These functions return
+a direction even if directions cancel, and lose the digits of small deviations: for 1e-9 and -1e-9 they return the
+deviation 0.
 """
 
 from __future__ import annotations

@@ -84,8 +84,8 @@ def quantiles_of_chunks(
     ----------
     chunks : iterable
         Chunks that can be iterated repeatedly, such as `uqmbd.results.SampleStore.chunks`. Each has a `response` (K,
-        ...) and `good` (K,). Every pass must give the same samples. Their order has no effect on the result, but a
-        further pass may be necessary if the first samples differ from the others.
+        ...) and `good` (K,). Every pass must give the same samples. The order of samples has no effect on the result,
+        but a further pass may be necessary if the first samples differ from the others.
     probabilities : sequence of float
         Probabilities of the P quantiles, increasing, between 0 and 1.
     independent : bool

@@ -52,7 +52,7 @@ def sample_statistics(
     and :math:`m_4` the fourth central moment (divisor :math:`(n-1)^2 / n`). The second error follows from the exact
     variance of :math:`s^2` for any distribution ([1]_, section 2.3). For fewer samples, the errors are larger. The
     error of the mean includes Student's t and a term for the skewness [2]_. The error of :math:`s` is
-    :math:`(u - s) / 1.96` with the upper end :math:`u` of the interval of chi-square. Its degrees of freedom follow
+    :math:`(u - s) / 1.96` with the upper end :math:`u` of the interval of chi-square. The degrees of freedom follow
     from the kurtosis [3]_. The kurtosis is increased first, because few samples of a long tail have too small a
     kurtosis.
 

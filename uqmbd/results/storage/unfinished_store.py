@@ -1,8 +1,8 @@
 """Store samples during a run; the store is also the checkpoint of the chunks of the run.
 
-The process that computes a chunk writes its responses once. A journal lists complete chunks, with checksums. At the
-end the store moves next to the results. Its journal stays with the unfinished data until the results are saved, so that
-a resumed run continues in place.
+The process that computes a chunk writes its responses once. A journal lists complete chunks, with checksums. At the end
+the store moves next to the results. The journal of the store stays with the unfinished data until the results are
+saved, so that a resumed run continues in place.
 """
 
 from __future__ import annotations

@@ -48,8 +48,8 @@ def check_component(
       W. The rate of a state is in its units per second, and terms of a sum have equal units.
     - The exact Jacobian agrees with central differences of the residual.
     - Simultaneous and separate computations of realisations agree.
-    - Between two bodies: forces and moments cancel (action and reaction). They do not depend on
-      the common displacement and rotation of the bodies.
+    - Between two bodies: forces and moments cancel (action and reaction). Forces and moments do not
+      depend on the common displacement and rotation of the bodies.
     - Events with velocity jumps: the speed of the impact is the rate of its gap, and impulses act only between the
       bodies.
     - Vectors and moments are in the declared axes: their forces rotate with the body, or with the world.
@@ -57,8 +57,8 @@ def check_component(
     - Virtual work creates no energy: no small closed motion of the bodies gains energy, at any speeds of its parts.
       Auxiliary states do not grow while the bodies rest, and their forces oppose the motion that changes them. The
       coefficients of impacts are in their ranges.
-    - In the motion of the component (`uqmbd.Component.motion`), rates are the rates of angles and displacements. These
-      do not depend on the pose of the whole mechanism.
+    - In the motion of the component (`uqmbd.Component.motion`), rates are the rates of angles and
+      displacements. Angles, displacements and rates do not depend on the pose of the whole mechanism.
     - Every installed propagator runs a study of a small mechanism with the component, and the results agree.
 
     Parameters

@@ -1,7 +1,7 @@
 """Test a propagator against the requirements of studies.
 
-The tests cover correct moments, bit-identical results, counts of failures and realisations, sizes for runs with a
-budget or an accuracy, failed realisations, interruptions, and studies without random variables.
+The tests cover correct moments, bit-identical results, counts of failures and realisations, and sizes for runs with a
+budget or an accuracy. They also cover failed realisations, interruptions, and studies without random variables.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ def check_propagator(
 
     - *schema*: the node conforms to `uqmbd.results.validate`; outputs, inputs, units, times, options, seed are correct.
     - *moments*: the errors of mean and standard deviation of a thrown stone, an oscillator and a pendulum are within
-      the stated errors and a tolerance. This also applies to first-order Sobol' indices, if any.
+      the stated errors and a tolerance. The same limit applies to first-order Sobol' indices, if any.
     - *quantiles*: quantiles agree with the exact distribution, within the errors of their samples.
     - *samples*: stored samples are draws from the joint distribution, and responses belong to their inputs.
     - *stated errors*: stated errors are not smaller than the true errors. A surrogate is compared with the exact

@@ -5,8 +5,8 @@ the task. Here each pool has one process, which runs one call at a time.
 
 With `pebble.ProcessPool`, the death of a process also affects only its own call, and a cancelled call ends its process.
 `pebble` could replace only this module (200 lines), because Dask, MPI and executors of users need the neighbouring
-modules. `pebble` neither chooses nor reports the process that runs a call. It would therefore send a large object, such
-as a model, with every call.
+modules. `pebble` neither chooses nor reports the process that runs a call. With `pebble`, the parent would therefore
+send a large object, such as a model, with every call.
 """
 
 from __future__ import annotations
