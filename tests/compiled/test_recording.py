@@ -152,7 +152,7 @@ def test_room_for_steps_changes_no_bit(monkeypatch):
         assert ends[0, 0] == 0 and ends[-1, 1] == 2
 
 
-@pytest.mark.parametrize("method", ["dop853", "ida"])
+@pytest.mark.parametrize("method", ["dop853", "ida", "radau"])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
 def test_states_between_the_places_are_on_the_constraints(method, rtol):
     """To less than the tolerance of the integration: the places are on them, and polynomials follow."""

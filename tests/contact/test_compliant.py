@@ -146,7 +146,7 @@ def test_a_bouncing_ball_meets_the_floor_at_the_right_times():
         assert free.sum() >= count - 2
 
 
-@pytest.mark.parametrize("integrator", ["ida", "dop853"])
+@pytest.mark.parametrize("integrator", ["ida", "dop853", "radau"])
 @pytest.mark.parametrize("law", ["linear", "hertz"])
 def test_implicit_and_explicit_integration_agree(integrator, law):
     """Conservative laws, out of contact and in it: speed returns, also where Jacobians are needed."""

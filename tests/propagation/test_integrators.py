@@ -173,7 +173,7 @@ def test_motions_from_event_to_event_are_those_of_the_core():
     study = uqmbd.Study("drops", ball(), TIMES, integrator="hopeful")
     propagator = Collocation(order=1, alignment="events")
     assert "'hopeful' cannot integrate from event to event" in propagator.obstacle(study)
-    with pytest.raises(uqmbd.StudyError, match="integrator='auto', or 'dop853'"):
+    with pytest.raises(uqmbd.StudyError, match="integrator='auto', or 'dop853', 'radau'"):
         study.propagate(propagator)
     assert Hopeful.calls == 0
 
@@ -205,10 +205,11 @@ def test_results_name_who_integrated_and_how_wrong_it_is(propagator):
     [
         (spring(), "auto", "dop853"),
         (spring(), "ida", "ida"),
-        (spring(stiffness=1e6, damping=1e5), "auto", "ida"),
+        (ball(), "radau", "radau"),
+        (spring(stiffness=1e6, damping=1e5), "auto", "radau"),
         (ball(), "auto", "dop853"),
     ],
-    ids=["soft", "by ida", "stiff", "impacts"],
+    ids=["soft", "by ida", "by radau", "stiff", "impacts"],
 )
 def test_results_say_what_auto_did(mechanism, integrator, by):
     study = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo(samples=3, seed=1)], integrator=integrator)
@@ -245,6 +246,6 @@ def test_an_integrator_that_declares_nonsense_does_not_hide_those_that_can(monke
     known = module.integrators()
     monkeypatch.setattr(module, "integrators", lambda: {"broken": broken, **known})
     with pytest.raises(
-        uqmbd.StudyError, match="study 's': the integrator 'ida' cannot .*Use integrator='auto', or 'dop853'"
+        uqmbd.StudyError, match="study 's': the integrator 'ida' cannot .*Use integrator='auto', or 'dop853', 'radau'"
     ):
         module.require("ida", "events", "study 's'")

@@ -16,11 +16,11 @@ from uqmbd.compiled.explicit import (
     ExplicitStatus,
     IntegrationState,
 )
-from uqmbd.compiled.harmonics import sum_harmonics
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Program, ProgramPart, ProgramWriter
+from uqmbd.compiled.radau import ContactEntries, ImplicitEquations
 from uqmbd.compiled.ranks import order_statistics
 from uqmbd.compiled.recording import (
     FINE,
@@ -32,7 +32,7 @@ from uqmbd.compiled.recording import (
     RecordedSteps,
     StepHistory,
 )
-from uqmbd.compiled.segments import SegmentTable
+from uqmbd.compiled.segments import SegmentTable, sum_harmonics
 from uqmbd.compiled.store import Store
 from uqmbd.compiled.tables import PATHS, PathTable
 from uqmbd.compiled.writer import LANES
@@ -47,6 +47,7 @@ __all__ = [
     "SERIES",
     "STAGES",
     "Columns",
+    "ContactEntries",
     "Constraints",
     "ContactPrograms",
     "CoupledSystems",
@@ -56,6 +57,7 @@ __all__ = [
     "EquationPrograms",
     "FittedPolynomials",
     "Gradients",
+    "ImplicitEquations",
     "Kernel",
     "ExplicitOptions",
     "Need",

@@ -31,6 +31,7 @@ __all__ = [
     "EncountersStruct",
     "EquationsStruct",
     "FittedStruct",
+    "ImplicitStruct",
     "PartsStruct",
     "PoolStruct",
     "ProblemStruct",
@@ -103,7 +104,25 @@ class ProblemStruct(ctypes.Structure):
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
         ("times", _POINTER),
         *((name, _POINTER) for name in ("interval_ends", "interval_longest", "interval_jumps", "contacts", "places")),
-        ("room", _INT),
+        *(("room", _INT), ("implicit", _POINTER)),
+    )
+
+
+class ImplicitStruct(ctypes.Structure):
+    """``Implicit`` of radau.h."""
+
+    _fields_ = (
+        ("stages", _INT),
+        *((name, _POINTER) for name in ("nodes", "matrix", "inverse", "between", "error")),
+        *(("eigenvalue", _DOUBLE), ("tolerance", _DOUBLE), ("iterations", _INT)),
+        *(("motion", ProgramStruct), ("solution", _POINTER), ("gradients", ProgramStruct), ("rate", _POINTER)),
+        ("multipliers", _INT),
+        *((name, _INT) for name in ("states", "size", "entries", "given")),
+        *((name, _POINTER) for name in ("places", "rows", "columns", "inertia", "plain", "stiffness")),
+        *((name, _POINTER) for name in ("pivots", "pivot_rows", "pivot_columns")),
+        *((name, _POINTER) for name in ("below_starts", "below", "below_rows")),
+        *((name, _POINTER) for name in ("beside_starts", "beside", "beside_columns", "targets")),
+        *((name, _POINTER) for name in ("along", "across", "alone")),
     )
 
 
@@ -111,8 +130,8 @@ POOL = (
     *("z", "rate", "parameters"),
     *("now", "begin", "wanted", "tried", "floor", "limit"),
     *("interval", "last_interval", "first", "column", "status", "attempts", "refused", "stiff"),
-    *("fresh", "rejected", "trusted", "told", "steps", "known"),
-    *("node_times", "nodes", "result", "off", "poor"),
+    *("fresh", "rejected", "allowed", "trusted", "told", "steps", "known"),
+    *("node_times", "nodes", "history", "result", "off", "poor"),
 )
 """Arrays of a pool."""
 
@@ -303,7 +322,7 @@ class _Driver:
                 EquationsStruct,
                 TurnsStruct,
             ),
-            *(SegmentsStruct, MotionStruct, RangeStruct, PartsStruct, FittedStruct),
+            *(SegmentsStruct, MotionStruct, RangeStruct, PartsStruct, FittedStruct, ImplicitStruct),
         )
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))

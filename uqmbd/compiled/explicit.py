@@ -21,6 +21,7 @@ from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.encounters import ContactPrograms, Encounters
 from uqmbd.compiled.programs import ProgramPart
+from uqmbd.compiled.radau import ImplicitEquations
 from uqmbd.compiled.recording import PLACES, StepRecorder
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
@@ -95,6 +96,7 @@ class Dynamics:
     terms: int = 0  # 0: lanes are realisations; else terms of a problem with states (terms, width / blocks)
     blocks: int = 1  # number of rows of an entry
     cost: int = 1  # estimated cost of a rate, in evaluations of eight realisations
+    implicit: ImplicitEquations | None = None  # of implicit steps; None: steps are explicit
 
 
 _NOTHING, _NO_ROWS = ProgramPart((), 0), np.zeros(0, dtype=np.int64)
@@ -178,12 +180,12 @@ class IntegrationState:
         self.now, self.begin = np.full((2, count), self.times[0])
         self.wanted, self.floor = np.zeros(count), np.ascontiguousarray(floor, dtype=float)
         self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
-        integers = np.zeros((14, count), dtype=np.int64)
+        integers = np.zeros((15, count), dtype=np.int64)
         # status: see `ExplicitStatus`
-        self.interval, self.last_interval, self.first, self.column, self.status, self.attempts, self.refused = integers[
-            :7
-        ]
-        self.stiff, self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
+        self.interval, self.last_interval, self.first, self.column, self.status = integers[:5]
+        self.attempts, self.refused, self.stiff, self.fresh, self.rejected = integers[5:10]
+        self.allowed, self.trusted, self.told, self.steps, self.known = integers[10:]
+        self.allowed[:] = 2**62
         layouts = {id(own): own for own in intervals}
         firsts = dict(zip(layouts, np.cumsum([0, *map(len, layouts.values())]).tolist(), strict=False))
         self.interval[:] = [firsts[id(own)] for own in intervals]
@@ -196,6 +198,8 @@ class IntegrationState:
         self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
+        stages = 0 if dynamics.implicit is None else dynamics.implicit.stages
+        self.history = np.zeros((count, stages * width + 2))
         # (M, T, width): interpolated states at output times of index below `column`, near the constraints until
         # `project` projects them; NaN at later times
         self.result = np.empty((count, len(self.times), width))
@@ -302,6 +306,7 @@ class IntegrationState:
         parts = [part.structure for part in (d.motion, k.values, k.drift, k.place, k.move)]
         coefficients, firsts = tableau(), np.ascontiguousarray(d.turns[:, :1], dtype=np.int64)
         contacts = None if self.contacts is None else self.contacts.structure
+        implicit = None if d.implicit is None else d.implicit.structure
         found = c.ProblemStruct(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
             *(parts[0], address(d.rate), *d.turns.shape, address(firsts), *parts[1:]),
@@ -312,6 +317,13 @@ class IntegrationState:
             *map(address, (self.times, self.interval_ends, self.interval_longest, self.interval_jumps)),
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),
+            0 if implicit is None else ctypes.addressof(implicit),
         )
-        found.kept = parts, coefficients, firsts, contacts  # targets of pointers, which another thread may replace
+        found.kept = (
+            parts,
+            coefficients,
+            firsts,
+            contacts,
+            implicit,
+        )  # targets of pointers, which another thread may replace
         return found

@@ -171,7 +171,7 @@ KINDS = {
         True,
         "",
         ("events", "projected"),
-        ("auto", "ida", "dop853"),
+        ("auto", "ida", "dop853", "radau"),
         integrator_problem,
     ),
     "designs": HookKind(

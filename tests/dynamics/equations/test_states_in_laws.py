@@ -63,7 +63,7 @@ def two_masses():
     return mechanism, a, b, lag
 
 
-@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+@pytest.mark.parametrize("integrator", ["dop853", "ida", "radau"])
 def test_a_motion_is_that_of_the_coupled_equations(integrator):
     def rates(_, y):
         xa, xb, va, vb, s = y

@@ -63,7 +63,7 @@ def test_a_velocity_in_a_constraint_of_positions_points_to_the_term():
         mechanism.add(PointOnPlane("plane", mechanism.ground, body, (0, 1.0 * body.velocity[0]), (0, 0), (0, 1)))
 
 
-@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+@pytest.mark.parametrize("integrator", ["dop853", "ida", "radau"])
 def test_sleigh_against_scipy(integrator, close):
     """Chaplygin: ``u' = a w^2``, ``(J + m a^2) w' = -m a u w``, force across ``m (u w + a w')``; the path by SciPy."""
     m, inertia, a, u0, w0 = 2.0, 0.15, 0.3, 0.4, 2.0
@@ -146,7 +146,7 @@ def test_stated_velocities_that_contradict_are_reported():
         uqmbd.simulate(mechanism, [0, 1])
 
 
-@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+@pytest.mark.parametrize("integrator", ["dop853", "ida", "radau"])
 def test_a_prescribed_speed(integrator, close):
     """``x' = sin t`` and then ``x' = 2`` from t = 1 on: an impulse where it jumps, and the force ``m cos t`` before."""
     speed = sympy.Piecewise((sympy.sin(uqmbd.t), uqmbd.t < 1), (2, True))

@@ -91,6 +91,14 @@ static void start(const Problem *p, Group *g) {
         g->lengths[b] = length_of(p->turn, g->z + p->turns[b]);
         g->shrink[b] = splat(1.0);
     }
+    if (p->implicit) {
+        g->before = choose(g->fresh, splat(0.0), g->before);
+        g->contraction = choose(g->fresh, splat(0.5), g->contraction);
+        if (!any(g->fresh & (g->wanted <= splat(0.0)))) {
+            g->fresh = (Mask){0};
+            return;
+        }
+    }
     evaluate_rate(p, g, g->now, g->next);
     for (int64_t i = 0; i < width; i++) g->rates[i] = choose(g->fresh, g->next[i], g->rates[i]);
     Mask unknown = g->fresh & (g->wanted <= splat(0.0));
@@ -107,7 +115,8 @@ static void start(const Problem *p, Group *g) {
     evaluate_rate(p, g, g->now + guess, g->next);
     for (int64_t i = 0; i < width; i++) g->next[i] -= g->rates[i];
     V most = larger(slope, root(scaled_squares(p, g, g->next)) / guess);
-    V second = root(root(root(0.01 / larger(most, splat(1e-300)))));
+    V second = root(root(0.01 / larger(most, splat(1e-300))));
+    if (!p->implicit) second = root(second);
     second = choose(most <= splat(1e-15), larger(splat(1e-6), 1e-3 * guess), second);
     V first = smaller(100.0 * guess, second);
     first = choose(first < splat(1e300), first, 1e-6 * (g->end - g->now));

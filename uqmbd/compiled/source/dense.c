@@ -3,6 +3,7 @@
 
 /* Coefficients of the interpolant of the last attempt. */
 static void interpolant(const Problem *p, Group *g) {
+    if (p->implicit) return; /* stages are enough */
     int64_t width = p->width;
     for (int64_t more = 0; more < 3; more++) {
         int64_t stage = STAGES + 1 + more;
@@ -40,6 +41,10 @@ static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask who
 /* State at a part of the last attempt. */
 static void interpolate(const Problem *p, Group *g, V part, V *target) {
     int64_t width = p->width;
+    if (p->implicit) {
+        interpolate_stages(p, g, part, target);
+        return;
+    }
     V rest = 1.0 - part;
     for (int64_t i = 0; i < width; i++) {
         const V *d = g->dense + i;

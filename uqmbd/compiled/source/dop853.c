@@ -49,6 +49,7 @@ static void accept(const Problem *p, Group *g, Mask taken, V now) {
     int64_t width = p->width, n = p->coordinates;
     const V *reached = g->rates + STAGES * width;
     to_state(p, g, g->next);
+    if (p->implicit) keep_stages(p, g, taken);
     for (int64_t i = 0; i < width; i++) {
         g->z[i] = choose(taken, g->next[i], g->z[i]);
         g->rates[i] = choose(taken, reached[i], g->rates[i]);
@@ -90,12 +91,13 @@ static void choose_sizes(const Pool *pool, Group *g) {
         if (size > left - 0.1 * size) size = left; /* no tiny last step */
         g->size[l] = size;
         pool->attempts[g->member[l]]++;
+        pool->allowed[g->member[l]]--;
     }
 }
 
 /* Decide about the attempts of all lanes; the lanes whose steps are taken, and the status of those that wait. */
 static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status) {
-    V shrink = 0.9 / root(root(root(g->error)));
+    V shrink = p->implicit ? g->growth : 0.9 / root(root(root(g->error)));
     Mask taken = {0};
     for (int64_t l = 0; l < LANES; l++) {
         status[l] = RUNNING;
@@ -103,7 +105,7 @@ static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status
         int64_t m = g->member[l];
         double span = g->end[l] - g->begin[l], now = g->now[l] < 0 ? -g->now[l] : g->now[l];
         double least = 1e-13 * (now > span ? now : span);
-        if ((double)pool->attempts[m] > (double)p->attempts + span / g->bound[l]) {
+        if ((double)pool->attempts[m] > (double)p->attempts + span / g->bound[l] || pool->allowed[m] < 0) {
             status[l] = MANY;
         } else if (g->size[l] < least) {
             status[l] = SMALL;
@@ -123,7 +125,9 @@ static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status
 static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, double error, int stiff) {
     int64_t m = g->member[l];
     double factor = 5.0;
-    if (error > 1e-10) {
+    if (p->implicit) {
+        if (g->growth[l] < factor) factor = g->growth[l];
+    } else if (error > 1e-10) {
         double part = 0.9 / __builtin_sqrt(__builtin_sqrt(__builtin_sqrt(error)));
         if (part < factor) factor = part;
     }
@@ -186,7 +190,10 @@ static int noted_many(const Problem *p, const Pool *pool, int64_t m) {
 
 static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) {
     choose_sizes(pool, g);
-    attempt(p, g);
+    if (p->implicit)
+        attempt_implicit(p, g);
+    else
+        attempt(p, g);
     Mask taken = decide(p, pool, g, status);
     if (!any(taken)) return;
     if (p->surplus) find_surplus(p, g, g->surplus);
@@ -199,9 +206,12 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
             g->wanted[l] = g->size[l];
         }
     }
-    Mask stiff = looks_stiff(p, g);
-    /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
-    Mask whole = taken & (g->error > splat(1.0 / 256.0));
+    Mask stiff = {0}, whole = {0};
+    if (!p->implicit) {
+        stiff = looks_stiff(p, g);
+        /* a step of half the size, as at ends of integration intervals, is also accurate between its ends */
+        whole = taken & (g->error > splat(1.0 / 256.0));
+    }
     int64_t known = any(whole);
     if (known) {
         interpolant(p, g);

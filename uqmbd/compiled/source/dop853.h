@@ -10,6 +10,7 @@
 #define UQMBD_DOP853_H
 
 #include "events.h"
+#include "radau.h"
 
 enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5, PLACES = 8 };
 
@@ -83,6 +84,7 @@ typedef struct {
     const Contacts *contacts; /* null: there are no events */
     const double *places;    /* parts of a step (PLACES) at which its states are recorded */
     int64_t room;            /* steps that can be recorded until somebody takes them; 0: none is */
+    const Implicit *implicit; /* null: steps are explicit */
 } Problem;
 
 /* All realisations: rows of arrays. */
@@ -92,10 +94,13 @@ typedef struct {
     int64_t *leg, *last_leg, *first, *column, *status, *attempts, *refused, *stiff;
     int64_t *fresh;    /* the rate is to be evaluated anew */
     int64_t *rejected; /* why the last attempt was refused; 0: it was not */
+    int64_t *allowed;  /* so many attempts are left, of all legs */
     int64_t *trusted;  /* the next step may stray */
     int64_t *told;     /* stop after each step */
     int64_t *steps, *known; /* accepted steps; how many of the last states are known */
     double *node_times, *nodes; /* (member, NODES), (member, NODES, width) */
+    double *history;        /* (member, stages width + 2): stages of the last step, its size, and how fast its iteration was;
+                               of implicit steps only */
     double *result; /* (member, instant, width) */
     double *off;    /* (member, equations + 1): largest residuals at the times that were projected, largest speed */
     int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */

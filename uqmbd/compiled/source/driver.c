@@ -5,6 +5,7 @@
 #include "lanes.c"
 #include "turning.c"
 #include "attempt.c"
+#include "radau.c"
 #include "dense.c"
 #include "dop853.c"
 #include "projection.c"
@@ -35,4 +36,5 @@ void sizes(int64_t *found) {
     found[13] = sizeof(Seen);
     found[14] = sizeof(Parts);
     found[15] = sizeof(Fitted);
+    found[16] = sizeof(Implicit);
 }

@@ -1,8 +1,13 @@
 /* Data of a group of eight realisations, and the transfer of a realisation into a lane and out of it. */
 #include "group.h"
 
+/* Rows of the workspace for implicit steps. */
+int64_t implicit_rows(const Problem *p);
+static void place_implicit(const Problem *p, Group *g, V *at);
+
 int64_t advance_workspace(const Problem *p) {
     int64_t rows = p->rows + (5 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES + 2 * p->turning;
+    if (p->implicit) rows += implicit_rows(p);
     return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
 }
 
@@ -35,6 +40,10 @@ static void place(const Problem *p, Group *g, double *workspace) {
     at += p->turning;
     g->shrink = at;
     at += p->turning;
+    if (p->implicit) {
+        place_implicit(p, g, at);
+        at += implicit_rows(p);
+    }
     if (p->contacts) place_contacts(p->contacts, g, at);
     g->evaluations = 0;
 }
@@ -79,6 +88,13 @@ static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, i
     load_entries(p, pool->rate, g->rates, l, m, running);
     for (int64_t i = 0; p->guarded && i < NODES * width; i++) g->nodes[i][l] = pool->nodes[m * NODES * width + i];
     for (int64_t i = 0; i < NODES; i++) g->node_times[i][l] = pool->node_times[m * NODES + i];
+    if (p->implicit) {
+        int64_t count = p->implicit->stages * width;
+        const double *from = pool->history + m * (count + 2);
+        for (int64_t i = 0; i < count; i++) g->history[i][l] = from[i];
+        g->before[l] = from[count];
+        g->contraction[l] = from[count + 1];
+    }
     V *parameters = g->work + p->time + 2;
     for (int64_t i = 0; i < p->parameters; i++) parameters[i][l] = pool->parameters[m * p->parameters + i];
     g->now[l] = pool->now[m];
@@ -97,6 +113,13 @@ static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) 
     store_entries(p, pool->rate, width / p->blocks, g->rates, l, m);
     for (int64_t i = 0; p->guarded && i < NODES * width; i++) pool->nodes[m * NODES * width + i] = g->nodes[i][l];
     for (int64_t i = 0; i < NODES; i++) pool->node_times[m * NODES + i] = g->node_times[i][l];
+    if (p->implicit) {
+        int64_t count = p->implicit->stages * width;
+        double *to = pool->history + m * (count + 2);
+        for (int64_t i = 0; i < count; i++) to[i] = g->history[i][l];
+        to[count] = g->before[l];
+        to[count + 1] = g->contraction[l];
+    }
     pool->now[m] = g->now[l];
     pool->begin[m] = g->begin[l];
     pool->wanted[m] = g->wanted[l];

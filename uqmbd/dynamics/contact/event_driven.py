@@ -44,18 +44,26 @@ FLIGHT = 2.05
 class EventDrivenMotion:
     """Motion of M assembled realisations with events, at output times (T,), s.
 
-    The index-1 system of the model of `evaluator` is compiled; steps are recorded if `recording`.
+    The index-1 system of the model of `evaluator` is compiled; steps are recorded if `recording`, and implicit if there
+    are `stages`.
     """
 
     def __init__(
-        self, batch: Batch, times: Array, rtol: float, evaluator: ContactEvaluator, *, recording: bool = False
+        self,
+        batch: Batch,
+        times: Array,
+        rtol: float,
+        evaluator: ContactEvaluator,
+        *,
+        recording: bool = False,
+        stages: int = 0,
     ) -> None:
         self.batch, self.model, self.times, self.rtol = batch, batch.model, times, rtol
         self.evaluator, count = evaluator, len(batch)
         self.n, self.velocities = self.model.layout.coordinates, self.model.layout.velocities
         self.first = np.array(evaluator.first)
         self.bodies = np.flatnonzero(np.diff(self.first))
-        dynamics, contacts = contact_programs(self.model)
+        dynamics, contacts = contact_programs(self.model, stages)
         length = np.clip(np.abs(batch.start.q).max(axis=1, initial=0.0), 1e-3, 1.0)
         self.sampling = batch.sampling(times)
         samples = np.zeros(0) if self.sampling is None else self.sampling.times

@@ -103,8 +103,13 @@ def _states(motion: EventDrivenMotion, piece: _RestartState, times: Array) -> Ar
     return found
 
 
-def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
-    """Integrate all realisations of a model with events by the explicit method; with `recording`, return steps."""
+def integrate_with_events(
+    ensemble: Batch, times: Array, rtol: float, *, recording: bool = False, stages: int = 0
+) -> Trajectories:
+    """Integrate all realisations of a model with events; with `recording`, return steps.
+
+    Steps are explicit, or implicit with `stages`.
+    """
     begin = clock.perf_counter()
     _require_compiled(ensemble)
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
@@ -112,7 +117,7 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recordi
     if not len(members):
         return Trajectories(times, states, tuple(messages), Counters(seconds=clock.perf_counter() - begin))
     evaluator = ContactEvaluator(ensemble.model)
-    motion = EventDrivenMotion(ensemble.select(members), times, rtol, evaluator, recording=recording)
+    motion = EventDrivenMotion(ensemble.select(members), times, rtol, evaluator, recording=recording, stages=stages)
     with np.errstate(all="ignore"):
         motion.follow()
     path = motion.run.recorder.found
@@ -125,7 +130,8 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recordi
         steps=int(motion.run.steps.sum()),
         events=int(motion.records.count.sum()),
         two_motions=len(motion.decisions.several),
-        by_dop853=len(members),
+        by_dop853=0 if stages else len(members),
+        by_radau=len(members) if stages else 0,
         seconds=clock.perf_counter() - begin,
     )
     return Trajectories(
@@ -139,10 +145,10 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recordi
     )
 
 
-def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:
-    """Integrate one realisation from event to event; see `SegmentedMotion`."""
+def motion_in_segments(ensemble: Batch, times: Array, rtol: float, *, stages: int = 0) -> SegmentedMotion:
+    """Integrate one realisation from event to event, implicitly with `stages`; see `SegmentedMotion`."""
     _require_compiled(ensemble)
-    motion = EventDrivenMotion(ensemble, times, rtol, ContactEvaluator(ensemble.model))
+    motion = EventDrivenMotion(ensemble, times, rtol, ContactEvaluator(ensemble.model), stages=stages)
     with np.errstate(all="ignore"):
         return followed_segments(motion)
 

@@ -8,26 +8,27 @@ import numpy as np
 
 from uqmbd.compiled import ContactPrograms, Dynamics, ProgramWriter
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.linear import System
+from uqmbd.dynamics.linear import System, implicit_dynamics
 from uqmbd.typing import Index
 
 __all__ = ["contact_programs"]
 
 
-def contact_programs(model: Model) -> tuple[Dynamics, ContactPrograms]:
-    """Return the cached programs of a model with events and a compiled index-1 system."""
-    others = model.system.programs.others
-    if "contacts" not in others:
-        others["contacts"] = _written(model)
-    found: tuple[Dynamics, ContactPrograms] = others["contacts"]
+def contact_programs(model: Model, stages: int = 0) -> tuple[Dynamics, ContactPrograms]:
+    """Return the cached programs of a model with events and a compiled index-1 system; implicit steps have `stages`."""
+    others, key = model.system.programs.others, ("contacts", stages)
+    if key not in others:
+        others[key] = _written(model, stages)
+    found: tuple[Dynamics, ContactPrograms] = others[key]
     return found
 
 
-def _written(model: Model) -> tuple[Dynamics, ContactPrograms]:
+def _written(model: Model, stages: int) -> tuple[Dynamics, ContactPrograms]:
     layout, system = model.layout, model.system
     assert isinstance(system, System)
     assert system.programs is not None
-    dynamics, n = system.programs.dynamics, layout.coordinates
+    dynamics, n = implicit_dynamics(model, stages) if stages else system.programs.dynamics, layout.coordinates
+    assert dynamics is not None
     writer, rows = ProgramWriter(dynamics.rows), np.arange(dynamics.rows)
     end = layout.width + 2
     arguments, parameters = rows[:end], rows[end : end + dynamics.parameters]

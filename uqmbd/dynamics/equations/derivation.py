@@ -237,6 +237,30 @@ class BlockSymbols:
             targets += [(f"phi_{letter}", i, j) for i in range(len(self.stated)) for j in range(len(symbols))]
         return _nonzero(e, targets)
 
+    def tangent(self) -> DerivedEquations:
+        """Return derivatives of the index-1 form by coordinates, auxiliary states and velocities.
+
+        The rows are ``M a - Q + h + D^T lambda``, the constraints ``D a - gamma``, and ``-g``. Their derivatives by
+        auxiliary states of other components have the letter ``h``.
+        """
+        inertia = [_sum(self.mass[k][j] * x for j, x in enumerate(self.a)) for k in range(len(self.q))]
+        rows = [(("v", k), x - self.force[k] + self.constraint_force(self.l, k)) for k, x in enumerate(inertia)]
+        bent = [_sum(x * y for x, y in zip(row, self.a, strict=True)) for row in self.d]
+        rows += [(("d", i), x - y) for i, (x, y) in enumerate(zip(bent, self.gamma, strict=True))]
+        rows += [(("s", k), -g) for k, g in enumerate(self.g)]
+        first = self.block.held - self.block.coupled
+        groups = [("q", self.q, 0), ("s", self.s, 0), ("v", self.v, 0), ("h", self.h[first:], first)]
+        e: list[Any] = []
+        targets: list[tuple[Any, ...]] = []
+        for (letter, k), row in rows:
+            free = row.free_symbols
+            for group, symbols, begin in groups:
+                for j, x in enumerate(symbols):
+                    if x in free:
+                        e.append(_diff(row, x))
+                        targets.append((f"{letter}_{group}", k, begin + j))
+        return _nonzero(e, targets)
+
     def contact(self) -> DerivedEquations:
         """Return guards of events; for contacts also speeds ``w``, ``dw/dv``, ``w'`` without accelerations, and laws.
 

@@ -32,7 +32,7 @@ FUSED_LIMIT = 130
 FUSED_LENGTH = 6000
 """Largest number of operations with named quantities for one Jacobian kernel; above it, compilation takes seconds."""
 
-LATER = ("residual", "jacobian", "energy", "linear")
+LATER = ("residual", "jacobian", "energy", "linear", "tangent")
 """Kinds that are compiled on first use."""
 
 _LOCK = threading.RLock()
@@ -64,7 +64,7 @@ class Blocks:
             # values of the frozen coordinates follow the zero column
             first = len(columns) + 1
             columns |= {("q", layout.unknowns + i): first + i for i in range(len(layout.frozen))}
-        if fuse and (kind != "jacobian" or self._length <= FUSED_LENGTH):
+        if fuse and (kind not in ("jacobian", "tangent") or self._length <= FUSED_LENGTH):
             return fused(kind, self.types, places, columns, parameters)
         return typed(kind, self.types, places, columns)
 

@@ -29,6 +29,7 @@ ARGUMENTS: Mapping[Kind, tuple[str, ...]] = {
     "residual": (*UNKNOWNS, *RATES, "t"),
     "jacobian": (*UNKNOWNS, *RATES, "t", "c"),
     "linear": (*STATE, "l", "dv", "t"),
+    "tangent": (*STATE, "l", "dv", "t"),
 }
 """Arguments in order, by letter; all other kinds have a state and the time."""
 
@@ -47,6 +48,11 @@ RESULTS: Mapping[Kind, Mapping[str, tuple[str, ...]]] = {
         "v_q": ("q", "q"), "v_s": ("q", "state"), "v_v": ("q", "q"), "v_c": ("q", "excitation"),
         "s_q": ("state", "q"), "s_s": ("state", "state"), "s_v": ("state", "q"), "s_c": ("state", "excitation"),
         "phi_c": ("row", "excitation"), "phi_s": ("row", "state"),
+    },
+    "tangent": {
+        "v_q": ("q", "q"), "v_s": ("q", "state"), "v_v": ("q", "q"), "v_h": ("q", "h"),
+        "d_q": ("row", "q"), "d_s": ("row", "state"), "d_v": ("row", "q"), "d_h": ("row", "h"),
+        "s_q": ("state", "q"), "s_s": ("state", "state"), "s_v": ("state", "q"), "s_h": ("state", "h"),
     },
 }  # fmt: skip
 """Results of kinds with a state as argument: vectors and matrices by name, and the meaning of their indices."""

@@ -175,7 +175,7 @@ class Model:
         return {
             "q": self.layout.coordinates, "state": self.layout.states, "row": self.layout.constraints,
             "cos": len(self.cosines), "event": len(self.events), "direction": sum(n for *_, n in self.events),
-            "pair": 2, "excitation": self.excitations,
+            "pair": 2, "excitation": self.excitations, "h": self.layout.states,
         }  # fmt: skip
 
     def result(self, kind: Kind, name: str, values: Array) -> Array:

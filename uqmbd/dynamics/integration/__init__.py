@@ -1,4 +1,4 @@
-"""Integration without events: explicit integration by the driver, and implicit integration by IDA."""
+"""Integration without events: explicit and implicit steps of the driver, and implicit integration by IDA."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida,
 from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members, longest_step, pace, times_between
 from uqmbd.dynamics.integration.knots import timed_tables
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
+from uqmbd.dynamics.integration.radau import COSTLY, RADAU_STAGES, allowed_attempts, integrate_by_radau, is_implicit
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import interpolate_steps, settled
@@ -23,6 +24,8 @@ from uqmbd.dynamics.integration.sundials import import_sundials, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
 
 __all__ = [
+    "COSTLY",
+    "RADAU_STAGES",
     "RELAXED",
     "Counters",
     "Interval",
@@ -32,6 +35,7 @@ __all__ = [
     "SegmentedMotion",
     "Solved",
     "Trajectories",
+    "allowed_attempts",
     "allowed_residual",
     "described",
     "diagnosis",
@@ -39,7 +43,9 @@ __all__ = [
     "instant",
     "integrate_by_dop853",
     "integrate_by_ida",
+    "integrate_by_radau",
     "intervals_of_members",
+    "is_implicit",
     "longest_step",
     "off_constraints",
     "off_states",

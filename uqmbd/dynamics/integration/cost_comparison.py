@@ -1,17 +1,18 @@
-"""Comparison of the costs of IDA and the explicit method for one realisation, by counts of operations.
+"""Comparison of the costs of an implicit and the explicit method for one realisation, by counts of operations.
 
-IDA integrates the realisation alone from the same start to the time that the explicit method has reached.  IDA is
-preferred if it costs less than the explicit method in a group of eight. A comparison thus costs at most as much as the
-integration so far.  A comparison depends only on the realisation, and comparisons are rare. The first takes place after
-many steps or checks of the rank, the next after several times as many.
+The other method is the implicit one of the driver, or IDA if the systems are too large for it.  It integrates the
+realisation from the same start to the time that the explicit method has reached.  It is preferred if it costs less;
+IDA is compared with a realisation in a group of eight.  A comparison thus costs at most as much as the integration so
+far.  A comparison depends only on the realisation, and comparisons are rare.  The first takes place after many steps or
+checks of the rank, the next after several times as many.
 
-Stiff realisations are left to IDA without a comparison, up to the expected cost of the whole motion by the explicit
-method.  For example, a pendulum with a light ball on a stiff, damped bushing takes 0.2 s with the explicit method. IDA
-needs small tolerances for its steps, and takes 30 s.
+Stiff realisations are left to the implicit method without a comparison, up to the expected cost of the whole motion by
+the explicit method.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -19,11 +20,13 @@ import numpy as np
 from uqmbd.compiled import LANES, Dynamics
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.integration.costs import LOOK, attempt_cost
-from uqmbd.dynamics.integration.ida import can_finish_with_ida
 from uqmbd.dynamics.integration.trajectories import Counters
 from uqmbd.typing import Array
 
-__all__ = ["FIRST", "Comparison"]
+__all__ = ["FIRST", "Comparison", "Rival"]
+
+Rival = Callable[[Batch, Array, float, float], tuple[bool, Counters]]
+"""Returns whether a method integrates the only realisation to the last time within a cost, and its counters."""
 
 
 FIRST = 2000
@@ -39,11 +42,11 @@ WORTH = 2e7
 class Comparison:
     """Comparison of the costs of two integrators for the realisations of a batch, at output times (T,), s.
 
-    The explicit method evaluates `dynamics`.
+    The explicit method evaluates `dynamics`; the other one is `rival`.
     """
 
-    def __init__(self, batch: Batch, times: Array, rtol: float, dynamics: Dynamics) -> None:
-        self.batch, self.times, self.rtol, self.dynamics = batch, times, rtol, dynamics
+    def __init__(self, batch: Batch, times: Array, rtol: float, dynamics: Dynamics, rival: Rival) -> None:
+        self.batch, self.times, self.rtol, self.dynamics, self.rival = batch, times, rtol, dynamics, rival
         self.counters = Counters()
         self.allowed: dict[int, tuple[int, int]] = {}
         self.looks: dict[int, int] = {}
@@ -54,7 +57,7 @@ class Comparison:
         return attempt_cost(self.dynamics)
 
     def attempts(self, member: int, interval: int, steps: int, now: float, most: int) -> int | None:
-        """Return the number of further attempts in an interval, at most `most` in total; None: IDA costs less."""
+        """Return the number of further attempts in an interval, at most `most` in total; None: the rival costs less."""
         before, allowed = self.allowed.get(member, (interval, FIRST))
         allowed = allowed if before == interval else FIRST
         if allowed < most and self._cheaper(member, now, max(steps, allowed)):
@@ -64,7 +67,7 @@ class Comparison:
         return more
 
     def looked(self, member: int, steps: int, now: float) -> bool:
-        """Count a check of the rank, and return whether IDA costs less."""
+        """Count a check of the rank, and return whether the implicit method costs less."""
         looks = self.looks[member] = self.looks.get(member, 0) + 1
         due = LOOKS
         while due < looks:
@@ -82,6 +85,6 @@ class Comparison:
         if spent < WORTH or now <= self.times[0]:
             return False
         times = np.append(self.times[self.times < now], now)
-        found, counters = can_finish_with_ida(self.batch.select(np.array([member])), times, self.rtol, spent)
+        found, counters = self.rival(self.batch.select(np.array([member])), times, self.rtol, spent)
         self.counters = self.counters + counters
         return found

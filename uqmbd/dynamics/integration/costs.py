@@ -10,11 +10,15 @@ from __future__ import annotations
 from uqmbd.compiled import LANES, Dynamics
 from uqmbd.dynamics.equations import Model
 
-__all__ = ["LOOK", "attempt_cost", "implicit_costs"]
+__all__ = ["LOOK", "attempt_cost", "implicit_attempt_cost", "implicit_costs"]
 
 STAGES = 12
 ENTRY = 25
 """Operations of the method per entry of a state and evaluation."""
+ALGEBRA = 2.5
+"""Cost of an operation on blocks in the systems of implicit steps."""
+ITERATIONS = 3
+"""Typical number of iterations of an implicit step."""
 CALL = 12_000
 """Cost of a callback of IDA, with its overhead."""
 SOLUTION, FACTORISATION = 1.0, 0.2
@@ -30,6 +34,16 @@ def attempt_cost(dynamics: Dynamics) -> float:
     evaluation = dynamics.motion.operations + ENTRY * dynamics.width
     excess = dynamics.constraints.operations if dynamics.constraints is not None else 0
     return (STAGES * evaluation + excess) / LANES
+
+
+def implicit_attempt_cost(dynamics: Dynamics) -> float:
+    """Return the cost of an attempted step of the compiled implicit method per realisation in a group of eight."""
+    implicit = dynamics.implicit
+    assert implicit is not None
+    evaluation = implicit.stages * (dynamics.motion.operations + ENTRY * dynamics.width)
+    iteration = evaluation + ALGEBRA * implicit.solution_operations
+    matrices = implicit.matrix_operations + ALGEBRA * implicit.factor_operations
+    return (matrices + ITERATIONS * iteration) / LANES
 
 
 def implicit_costs(model: Model, count: int, *, sparse: bool) -> tuple[float, float]:

@@ -3,6 +3,8 @@
 The driver makes the steps; this module makes decisions: at jumps of prescribed speeds, near singular poses, and about
 realisations for another method.
 
+Length: the module contains one class, whose methods share the state of an integration.
+
 References
 ----------
 .. [1] E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, II.5,
@@ -19,14 +21,17 @@ import numpy as np
 
 from uqmbd.compiled import ORDER, PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.integration.cost_comparison import FIRST, Comparison
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.integration.cost_comparison import FIRST, Comparison, Rival
+from uqmbd.dynamics.integration.costs import implicit_attempt_cost
+from uqmbd.dynamics.integration.ida import can_finish_with_ida
 from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
 from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import settled
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
-from uqmbd.dynamics.linear import excess
+from uqmbd.dynamics.linear import RADAU_STAGES, excess, implicit_dynamics
 from uqmbd.typing import Array, Index
 
 __all__ = ["explicit_method", "integrate_by_dop853", "stopped"]
@@ -68,13 +73,12 @@ def integrate_by_dop853(
 ) -> Solved:
     """Integrate the assembled realisations `members` (M,) of a batch with a compiled index-1 system.
 
-    Realisations that this method cannot integrate have a message. With `comparing`, this includes realisations that IDA
-    alone integrates at lower cost than this method in a group of eight, by counts. With `patient`, many steps are
-    allowed, also for stiff realisations. With `recording`, the steps are also returned.
+    Realisations that this method cannot integrate have a message. With `comparing`, this includes realisations that an
+    implicit method integrates at lower cost, by counts. With `patient`, many steps are allowed, also for stiff
+    realisations. With `recording`, the steps are also returned.
     """
     begin = clock.perf_counter()
-    about = {"comparing": comparing, "patient": patient, "recording": recording}
-    run = Integration(ensemble.select(members), times, rtol, **about)
+    run = Integration(ensemble.select(members), times, rtol, comparing=comparing, patient=patient, recording=recording)
     with np.errstate(all="ignore"):
         run.run()
     return replace(run.solved(), counters=run.counters + Counters(seconds=clock.perf_counter() - begin))
@@ -109,15 +113,24 @@ def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
 class Integration:
     """Integration of M realisations at output times (T,), s.
 
-    `comparing` compares costs with IDA; `patient` allows many steps, even for stiff realisations; `recording` records
-    the steps.
+    `comparing` compares costs with an implicit method; `patient` allows many steps, even for stiff realisations;
+    `recording` records the steps.  Steps are implicit with `stages`; `allowed` (M,) limits the attempted steps.
     """
 
     def __init__(
-        self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool, recording: bool = False
+        self,
+        batch: Batch,
+        times: Array,
+        rtol: float,
+        *,
+        comparing: bool = False,
+        patient: bool = False,
+        recording: bool = False,
+        stages: int = 0,
+        allowed: Index | None = None,
     ) -> None:
-        self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
-        self.dynamics: Dynamics = batch.model.system.programs.dynamics
+        self.batch, self.times, self.rtol, self.model, self.stages = batch, times, rtol, batch.model, stages
+        self.dynamics = self._dynamics_of(batch.model)
         start, layout = batch.start, self.model.layout
         self.jumping = bool(layout.rank) and self.model.rheonomic
         self.sampling = batch.sampling(times)
@@ -139,6 +152,8 @@ class Integration:
             rtol * length,
             recording=recording,
         )
+        if allowed is not None:
+            self.main.allowed[:] = allowed
         self.pace = Pace(self.model, float(times[0]), float(times[-1]))
         self.others: dict[int, IntegrationState] = {}
         self.retired: list[IntegrationState] = []
@@ -148,6 +163,15 @@ class Integration:
         self.comparison: Comparison | None = None
         self.explicit_cost = [0.0] * len(batch)
         self.changed: set[int] = set()
+
+    def _dynamics_of(self, model: Model) -> Dynamics:
+        """Return the equations of a model for the steps."""
+        if not self.stages:
+            explicit: Dynamics = model.system.programs.dynamics
+            return explicit
+        implicit = implicit_dynamics(model, self.stages)
+        assert implicit is not None
+        return implicit
 
     # -- the whole integration ---------------------------------------------------------------------------------------
     def run(self) -> None:
@@ -269,7 +293,7 @@ class Integration:
         now, size = float(pool.now[k]), float(pool.tried[k])
         if self.comparing:
             if self.comparison is None:
-                self.comparison = Comparison(self.batch, self.times, self.rtol, self.dynamics)
+                self.comparison = Comparison(self.batch, self.times, self.rtol, self.dynamics, self._rival())
             if self._compared(self.comparison, member, status):
                 return
         if status == ExplicitStatus.STIFF:
@@ -290,8 +314,23 @@ class Integration:
                 if void:
                     pool.wanted[k], pool.refused[k] = size, 0
 
+    def _rival(self) -> Rival:
+        """Return the implicit method for comparisons: that of the driver, or IDA for large systems."""
+        implicit = implicit_dynamics(self.model)
+        if implicit is None:
+            return can_finish_with_ida
+        cost = implicit_attempt_cost(implicit)
+
+        def can_finish(batch: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
+            allowed = np.array([int(min(most / cost, 1e15))])
+            run = Integration(batch, times, rtol, patient=True, stages=RADAU_STAGES, allowed=allowed)
+            run.run()
+            return not run.messages[0], run.counters
+
+        return can_finish
+
     def _compared(self, comparison: Comparison, member: int, status: int) -> bool:
-        """Compare costs with IDA if a comparison is due; return whether it decided on the member."""
+        """Compare costs with an implicit method if a comparison is due; return whether it decided on the member."""
         pool, k = self._place(member)
         now, steps = float(pool.now[k]), int(pool.steps[k])
         more: int | None = 0
@@ -336,7 +375,7 @@ class Integration:
             if course.others:
                 if member in self.others:
                     self.retired.append(pool)
-                self.others[member] = pool.moved(k, watcher.model.system.programs.dynamics)
+                self.others[member] = pool.moved(k, self._dynamics_of(watcher.model))
                 self._settle(member)
             elif course.back and pool.known[k] > 1:
                 pool.step_back(k)
@@ -390,7 +429,7 @@ class Integration:
                 model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
                 intervals, floor = [self._intervals_between(member, *grid.tolist())], self.main.floor[one]
-                dynamics: Dynamics = model.system.programs.dynamics
+                dynamics = self._dynamics_of(model)
                 run = IntegrationState(dynamics, method, before, self.batch.block[one], grid, intervals, floor)
                 while run.status[0] in (ExplicitStatus.RUNNING, ExplicitStatus.JUMP):
                     if run.status[0] == ExplicitStatus.JUMP:

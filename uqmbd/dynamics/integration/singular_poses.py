@@ -105,8 +105,7 @@ def eliminated_anew(
     """Choose a new order of elimination at a pose of one realisation; store it under `key`, if given."""
     shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
     near = state_arguments(time, np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]))
-    typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
-    system = index1_system(model, typical)
+    system = index1_system(model, (near, np.stack([parameters, parameters])))
     if key is not None:
         with _LOCK:
             while len(_systems) >= SYSTEMS:

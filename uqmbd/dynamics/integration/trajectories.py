@@ -24,15 +24,16 @@ class Counters:
     residuals, jacobians : int
         Evaluations by IDA, each for a whole stack, including evaluations for comparisons of costs.
     integrations : int
-        Starts of IDA, plus realisations started by the explicit integrator.
+        Starts of IDA, plus realisations started by the compiled integrators.
     alone : int
         Realisations that IDA integrated again without their stack, because they are much rougher than the stack.
     accelerations : int
-        Evaluations of the equations of motion by the explicit integrator, each for up to eight realisations.
+        Evaluations of the equations of motion by the compiled integrators ``dop853`` and ``radau``, each for up to
+        eight realisations. A matrix of an implicit step counts as four.
     steps : int
-        Accepted steps of the explicit integrator, of all realisations together.
+        Accepted steps of the compiled integrators, of all realisations together.
     stiff : int
-        Realisations that the explicit integrator left to IDA because of stiffness or lower costs.
+        Realisations that the explicit integrator left to an implicit one because of stiffness or lower costs.
     passages : int
         Passages over singular poses.
     repivots : int
@@ -41,8 +42,8 @@ class Counters:
         Impacts and other events.
     two_motions : int
         Realisations in which, at an event, several motions satisfy the laws of contact and friction.
-    by_dop853, by_ida : int
-        Realisations with a motion from the explicit integrator, and from IDA.
+    by_dop853, by_ida, by_radau : int
+        Realisations with a motion from the explicit integrator, from IDA, and from the compiled implicit integrator.
     seconds : float
         Wall time, s.
 
@@ -68,6 +69,7 @@ class Counters:
     two_motions: Size = 0
     by_dop853: Size = 0
     by_ida: Size = 0
+    by_radau: Size = 0
     seconds: float = 0.0
 
     def __add__(self, other: Counters) -> Counters:

@@ -14,11 +14,16 @@ from uqmbd.dynamics.contact import integrate_with_events, motion_in_segments
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import (
+    COSTLY,
+    RADAU_STAGES,
     SegmentedMotion,
     Solved,
     Trajectories,
+    allowed_attempts,
     integrate_by_dop853,
     integrate_by_ida,
+    integrate_by_radau,
+    is_implicit,
 )
 from uqmbd.dynamics.integrators.protocol import Capabilities
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
@@ -36,7 +41,7 @@ from uqmbd.errors import StudyError
 from uqmbd.plugins import hookimpl
 from uqmbd.typing import Array, Index
 
-__all__ = ["Auto", "BuiltInIntegrators", "Dop853", "Ida"]
+__all__ = ["Auto", "BuiltInIntegrators", "Dop853", "Ida", "Radau"]
 
 
 EXPLICIT = Capabilities(
@@ -151,10 +156,46 @@ class Ida:
 
 
 @dataclass(frozen=True)
-class Auto:
-    """`Dop853` for small enough mechanisms; stiff, expensive or failed realisations are left to `Ida`.
+class Radau:
+    """Compiled implicit method of order 9 for the index-1 form of stiff mechanisms; from event to event with events."""
 
-    The costs of both methods are compared by counts on the first part of the motion, separately for each realisation.
+    name = "radau"
+    capabilities = Capabilities(
+        events=True,
+        segments=True,
+        bounded_steps=True,
+        sampled_control=True,
+        releases_gil=True,
+        dense_output=True,
+    )
+
+    stack: int = MANY  # most realisations that are integrated together
+
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
+        """Integrate every realisation; raise `uqmbd.StudyError` if the compiled linear algebra is too large."""
+        _require_implicit(ensemble.model)
+        if ensemble.model.events:
+            return integrate_with_events(ensemble, times, rtol, recording=recording, stages=RADAU_STAGES)
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
+
+    def _solve(
+        self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
+    ) -> IntegratedRealisations:
+        return IntegratedRealisations.of(
+            integrate_by_radau(ensemble, members, times, rtol, recording=recording), self.name
+        )
+
+    def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
+        """Follow the only realisation from event to event."""
+        _require_implicit(ensemble.model)
+        return motion_in_segments(ensemble, times, rtol, stages=RADAU_STAGES)
+
+
+@dataclass(frozen=True)
+class Auto:
+    """`Dop853` for small enough mechanisms; stiff realisations are left to `Radau`, failed ones to `Ida`.
+
+    The costs of the methods are compared by counts, separately for each realisation.
     """
 
     name = "auto"
@@ -176,28 +217,34 @@ class Auto:
     def _solve(
         self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
     ) -> IntegratedRealisations:
-        if not _sundials_is_installed():  # the explicit method also integrates stiff realisations, with more steps
+        implicit, sundials = is_implicit(ensemble.model), _sundials_is_installed()
+        if not sundials and not implicit:  # the explicit method also integrates stiff realisations, with more steps
             return IntegratedRealisations.of(
                 integrate_by_dop853(ensemble, members, times, rtol, patient=True, recording=recording), Dop853.name
             )
         solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True, recording=recording)
-        found = IntegratedRealisations.of(solved, Dop853.name)
+        found, explicit_cost = IntegratedRealisations.of(solved, Dop853.name), np.array(solved.explicit_cost)
         # failed realisations that another integrator might integrate
         left = np.array([k for k, why in enumerate(solved.messages) if why and not solved.final[k]], dtype=np.int64)
         if not len(left):
             return found
         if ensemble.model.controls:
             return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol, recording)
-        explicit_cost = np.array(solved.explicit_cost)
-        for some in _stacks(left[explicit_cost[left] == 0]):
+        costly = np.zeros(0, dtype=np.int64)
+        if implicit:
+            stiff = left[explicit_cost[left] > 0]
+            found, stiff, costly = _by_radau(found, stiff, ensemble, members, times, rtol, explicit_cost, recording)
+            left = np.sort(np.concatenate([left[explicit_cost[left] == 0], stiff]))
+        for some in _stacks(left[explicit_cost[left] == 0]) if sundials else ():
             other = integrate_by_ida(ensemble, members[some], times, rtol, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
-        for some in _stacks(left[explicit_cost[left] > 0]):
+        for some in _stacks(left[explicit_cost[left] > 0]) if sundials else ():
             most = float(explicit_cost[some].sum())
             other = integrate_by_ida(ensemble, members[some], times, rtol, most, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
         # the cheaper method at the start may become more expensive later, or fail
-        again = np.array([k for k in left.tolist() if explicit_cost[k] and found.solved.messages[k]], dtype=np.int64)
+        slow = [k for k in left.tolist() if explicit_cost[k] and found.solved.messages[k]]
+        again = np.array(sorted([*slow, *costly.tolist()]), dtype=np.int64)
         if len(again):
             other = integrate_by_dop853(ensemble, members[again], times, rtol, patient=True, recording=recording)
             done = np.array([k for k, message in enumerate(other.messages) if not message], dtype=np.int64)
@@ -211,8 +258,9 @@ class Auto:
         if not len(left):
             return found
         other = trajectories_in_samples(partial(self.integrate, recording=recording), ensemble, times, rtol)
-        name = Ida.name if other.counters.by_ida else Dop853.name
-        counters = replace(other.counters, by_ida=0, by_dop853=0, stiff=len(left))
+        counted = other.counters
+        name = Ida.name if counted.by_ida else Radau.name if counted.by_radau else Dop853.name
+        counters = replace(counted, by_ida=0, by_radau=0, by_dop853=0, stiff=len(left))
         solved = Solved(other.states, other.messages, counters, notes=other.notes, path=other.path)
         return found.replaced(left, solved, name, np.arange(len(left)))
 
@@ -251,7 +299,7 @@ class BuiltInIntegrators:
     @hookimpl
     def uqmbd_integrators(self) -> list[type]:
         """Return the integrators of the core."""
-        return [Auto, Ida, Dop853]
+        return [Auto, Ida, Dop853, Radau]
 
 
 def _compiled(model: Model) -> bool:
@@ -265,6 +313,37 @@ def _require_compiled(model: Model, compiled: bool) -> None:
             f"mechanism {model.name!r} has too many equations for the integrator 'dop853', whose linear algebra is "
             "compiled; use 'auto' or 'ida'."
         )
+
+
+def _require_implicit(model: Model) -> None:
+    if model.layout.unknowns and not is_implicit(model):
+        raise StudyError(
+            f"mechanism {model.name!r} has too many equations for the integrator 'radau', whose linear algebra is "
+            "compiled; use 'auto' or 'ida'."
+        )
+
+
+def _by_radau(
+    found: IntegratedRealisations,
+    stiff: Index,
+    ensemble: Ensemble,
+    members: Index,
+    times: Array,
+    rtol: float,
+    explicit_cost: Array,
+    recording: bool,
+) -> tuple[IntegratedRealisations, Index, Index]:
+    """Integrate stiff rows implicitly, up to their cost by explicit steps.
+
+    Return the results, rows that failed, and rows whose explicit steps cost less.
+    """
+    if not len(stiff):
+        return found, stiff, stiff
+    allowed = allowed_attempts(ensemble.model, explicit_cost[stiff])
+    other = integrate_by_radau(ensemble, members[stiff], times, rtol, allowed=allowed, recording=recording)
+    done = np.array([not why or other.final[k] for k, why in enumerate(other.messages)], dtype=bool)
+    costly = np.array([why == COSTLY for why in other.messages], dtype=bool) & ~done
+    return found.replaced(stiff, other, Radau.name, np.flatnonzero(done)), stiff[~done & ~costly], stiff[costly]
 
 
 def _stacks(members: Index) -> list[Index]:

@@ -35,7 +35,7 @@ def built_in_names() -> tuple[str, ...]:
     """Return the names of the integrators of the core.
 
     >>> built_in_names()
-    ('auto', 'ida', 'dop853')
+    ('auto', 'ida', 'dop853', 'radau')
     """
     return tuple(_offered())
 
@@ -70,7 +70,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     Traceback (most recent call last):
         ...
     uqmbd.errors.StudyError: study 'drop': the integrator 'ida' cannot follow impacts and other events (floor: impact).
-    Use integrator='auto', or 'dop853'.
+    Use integrator='auto', or 'dop853', 'radau'.
     """
     if getattr(capabilities_of(integrator_class(name)), needed):
         return

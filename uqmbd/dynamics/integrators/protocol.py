@@ -64,7 +64,7 @@ class Capabilities:
         Whether ``integrate_projected`` accepts ``watch=``: None, or a function of the coefficients (P, T, width) so
         far, which are NaN from the present time on. The function returns true to stop the integration.
     delegates : bool
-        Whether it may leave realisations to ``dop853`` or ``ida``; it then names these in its counters.
+        Whether it may leave realisations to ``dop853``, ``radau`` or ``ida``; it then names these in its counters.
     sampled_control : bool
         Whether it samples controllers by ``ensemble.sampling``, also across events if it handles events.  Otherwise
         ``integrate`` is called from sample to sample, as is every ``integrate_projected``.

@@ -159,7 +159,7 @@ def _continued_projection(projected: ProjectedEquations, time: float, state: Arr
 
 def _joined(one: Counters, other: Counters) -> Counters:
     """Join the counters of two consecutive integrations of the same realisations."""
-    by = {key: max(getattr(one, key), getattr(other, key)) for key in ("by_dop853", "by_ida")}
+    by = {key: max(getattr(one, key), getattr(other, key)) for key in ("by_dop853", "by_ida", "by_radau")}
     return replace(one + other, **by)
 
 

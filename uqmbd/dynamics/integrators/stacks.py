@@ -159,7 +159,7 @@ def in_stacks(
             RedundantConstraintWarning,
             stacklevel=6,
         )
-    counters = counters + Counters(by_dop853=by.count("dop853"), by_ida=by.count("ida"))
+    counters = counters + Counters(by_dop853=by.count("dop853"), by_ida=by.count("ida"), by_radau=by.count("radau"))
     return Trajectories(
         times, states, tuple(messages), counters, notes=tuple(notes), off=off, path=RecordedSteps.joined(paths)
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.dynamics.linear.implicit import IMPLICIT_LIMIT, RADAU_STAGES, implicit_dynamics
 from uqmbd.dynamics.linear.index1 import (
     RANK_TOLERANCE,
     RESIDUAL,
@@ -18,12 +19,15 @@ from uqmbd.dynamics.linear.pivoting import lemke
 from uqmbd.dynamics.linear.programs import Programs
 
 __all__ = [
+    "IMPLICIT_LIMIT",
+    "RADAU_STAGES",
     "RANK_TOLERANCE",
     "RESIDUAL",
     "Programs",
     "System",
     "accelerations",
     "excess",
+    "implicit_dynamics",
     "impulses",
     "index1_system",
     "lemke",

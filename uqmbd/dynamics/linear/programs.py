@@ -51,6 +51,10 @@ class Programs:
         """Further objects derived from the model, by key."""
         return {}
 
+    def write_solution(self, writer: ProgramWriter, values: Index) -> Index:
+        """Write accelerations and multipliers from rows of results of the ``acceleration`` evaluator."""
+        return _solution(self.solve, writer, values)
+
     def write_motion(self, model: Model, writer: ProgramWriter, arguments: Index, parameters: Index) -> MotionRows:
         """Write the accelerations and multipliers of a state with the given rows, as `Evaluator.write` does."""
         values = model.evaluators["acceleration"].write(writer, arguments, parameters)

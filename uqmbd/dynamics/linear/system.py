@@ -129,6 +129,8 @@ class System:
     """Compiled map from results of the ``acceleration`` evaluator to accelerations and multipliers."""
     programs: Programs | None = None
     """Compiled functions of a state; None if no solution is compiled (`index1_system`)."""
+    poses: tuple[Array, Array] | None = None
+    """Arguments (S, width + 2) and parameters (S, parameter) of typical states, for other orders of elimination."""
 
     def matrix(self, values: Array) -> Array:
         """Return dense matrices (K, size, size) from results (K, result) of the ``acceleration`` evaluator."""
@@ -169,12 +171,13 @@ def _taken(values: Array, which: Index) -> Array:
     return found
 
 
-def index1_system(model: Model, typical: Array | None) -> System:
+def index1_system(model: Model, poses: tuple[Array, Array] | None) -> System:
     """Return the index-1 system of a model with its independent equations.
 
-    The order of elimination is chosen for `typical` results (S, result) of the ``acceleration`` evaluator.  No solution
-    is compiled without `typical` results, for a structurally singular pattern, or if regular blocks would be too large.
-    LAPACK, or SuperLU for more than `DENSE_LIMIT` unknowns, then solves the systems (`solve_directly`).
+    The order of elimination is chosen at typical `poses`: arguments (S, width + 2) of the ``acceleration`` evaluator,
+    and parameters (S, parameter).  No solution is compiled without `poses`, for a structurally singular pattern, or if
+    regular blocks would be too large.  LAPACK, or SuperLU for more than `DENSE_LIMIT` unknowns, then solves the systems
+    (`solve_directly`).
     """
     derivation.debug("choosing the order of elimination")
     evaluators, layout = model.evaluators, model.layout
@@ -214,8 +217,9 @@ def index1_system(model: Model, typical: Array | None) -> System:
         drift,
     )
     # a structurally singular pattern cannot be eliminated; its builder reports the reason
-    if typical is None or _structural_rank(system) < size:
+    if poses is None or _structural_rank(system) < size:
         return system
+    system, typical = replace(system, poses=poses), evaluators["acceleration"](*poses)
     if size > ELIMINATION_LIMIT:
         return _by_blocks(model, system, typical)
     elimination = plan(system.rows, system.columns, system.matrix(typical))

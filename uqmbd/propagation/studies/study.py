@@ -61,8 +61,8 @@ class Study(StudyData):
     rtol : float
         Relative tolerance of the integration.
     integrator : str
-        Name of the integrator. ``auto``: explicit, but the implicit IDA for stiff realisations and large mechanisms.
-        ``ida``: IDA for all realisations. ``dop853``: explicit for all realisations. Plugins register others.
+        Name of the integrator. ``auto``: explicit, but implicit for stiff realisations and IDA for large mechanisms.
+        ``dop853``: explicit for all realisations. ``radau``: implicit. ``ida``: IDA. Plugins register others.
     start : {"drawn", "equilibrium"}
         Initial pose of each realisation. ``drawn``: the drawn pose, assembled. ``equilibrium``: the static equilibrium
         of the realisation, at rest; the search starts from the drawn pose. At the equilibrium, stated velocities keep

@@ -123,14 +123,15 @@ _COUNTERS = {
     "jacobian_evaluations": "Jacobian evaluations",
     "factorisations": "Jacobian factorisations",
     "integrations": "integrations (implicit: batch of realisations; explicit: single realisation)",
-    "accelerations": "evaluations of the explicit equations of motion (each for up to eight realisations)",
+    "accelerations": "evaluations of the compiled equations of motion (each for up to eight realisations)",
     "passages": "singular poses that were crossed",
     "repivots": "changes of the set of independent equations",
-    "stiff": "realisations passed from the explicit integrator to IDA (stiff, or less expensive)",
+    "stiff": "realisations passed from the explicit integrator to an implicit one (stiff, or less expensive)",
     "alone": "realisations integrated separately",
     "two_motions": "realisations with contacts for which several motions are possible",
     "by_dop853": "realisations integrated by the explicit integrator (dop853)",
     "by_ida": "realisations integrated by IDA",
+    "by_radau": "realisations integrated by the compiled implicit integrator (radau)",
     "seconds": "time in the integrator, summed over workers",
 }
 
