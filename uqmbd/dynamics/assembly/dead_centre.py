@@ -108,8 +108,8 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
         missing += ", which may be caused by rounded input values"
     amount = " by slightly more than this gap" if np.isfinite(gap) else ""
     return (
-        f"{found}, and every motion increases the gap: links are too short or too long, or a driver prescribes an "
-        f"impossible value{missing}. "
+        f"{found}, and every motion increases the gap: lengths, or prescribed values of a driver, are out of "
+        f"reach{missing}. "
         f"Change a length or prescribed value{amount}, and draw {bodies} out of this pose{others}."
     )
 
