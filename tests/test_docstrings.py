@@ -56,6 +56,7 @@ INTERNALS = (
     "plugins/uqmbd_contact",
     "plugins/uqmbd_drivers",
     "plugins/uqmbd_fmi",
+    "plugins/uqmbd_geometry",
     "plugins/uqmbd_galerkin",
     "plugins/uqmbd_joints",
     "plugins/uqmbd_models",

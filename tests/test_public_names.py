@@ -11,7 +11,16 @@ import pytest
 import uqmbd
 from uqmbd import extend, report, results
 
-MODULES = ("uqmbd", "uqmbd.extend", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
+MODULES = (
+    "uqmbd",
+    "uqmbd.extend",
+    "uqmbd.laws",
+    "uqmbd.results",
+    "uqmbd.report",
+    "uqmbd.shapes",
+    "uqmbd.testing",
+    "uqmbd.typing",
+)
 
 OLD = {
     "uqmbd": """

@@ -60,7 +60,10 @@ def names_in_source(module):
     return set(ast.literal_eval(listed))
 
 
-MODULES = ["uqmbd", *(f"uqmbd.{x}" for x in ("extend", "laws", "results", "report", "testing", "typing"))] + sorted(
+MODULES = [
+    "uqmbd",
+    *(f"uqmbd.{x}" for x in ("extend", "laws", "results", "report", "shapes", "testing", "typing")),
+] + sorted(
     tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]["uqmbd"].values()
 )
 

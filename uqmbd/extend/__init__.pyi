@@ -134,4 +134,5 @@ from .sampling import sparse_rule as sparse_rule
 from .sampling import stated_tolerance as stated_tolerance
 from .sampling import uniform_variable as uniform_variable
 from .summaries import MotionPolynomials as MotionPolynomials
+from .summaries import SummaryData as SummaryData
 from .summaries import summary as summary

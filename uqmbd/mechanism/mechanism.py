@@ -35,7 +35,7 @@ from uqmbd.mechanism.expressions import (
     random_variables,
     shown,
 )
-from uqmbd.mechanism.geometry import Space
+from uqmbd.mechanism.geometry import BodyShape, Space
 from uqmbd.mechanism.new_body import make_body
 from uqmbd.mechanism.new_component import prepare_component
 from uqmbd.mechanism.randomise import randomise_numbers
@@ -114,6 +114,7 @@ class Mechanism:
         velocity: Vector | None = None,
         angular_velocity: Vector | None = None,
         hold: bool = False,
+        shape: BodyShape | Sequence[BodyShape] | None = None,
     ) -> Body:
         """Add a rigid body in its drawn pose.
 
@@ -141,6 +142,8 @@ class Mechanism:
             does not change given values. Default: the values of smallest norm that satisfy the constraints.
         hold : bool
             Whether assembly keeps the drawn pose of the body.
+        shape : BodyShape or sequence of BodyShape, optional
+            Shapes of the body (`uqmbd.shapes`), which are drawn and do not affect the motion.
 
         Returns
         -------
@@ -167,7 +170,7 @@ class Mechanism:
             "mass": mass, "inertia": inertia, "com": com, "position": position, "angle": angle, "rotation": rotation,
             "quaternion": quaternion, "velocity": velocity, "angular_velocity": angular_velocity,
         }  # fmt: skip
-        body = make_body(self, name, stated, hold)
+        body = make_body(self, name, stated, hold, shape)
         self.bodies[name] = body
         return body
 
@@ -557,7 +560,8 @@ class Mechanism:
         return frozenset(keys.union(*map(random_variables, values)))
 
     def _used(self) -> set[RandomVariable]:
-        values = [output.expression for output in self.observed()]
+        values: list[Any] = [output.expression for output in self.observed()]
+        values += [one.expressions for body in self.bodies.values() for one in body.shapes]
         return {variable for value in values for variable in random_variables(value)} | self.moving_inputs()
 
     def _control(self, controller: Controller) -> None:

@@ -12,6 +12,7 @@ from uqmbd.mechanism.bodies import Body, BodyPose, BodyTerms, inertia_entries, m
 from uqmbd.mechanism.components import settle
 from uqmbd.mechanism.declared import Described, require_known
 from uqmbd.mechanism.expressions import as_symbolic, check_dimensions, numbers, shown
+from uqmbd.mechanism.geometry import check_shapes
 from uqmbd.units import without_quantities
 
 __all__ = ["make_body"]
@@ -23,7 +24,7 @@ UNITS = {
 """Units of the numbers of a body."""
 
 
-def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
+def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any, shape: Any = None) -> Body:
     """Return a body that is not yet added to its mechanism, from a checked name and arguments of `Mechanism.body`.
 
     None represents an omitted number.  Raises `uqmbd.StudyError` if a value is missing, has the wrong dimension, or is
@@ -37,6 +38,9 @@ def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: 
         raise StudyError(
             f"{where}: angular_velocity is given, but bodies in {type(space).__name__} space do not rotate; omit it."
         )
+    shapes = check_shapes(where, shape)
+    for one in shapes:
+        require_known(mechanism, f"{where}: shape", one.expressions, "number")
     for key, value in stated.items():
         require_known(mechanism, f"{where}: {key}", value, "number")
     moments = inertia_entries(where, space, stated["inertia"])
@@ -61,7 +65,7 @@ def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: 
     )
     centre = vector("com", d, "centre of mass, body frame", origin)
     terms = BodyTerms(name, mechanism.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)
-    body = Body(name, space, terms, pose)
+    body = Body(name, space, terms, pose, shapes)
     terms.attached = {"body": body}
     settle(where, terms, space)
     return body

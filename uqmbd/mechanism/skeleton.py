@@ -24,7 +24,7 @@ QUARTER_TURNS = {2: ((1, 0), (1, 1)), 3: ((1, 0, 0, 0), (1, 1, 0, 0), (1, 0, 1, 
 class Mark:
     """Point or direction fixed in a body."""
 
-    kind: str  # "point", "direction", "com" (centre of mass) or "observed" (a point that an output records)
+    kind: str  # "point", "direction", "com" (centre of mass), "corner" (of a shape), "observed" (a point of an output)
     body: str  # name of the body, or "ground"
     component: str  # name of the owning component, or empty
     role: str  # name of the component's parameter, or of the output
@@ -44,10 +44,23 @@ def collect_skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
         if body.terms.values["mass"] != 0:
             found.append(Mark("com", body.name, "", "com", _points(list(body.terms.values["com"]), time) or ()))
     found += list(_observed(mechanism))
+    found += [mark for body in mechanism.bodies.values() for mark in _corners(body)]
     bare = set(mechanism.bodies) - {m.body for m in found if m.kind != "direction" and m.local}
     origin = (sympy.S.Zero,) * mechanism.space.dimension
     found += [Mark("point", body, "", "origin", origin) for body in mechanism.bodies if body in bare]
     return [mark for mark in found if mark.local]
+
+
+def _corners(body: Body) -> Iterator[Mark]:
+    """Yield the corners of the box around each shape of a body, in the axes of the shape."""
+    d = body.space.dimension
+    for k, shape in enumerate(body.shapes):
+        ends = shape.bounds
+        for signs in range(8):
+            corner = [ends[signs >> axis & 1][axis] for axis in range(3)]
+            turned = [sum(sympy.Float(r) * x for r, x in zip(row, corner, strict=True)) for row in shape.rotation]
+            local = tuple(p + x for p, x in zip(shape.position[:d], turned[:d], strict=True))
+            yield Mark("corner", body.name, "", f"shape {k + 1}", local)
 
 
 def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[Mark]:

@@ -13,7 +13,16 @@ from typing import Any
 
 __all__ = ["CORE", "PLUGINS", "file_names", "kind", "owners", "public_names", "returned", "told_at_its_place"]
 
-CORE = ("uqmbd", "uqmbd.extend", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
+CORE = (
+    "uqmbd",
+    "uqmbd.extend",
+    "uqmbd.laws",
+    "uqmbd.results",
+    "uqmbd.report",
+    "uqmbd.shapes",
+    "uqmbd.testing",
+    "uqmbd.typing",
+)
 """Public modules of uqmbd."""
 
 PLUGINS = (
@@ -29,6 +38,7 @@ PLUGINS = (
     "uqmbd_models",
     "uqmbd_processes",
     "uqmbd_fmi",
+    "uqmbd_geometry",
 )
 """Packages of built-in plugins."""
 

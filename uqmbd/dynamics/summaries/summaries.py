@@ -88,7 +88,7 @@ def _number(declared: DeclaredSummary, given: tuple[Any, ...], numbers: tuple[fl
     """
     where = f"the summary {declared.__module__}.{declared.__qualname__}"
     try:
-        value = declared.function(*given, *numbers)
+        value = declared.function(*given, *declared.data, *numbers)
         if declared.polynomials and isinstance(value, str) and value:
             return value
         found = np.asarray(value)

@@ -21,7 +21,7 @@ from uqmbd.mechanism.components import (
     Term,
 )
 from uqmbd.mechanism.expressions import as_symbolic
-from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
+from uqmbd.mechanism.geometry import BodyShape, Frame, NamedFrame, Space
 
 __all__ = ["Body", "Ground"]
 
@@ -83,8 +83,12 @@ class Body(NamedFrame):
     (1.0, -3.0)
     """
 
-    def __init__(self, name: str, space: Space, inertia: BodyTerms, pose: BodyPose) -> None:
+    def __init__(
+        self, name: str, space: Space, inertia: BodyTerms, pose: BodyPose, shapes: tuple[BodyShape, ...] = ()
+    ) -> None:
         self.name = name
+        self.shapes = shapes
+        """Shapes of the body, in its frame."""
         self.terms = inertia
         self.pose = pose
         self.drafts: dict[str, str] = {}  # kinds of attached components that `Mechanism.add` has not received

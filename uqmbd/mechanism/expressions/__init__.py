@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, describe_foreign_part, foreign_part
 from uqmbd.mechanism.expressions.cubic_spline import Spline, spline
-from uqmbd.mechanism.expressions.custom_summaries import CustomSummary, DeclaredSummary, summary
+from uqmbd.mechanism.expressions.custom_summaries import CustomSummary, DeclaredSummary, SummaryData, summary
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
 from uqmbd.mechanism.expressions.excitations import (
@@ -106,6 +106,7 @@ __all__ = [
     "Spline",
     "SplineTable",
     "Summary",
+    "SummaryData",
     "TimeOfMaximum",
     "TimeOfMinimum",
     "as_symbolic",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import types
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self, overload
 
 import sympy
@@ -20,7 +21,32 @@ from uqmbd.mechanism.expressions.timeless import single
 from uqmbd.mechanism.expressions.user_values import shown
 from uqmbd.units import Unit, read_units
 
-__all__ = ["CustomSummary", "DeclaredSummary", "function_digest", "summary"]
+__all__ = ["CustomSummary", "DeclaredSummary", "SummaryData", "function_digest", "summary"]
+
+
+@dataclass(frozen=True, eq=False)
+class SummaryData:
+    """Data of a summary that are not numbers, such as the shapes of two bodies.
+
+    Parameters
+    ----------
+    data : object
+        Second argument of the function, after the motion. Worker processes receive a pickled copy.
+    digest : str
+        Text that differs for different data.
+    label : str
+        Text of the quantity in messages and results; different quantities need different labels.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.extend.SummaryData((1.0, 2.0), "1, 2", "norm(1, 2)").label
+    'norm(1, 2)'
+    """
+
+    data: Any
+    digest: str
+    label: str
 
 
 class DeclaredSummary:
@@ -34,12 +60,30 @@ class DeclaredSummary:
         unit: Unit | None = None,
         *,
         polynomials: bool = False,
+        bound: tuple[DeclaredSummary, SummaryData] | None = None,
     ) -> None:
-        self.function, self.polynomials = function, polynomials
+        self.function, self.polynomials, self.bound = function, polynomials, bound
         self.further, self.power, self.unit = further, power, unit
         self.__name__, self.__qualname__ = function.__name__, function.__qualname__
         self.__module__, self.__doc__ = function.__module__, function.__doc__
-        self.digest = function_digest(function) + repr((further, power, unit, polynomials))
+        self.digest = function_digest(function) + repr((further, power, unit, polynomials, bound and bound[1].digest))
+
+    @property
+    def label(self) -> str:
+        """Text of the quantity in messages and results; empty: name and arguments."""
+        return self.bound[1].label if self.bound else ""
+
+    @property
+    def data(self) -> tuple[Any, ...]:
+        """Arguments of the function between the values and the numbers."""
+        return (self.bound[1].data,) if self.bound else ()
+
+    def with_data(self, data: SummaryData, further: Sequence[str]) -> DeclaredSummary:
+        """Return the same summary with data, which its function receives after the motion."""
+        bound = (self, data)
+        return DeclaredSummary(
+            self.function, tuple(further), self.power, self.unit, polynomials=self.polynomials, bound=bound
+        )
 
     def __call__(self, expression: Any, *others: Any) -> sympy.Expr:
         """Return the summary of an expression; `others` are further expressions, then numbers."""
@@ -60,7 +104,10 @@ class DeclaredSummary:
         found: sympy.Expr = CustomSummary(summed[0], SummaryFunction(self), *summed[1:], *numbers)
         return found
 
-    def __reduce__(self) -> str:
+    def __reduce__(self) -> str | tuple[Any, ...]:
+        if self.bound:
+            declared, data = self.bound
+            return DeclaredSummary.with_data, (declared, data, self.further)
         return self.__qualname__  # workers import the function by this name
 
 
@@ -108,6 +155,8 @@ class CustomSummary(Summary):
         return tuple(float(number) for number in self.args[2 + len(self.declared.further) :])
 
     def _sympystr(self, printer: Any) -> str:
+        if self.declared.label:
+            return self.declared.label
         expressions = [printer.doprint(x) for x in (self.args[0], *self.further)]
         arguments = [*expressions, *(f"{number:g}" for number in self.numbers)]
         return f"{self.declared.__name__.lstrip('_')}({', '.join(arguments)})"

@@ -16,19 +16,27 @@ from uqmbd.mechanism.geometry.quaternions import (
     smallest_rotation,
     unit,
 )
+from uqmbd.mechanism.geometry.shapes import BodyShape, Box, Capsule, Cylinder, Mesh, Sphere, check_shapes
 from uqmbd.mechanism.geometry.space import Line, Planar, Space, Spatial, Translational
 
 __all__ = [
+    "Box",
+    "Capsule",
     "ComposedFrame",
+    "Cylinder",
     "Frame",
     "Line",
     "Matrix",
+    "Mesh",
     "NamedFrame",
     "Planar",
+    "BodyShape",
     "Space",
     "Spatial",
+    "Sphere",
     "Translational",
     "aligned",
+    "check_shapes",
     "angle_at_start",
     "continued",
     "joint_frames",

@@ -4,6 +4,7 @@ import { unpackArray } from "./arrays.js";
 import { poseAt, resolvedBy, weightsAt } from "./between.js";
 import { hullOf, isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
 import { nearestIndex } from "./numbers.js";
+import { Solids, shadeOf } from "./solids.js";
 import { bodyShapes, ghostShape, strokeShape } from "./strokes.js";
 
 // inches: a mark that is nearer to a joint is left out
@@ -24,6 +25,7 @@ export class Mechanism {
     this.resolved = data.bodies.every((_, b) => resolvedBy(this.times, this.reader(this.stored, 0, b), data.dimension, size));
     // bodies that are drawn as a point; how they move is seen by their tracks
     this.pointlike = data.bodies.flatMap((_, b) => (this.own[b].length && this.reaches[b] < 1e-9 * (size || 1) ? [b] : []));
+    this.solids = data.solids ? new Solids(data.solids, data.owners) : null;
     const listed = (name, stroke) => (name in stroke ? { [name]: data.lists[stroke[name]] } : {});
     this.strokes = data.symbols.map((one) => ({ ...one, ...listed("points", one), ...listed("metres", one), ...listed("tips", one) }));
   }
@@ -105,9 +107,19 @@ export class Mechanism {
     }
     const shapes = order.flatMap((b, place) => {
       const page = this.own[b].map((k) => view.project(points[k]));
+      if (this.solids?.shaped.has(b)) return [];
       if (this.boxed.includes(b) && page.every((p) => lengthOf(minus(p, page[0])) < 1e-3)) return [];
       return bodyShapes(page, this.colours[b], 2 + (0.5 * place) / order.length);
     });
+    if (this.solids) {
+      const shades = new Map();
+      const look = (role) => this.roles[role][palette.dark ? 1 : 0];
+      shapes.push(...this.solids.draw(view, points, (b, level) => {
+        const key = 100 * b + level;
+        if (!shades.has(key)) shades.set(key, shadeOf(look(`pale-${this.colours[b]}`), look(this.colours[b]), level));
+        return shades.get(key);
+      }));
+    }
     const taken = this.joints.map((k) => view.project(points[k]));
     for (const stroke of this.strokes) {
       const own = stroke.clear && view.project(points[stroke.at[0]]);

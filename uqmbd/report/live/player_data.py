@@ -34,7 +34,8 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     `motion` is the result of `uqmbd.report.motion`, or the node ``motion`` of results; `most` is the maximum number of
     pose values. The result has these keys:
 
-    ``poses``: (realisation, time, body, width), the first realisation at the means. ``local``: points (realisation,
+    ``solids``: surfaces of shapes, only if bodies have shapes. ``poses``:
+    (realisation, time, body, width), the first realisation at the means. ``local``: points (realisation,
     point, axis) in the frames of the bodies. ``owners``: indices of bodies; -1 is the ground. ``symbols``: strokes,
     whose points are indices in ``lists``. ``roles``: colours on a light and on a dark page. ``corners``: points that
     outline each body. ``bounds``: bounds of the drawing. ``start``: the frame with the largest distance between
@@ -50,7 +51,7 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     roles = {role for stroke in film.strokes for role in (stroke.edge, stroke.face)}
     bodies = [sketch.colour(body) for body in sketch.bodies]
     roles |= {*bodies, *(f"pale-{role}" for role in bodies)}
-    return {
+    found: dict[str, Any] = {
         "mechanism": str(data.attrs.get("mechanism", "")),
         "bodies": list(number),
         "roles": {role: list(ROLES[role]) for role in sorted(filter(ROLES.get, map(str, roles)))},
@@ -74,6 +75,16 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
         "followed": film.followed,
         "moving": film.moving,
         "start": film.widest,
+    }
+    return found | ({"solids": _solids(data)} if sketch.shaped else {})
+
+
+def _solids(data: xr.Dataset) -> dict[str, Any]:
+    """Return the surfaces of shapes: coordinates between corners, first corners, and triangles."""
+    return {
+        "vertices": packed(data["solid_vertex"].values, "float32"),
+        "corners": packed(data["solid_corner"].values, "int32"),
+        "faces": packed(data["solid_face"].values, "int32"),
     }
 
 

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation import build_observed_model, input_point
+from uqmbd.report.mechanisms.solids import collect_solids
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -331,6 +332,7 @@ def _dataset(
     if any(mark.radius != 0 for mark in marks):
         data["point_radius"] = (("realisation", "point"), radii, {"units": "m"})
     data |= {name: ("point", fixed_width(texts)) for name, texts in roles.items()}
+    data |= collect_solids(mechanism, marks)
     if components:
         data |= {name: ("component", fixed_width(texts)) for name, texts in kinds.items()}
     coords: dict[str, Any] = {

@@ -31,6 +31,8 @@ LOWEST, HIGHEST = 1.9, 5.2  # inches: height of plane axes
 
 def painted(role: str | None) -> str:
     """Return the colour of a role in a figure."""
+    if role is not None and role.startswith("#"):
+        return role
     return "none" if role in (None, "none") else ROLES[str(role)][0]
 
 

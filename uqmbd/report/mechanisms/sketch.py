@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.report.mechanisms.labels import Label
 from uqmbd.report.mechanisms.sheet import Shape, Sheet, across, extremes, foot, link_shapes, outline_of
+from uqmbd.report.mechanisms.solids import Solids
 from uqmbd.report.mechanisms.symbols import CLEAR, SQUARE, Stroke, Symbols, projected
 from uqmbd.typing import Array
 
@@ -124,6 +125,16 @@ class Sketch:
         return [abs(float(r)) for r in self.data["point_radius"].values[0]]
 
     @cached_property
+    def solids(self) -> Solids:
+        """Return the surfaces of the shapes."""
+        return Solids(self.data)
+
+    @cached_property
+    def shaped(self) -> set[str]:
+        """Return the bodies with shapes, which are drawn instead of links."""
+        return set(self.solids.owners) if len(self.solids.faces) else set()
+
+    @cached_property
     def parts(self) -> tuple[SketchPart, ...]:
         """Return the components of the mechanism."""
         if "component" not in self.data.coords:
@@ -231,9 +242,11 @@ class Sketch:
         for order, k in enumerate(behind):
             body = self.bodies[k]
             outline = outline_of(sheet, points[self.points_of(body)])
-            if body not in self.boxed or len(outline) > 1:
+            if body not in self.shaped and (body not in self.boxed or len(outline) > 1):
                 role, place = self.colour(body), 2 + 0.5 * order / len(self.bodies)
                 shapes += link_shapes(outline, role, self.light(body), thick, place)
+        if self.shaped:
+            shapes += self.solids.draw(sheet, points, [self.colour(body) for body in self.solids.owners])
         strokes = self.strokes(points[None], sheet.unit) if strokes is None else strokes
         taken = sheet.project(points[self.joints]) if self.joints else np.zeros((0, 2))
         for stroke in strokes:

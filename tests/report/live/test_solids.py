@@ -1,0 +1,45 @@
+"""Surfaces of shapes on the page: the script draws the faces that Python draws, at the same places."""
+
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd.report.live import collect_player_data
+from uqmbd.report.mechanisms import Sketch, drawn_pose, world
+from uqmbd.report.mechanisms.sheet import sheet_for
+from uqmbd.shapes import Box, Cylinder
+
+DRAW = """
+const mechanism = new Mechanism(given.data);
+const view = new View(given.data.bounds);
+view.fit(given.width, given.height);
+const palette = { dark: false };
+const shapes = mechanism.solids.draw(view, mechanism.storedAt(0, 0), (b, level) => shadeOf(mechanism.roles[`pale-${mechanism.colours[b]}`][0], mechanism.roles[mechanism.colours[b]][0], level));
+answer = { shapes, inch: view.inch };
+"""
+
+
+@pytest.mark.parametrize("space", [uqmbd.Spatial(), uqmbd.Planar()], ids=["spatial", "planar"])
+def test_the_page_draws_the_faces_that_python_draws(node, space):
+    mechanism = uqmbd.Mechanism("m", space)
+    inertia = (1, 1, 1) if space.dimension == 3 else 1
+    zero = (0,) * (space.dimension - 1)
+    mechanism.body("one", mass=1, inertia=inertia, shape=[Box((1, 0.5, 0.3)), Cylinder(0.2, 1.0, position=(0, 0, 0.5))])
+    mechanism.body("two", mass=1, inertia=inertia, position=(1.5, *zero), shape=Box((0.3, 0.3, 0.3)))
+    data = drawn_pose(mechanism)
+    sketch, points = Sketch(data), world(data)[0, 0]
+    player = collect_player_data(data)
+    found = node(["mechanism.js", "view.js", "solids.js"], DRAW, {"data": player, "width": 640, "height": 480})
+    inch = found["inch"]
+    sheet = sheet_for(np.array(player["bounds"]), 640 / inch, 480 / inch)
+    mine = list(sketch.solids.draw(sheet, points, [sketch.colour(body) for body in sketch.solids.owners]))
+    assert len(mine) == len(found["shapes"]) > 10
+
+    def key(face, place):
+        return face, tuple(np.round(np.sort(np.asarray(place).ravel()), 2))
+
+    theirs = sorted(key(one["face"], one["points"]) for one in found["shapes"])
+    for (face, place), (other, there) in zip(sorted(key(s.face, s.vertices) for s in mine), theirs, strict=True):
+        assert place == pytest.approx(there, abs=0.02)
+        assert [abs(int(face[k : k + 2], 16) - int(other[k : k + 2], 16)) <= 40 for k in (1, 3, 5)] == [True] * 3
+    assert [one["order"] for one in found["shapes"]] == sorted(one["order"] for one in found["shapes"])
