@@ -129,10 +129,11 @@ class Discretisation:
             remedies.append("without weights=")
         listed = ", ".join(map(repr, names))
         raise uqmbd.StudyError(
-            f"{self.label}: velocities jump at the impacts of {listed}, at different times in each realisation. A "
-            f"Galerkin projection of {terms} terms on {nodes} nodes cannot represent these jumps; it needs as many "
-            f"terms as nodes. Use Galerkin {' and '.join(remedies)}, preferably with elements='adaptive'; or "
-            "collocation with alignment='events'."
+            f"{self.label}: velocities or forces jump at the events of {listed}, at different times in each "
+            f"realisation. A Galerkin projection of {terms} terms on {nodes} nodes cannot represent these jumps; "
+            f"it needs as many terms as nodes. Use Galerkin {' and '.join(remedies)}, preferably with "
+            "elements='adaptive'; or collocation with alignment='events'. Smooth friction and compliant contacts have "
+            "no jumps."
         )
 
     def _gauss_counts(self, space: uqmbd.extend.GermSpace) -> list[int]:

@@ -20,6 +20,9 @@ __all__ = ["add_forces"]
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
+SMOOTH = 0.01
+"""Speed, rad/s or m/s, below which imported dry friction creeps: smooth friction suits every method."""
+
 
 def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any, zero: float | None) -> None:
     """Add spring, friction and rotor of a joint, for each of its freedoms.
@@ -66,7 +69,8 @@ def _turning(mechanism: Any, names: Names, placed: PlacedJoint, i: Any, j: Any, 
     joint = placed.joint
     if joint.damping or joint.friction:
         name = names.take(f"{placed.name}_friction{letter}")
-        mechanism.add(RotationalFriction(name, i, j, joint.friction, damping=joint.damping, axis_i=axis))
+        rubs = {"damping": joint.damping, "transition": SMOOTH, "axis_i": axis}
+        mechanism.add(RotationalFriction(name, i, j, joint.friction, **rubs))
     if joint.inertia:
         name = names.take(f"{placed.name}_rotor{letter}")
         mechanism.add(RotorInertia(name, i, j, joint.inertia, axis_i=axis))
@@ -77,8 +81,8 @@ def _sliding(mechanism: Any, names: Names, placed: Any, i: Any, j: Any, letter: 
     joint = placed.joint
     if joint.damping or joint.friction:
         name = names.take(f"{placed.name}_friction{letter}")
-        friction = SlidingFriction(name, i, j, **points, axis_i=axis, friction=joint.friction, damping=joint.damping)
-        mechanism.add(friction)
+        rubs = {"friction": joint.friction, "damping": joint.damping, "transition": SMOOTH}
+        mechanism.add(SlidingFriction(name, i, j, **points, axis_i=axis, **rubs))
     if joint.inertia:
         name = names.take(f"{placed.name}_rotor{letter}")
         mechanism.add(SlidingInertia(name, i, j, **points, axis_i=axis, mass=joint.inertia))

@@ -1,4 +1,4 @@
-"""Friction in joints: viscous friction, and smoothed Coulomb friction under a constant load."""
+"""Friction in joints: viscous friction, and Coulomb friction under a given load, which sticks or is smoothed."""
 
 from __future__ import annotations
 
@@ -14,21 +14,28 @@ from uqmbd.typing import Quantity, Vector
 __all__ = ["RotationalFriction", "SlidingFriction"]
 
 
-def _smooth(p: uqmbd.extend.Local, speed: Any) -> uqmbd.VirtualWork:
-    """Return the virtual work of friction: ``damping v + friction v / sqrt(v^2 + transition^2)`` against speed v."""
-    return uqmbd.VirtualWork(-p.damping * speed - p.friction * speed / sympy.sqrt(speed**2 + p.transition**2), speed)
+def _resistance(p: uqmbd.extend.Local, speed: Any) -> Iterator[uqmbd.VirtualWork | uqmbd.extend.DryFriction]:
+    """Yield viscous friction against a speed v, and Coulomb friction, smooth with a transition speed."""
+    force = -p.damping * speed
+    if p.transition != 0:
+        force -= p.friction * speed / sympy.sqrt(speed**2 + p.transition**2)
+    yield uqmbd.VirtualWork(force, speed)
+    if p.transition == 0 and p.friction != 0:
+        yield uqmbd.extend.DryFriction(p.friction, speed)
 
 
 class RotationalFriction(uqmbd.Component):
     """A friction moment that opposes the rotation of body j relative to body i about a common axis.
 
-    Coulomb friction is smoothed: ``friction w / sqrt(w^2 + transition^2)``. Instead of sticking, the joint creeps at
-    less than the transition speed. A lower transition speed is more accurate and more expensive to integrate.
+    The joint sticks up to Coulomb's moment; `event_time` accepts ``stick`` and ``slip``. The moment may be a function
+    of time, as of a brake. With a transition speed, friction is smooth, ``friction w / sqrt(w^2 + transition^2)``, and
+    has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
+    smooth friction.
 
     Examples
     --------
     >>> RotationalFriction.signature()
-    '(name, body_i, body_j, friction, damping=0, transition=0.01, axis_i)'
+    '(name, body_i, body_j, friction, damping=0, transition=0, axis_i)'
     """
 
     symbol = "coil"
@@ -38,7 +45,7 @@ class RotationalFriction(uqmbd.Component):
     )
     damping = uqmbd.Parameter("N m s/rad", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(
-        "rad/s", "speed at which 71 % of Coulomb's moment act", default=0.01, minimum=0, exclusive=True
+        "rad/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0
     )
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
 
@@ -46,25 +53,27 @@ class RotationalFriction(uqmbd.Component):
 
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, friction: Quantity, damping: Quantity = 0,
-            transition: Quantity = 0.01, axis_i: Vector = (), *, axis: Vector = (),
+            transition: Quantity = 0, axis_i: Vector = (), *, axis: Vector = (),
         ) -> None: ...  # fmt: skip
 
-    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield the dissipation."""
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.extend.DryFriction]:
+        """Yield the friction."""
         spin = p.body_j.angular_velocity - p.body_i.angular_velocity
-        yield _smooth(p, spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i)))
+        yield from _resistance(p, spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i)))
 
 
 class SlidingFriction(uqmbd.Component):
     """A friction force that opposes the sliding of a point of body j along an axis fixed in body i.
 
-    Coulomb friction is smoothed: ``friction v / sqrt(v^2 + transition^2)``. Instead of sticking, the joint creeps at
-    less than the transition speed. A lower transition speed is more accurate and more expensive to integrate.
+    The joint sticks up to Coulomb's force; `event_time` accepts ``stick`` and ``slip``. The force may be a function
+    of time, as of a brake. With a transition speed, friction is smooth, ``friction v / sqrt(v^2 + transition^2)``, and
+    has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
+    smooth friction.
 
     Examples
     --------
     >>> SlidingFriction.signature()
-    '(name, body_i, body_j, point_i, point_j, axis_i, friction, damping=0, transition=0.01)'
+    '(name, body_i, body_j, point_i, point_j, axis_i, friction, damping=0, transition=0)'
     """
 
     symbol = "spring"
@@ -75,7 +84,7 @@ class SlidingFriction(uqmbd.Component):
     friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none", minimum=0)
     damping = uqmbd.Parameter("N s/m", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(
-        "m/s", "speed at which 71 % of Coulomb's force act", default=0.01, minimum=0, exclusive=True
+        "m/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0
     )
 
     if TYPE_CHECKING:
@@ -83,27 +92,27 @@ class SlidingFriction(uqmbd.Component):
         @overload
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
-            friction: Quantity, damping: Quantity = 0, transition: Quantity = 0.01,
+            friction: Quantity, damping: Quantity = 0, transition: Quantity = 0,
         ) -> None: ...  # fmt: skip
         @overload
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
-            axis: Vector, friction: Quantity, damping: Quantity = 0, transition: Quantity = 0.01,
+            axis: Vector, friction: Quantity, damping: Quantity = 0, transition: Quantity = 0,
         ) -> None: ...  # fmt: skip
         @overload
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector,
-            friction: Quantity, damping: Quantity = 0, transition: Quantity = 0.01,
+            friction: Quantity, damping: Quantity = 0, transition: Quantity = 0,
         ) -> None: ...  # fmt: skip
         @overload
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector, friction: Quantity,
-            damping: Quantity = 0, transition: Quantity = 0.01,
+            damping: Quantity = 0, transition: Quantity = 0,
         ) -> None: ...  # fmt: skip
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
-    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield the dissipation."""
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.extend.DryFriction]:
+        """Yield the friction."""
         offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         axis = p.let("axis", p.body_i.direction(p.axis_i))
-        yield _smooth(p, p.rate_of(axis.dot(offset)))
+        yield from _resistance(p, p.rate_of(axis.dot(offset)))

@@ -252,7 +252,7 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: uqmbd.simulate(_mechanism(), [0, 1], check=np.zeros(2)),
         "check is .*; expected True or False",
     ),
-    "a pose of an array": (lambda: uqmbd.eigenfrequencies(_mechanism(), at=np.zeros(2)), "at is .*; expected 'equil"),
+    "a pose of an array": (lambda: uqmbd.eigenfrequencies(_mechanism(), at=np.zeros(2)), "at=.*; expected 'equil"),
     "a time in digits": (lambda: uqmbd.eigenfrequencies(_mechanism(), time="5"), "time is '5'; expected a number"),
     "a command of an array": (
         lambda: uqmbd.Controller(commanded=["u"], measured=["x"], function=max).command(np.zeros(2)),

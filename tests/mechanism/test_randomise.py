@@ -29,7 +29,7 @@ def rocker(mass=2.0, inertia=0.05, stiffness=50.0, friction=0.1, com=(0.1, 0.0),
     arm = mechanism.body("arm", mass=mass, inertia=inertia, com=com, position=(0.5, 0))
     mechanism.add(Revolute("pivot", mechanism.ground, arm, at=(0, 0)))
     mechanism.add(SpringDamper("spring", mechanism.ground, arm, (0, 1), (0, 0), stiffness=stiffness, free_length=0.8))
-    mechanism.add(RotationalFriction("bearing", mechanism.ground, arm, friction=friction))
+    mechanism.add(RotationalFriction("bearing", mechanism.ground, arm, friction=friction, transition=0.01))
     mechanism.add(Gravity("moon", arm, (0, 4)))
     mechanism.output("height", arm.position[1], units="m")
     mechanism.output("sag", uqmbd.at_equilibrium(arm.position[1]), units="m")

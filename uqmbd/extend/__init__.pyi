@@ -9,6 +9,7 @@ from .commands import Exporter as Exporter
 from .commands import PluginWarning as PluginWarning
 from .components import AttachedFrame as AttachedFrame
 from .components import Coordinate as Coordinate
+from .components import DryFriction as DryFriction
 from .components import Frame as Frame
 from .components import Impact as Impact
 from .components import JointAngle as JointAngle

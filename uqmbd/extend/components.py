@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.mechanism import AttachedFrame as AttachedFrame
 from uqmbd.mechanism import Coordinate as Coordinate
+from uqmbd.mechanism import DryFriction as DryFriction
 from uqmbd.mechanism import Frame as Frame
 from uqmbd.mechanism import Impact as Impact
 from uqmbd.mechanism import JointAngle as JointAngle

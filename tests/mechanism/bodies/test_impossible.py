@@ -41,7 +41,7 @@ RANGES = [
     (Distance, ENDS, "length", [-0.3, 0], [0.3]),
     (DistanceDriver, ENDS, "length", [-0.3, 0], [0.3, uqmbd.t - 5]),
     (RotationalFriction, {}, "friction", [-1], [0, 1]),
-    (RotationalFriction, {"friction": 1}, "transition", [-1, 0], [1]),
+    (RotationalFriction, {"friction": 1}, "transition", [-1], [0, 1]),
     (SlidingFriction, {**ENDS, "axis_i": (1, 0)}, "friction", [-1], [0, 1]),
     (RadialTyre, {"point": (0, 0), "road": 0, "stiffness": 1}, "radius", [-1], [1]),
 ]

@@ -193,11 +193,15 @@ static void answer(const Problem *p, const Group *g, int64_t l, Lane *s) {
     for (int64_t j = 0; j < count; j++) {
         s->free[j] = g->work[c->bias[s->active[j]]][l];
         for (int64_t k = 0; k < count; k++) s->answer[j * count + k] = 0.0;
+        int64_t moves = 0;
         for (int64_t i = 0; i < n; i++) {
             double slope = g->work[c->slope[s->active[j] * n + i]][l];
+            moves |= slope != 0.0;
             s->free[j] += slope * s->solution[i * columns];
             for (int64_t k = 0; k < count; k++) s->answer[j * count + k] += slope * s->solution[i * columns + 1 + k];
         }
+        /* a direction without motion has the given normal force of dry friction */
+        if (!moves) s->answer[j * count + j] = 1.0;
     }
 }
 

@@ -80,6 +80,10 @@ class ContactEvaluator:
         solved = _solved(self.system.matrix(values), right)
         answer = solved[:, :, 1:]
         delassus = found["slope"] @ answer[:, :n]
+        # a direction without motion has the given normal force of dry friction: its response is one
+        given = ~found["slope"].any(axis=2)
+        which, directions = np.nonzero(given)
+        delassus[which, directions, directions] = 1.0
         return ContactQuantities(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
 
 

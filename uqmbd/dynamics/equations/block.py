@@ -15,7 +15,7 @@ from typing import Any
 import sympy
 
 from uqmbd.dynamics.equations.counted_angles import count
-from uqmbd.dynamics.equations.events import EventType, local_event
+from uqmbd.dynamics.equations.events import EventType, friction_event, local_event
 from uqmbd.dynamics.equations.expressions import (
     TIME,
     require_derivatives,
@@ -35,6 +35,7 @@ from uqmbd.mechanism import (
     ComposedFrame,
     Constraint,
     CoordinateSet,
+    DryFriction,
     Event,
     ExcitationSymbol,
     Frame,
@@ -311,6 +312,8 @@ def _build_block(
                 rates[state] = (settled(rate), settled(initial))
             case Event():
                 events.append(local_event(where, term, settled, velocities))
+            case DryFriction():
+                events.append(friction_event(where, term, settled, velocities))
             case Upright(cosine, label):
                 uprights.append((settled(cosine), label))
             case Separation(gap, reach):
@@ -318,7 +321,7 @@ def _build_block(
             case _:
                 raise StudyError(
                     f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
-                    "Constraint, VelocityConstraint, Auxiliary, Event, Upright or Separation. "
+                    "Constraint, VelocityConstraint, Auxiliary, Event, DryFriction, Upright or Separation. "
                     "An energy is yielded as uqmbd.Potential(energy), a force as uqmbd.VirtualWork(force, velocity)."
                 )
     for state, symbol in local.states.items():

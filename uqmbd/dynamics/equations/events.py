@@ -9,9 +9,14 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import Event, flatten
+from uqmbd.mechanism import DryFriction, Event, flatten
 
-__all__ = ["EventType", "local_event"]
+__all__ = ["EventType", "friction_event", "local_event"]
+
+GAP = 5e-10
+"""Depth of the gap of dry friction under load, m: closed, not an overlap, and larger than errors of gaps."""
+LEAST = 1e-9
+"""Load, N or N m, above which dry friction is closed."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +28,23 @@ class EventType:
     directions: tuple[sympy.Expr, ...] = ()
     restitution: sympy.Expr = sympy.S.Zero
     friction: sympy.Expr = sympy.S.Zero
+    load: sympy.Expr = sympy.S.Zero  # given normal force of dry friction, whose first direction is zero
 
     @property
     def expressions(self) -> tuple[sympy.Expr, ...]:
         """All expressions of the event."""
-        return (self.guard, *self.directions, self.restitution, self.friction)
+        return (self.guard, *self.directions, self.restitution, self.friction, self.load)
+
+
+def friction_event(
+    where: str, term: DryFriction, settled: Callable[[Any], sympy.Expr], velocities: set[sympy.Symbol]
+) -> EventType:
+    """Return dry friction in local symbols: a contact without a gap, whose normal force is the limit."""
+    load, sliding = settled(term.limit), tuple(settled(x) for x in flatten(term.sliding))
+    if still := [x for x in sliding if not x.free_symbols & velocities]:
+        raise StudyError(f"{where}: the speed {still[0]} of a DryFriction contains no velocity.")
+    gap = -GAP * load / sympy.sqrt(load**2 + LEAST**2)
+    return EventType("slip", gap, (sympy.S.Zero, *sliding), sympy.S.Zero, sympy.S.One, load)
 
 
 def local_event(

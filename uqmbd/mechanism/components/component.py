@@ -15,6 +15,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.auxiliary_state import make_auxiliary_state
 from uqmbd.mechanism.components.coordinates import Coordinate, CoordinateSet, coordinate_symbol
 from uqmbd.mechanism.components.declaration import declare
+from uqmbd.mechanism.components.event_terms import DryFriction, Event, Impact, Separation
 from uqmbd.mechanism.components.joint_motion import (
     JointAngle,
     JointDisplacement,
@@ -29,11 +30,8 @@ from uqmbd.mechanism.components.reaction import PlaneReaction, ReactionSymbol
 from uqmbd.mechanism.components.terms import (
     Auxiliary,
     Constraint,
-    Event,
-    Impact,
     Kinetic,
     Potential,
-    Separation,
     Term,
     Upright,
     VelocityConstraint,
@@ -60,6 +58,7 @@ __all__ = [
     "Component",
     "Constraint",
     "Event",
+    "DryFriction",
     "Impact",
     "Kinetic",
     "Local",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import sympy
 
@@ -127,7 +127,7 @@ class Local:
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
 
     @typechecked
-    def coordinate(self, name: str, derivative: int = 0) -> sympy.Symbol:
+    def coordinate(self, name: str, derivative: Literal[0, 1] = 0) -> sympy.Symbol:
         """Return the symbol of a coordinate that `Component.coordinates` declares, or of its rate.
 
         Parameters
