@@ -27,10 +27,10 @@ STATEMENTS = {
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_170,
-    "uqmbd.dynamics": 14_780,
+    "uqmbd.dynamics": 14_800,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 180,
-    "uqmbd.mechanism": 5_460,
+    "uqmbd.mechanism": 5_480,
     "uqmbd.new": 231,
     "uqmbd.plugins": 410,
     "uqmbd.progress": 416,
@@ -54,7 +54,7 @@ STATEMENTS = {
     "uqmbd_processes": 2_080,
     "uqmbd_pytest": 36,
     "uqmbd_reliability": 1940,
-    "uqmbd_springs": 500,
+    "uqmbd_springs": 510,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""
 
