@@ -19,9 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .cases import CASES, QUICK, console, table_of
-from .recommendations import ACCURACIES, Recommendation, recommendation_of
+from .recommendations import ACCURACIES, RULES, Recommendation, recommendations_of
 from .regret import best_methods, regrets
 from .runs import Row, rows_of
+from .tables import store_tables
 from .truths import load_truth
 
 Record = TypeVar("Record", Row, Recommendation)
@@ -54,7 +55,7 @@ def all_rows(mechanism: str, most_seconds: float) -> list[Row]:
 
 def all_recommendations(mechanism: str) -> list[Recommendation]:
     """Return what is recommended for a mechanism with each accuracy."""
-    return [recommendation_of(mechanism, accuracy) for accuracy in ACCURACIES]
+    return [one for accuracy in ACCURACIES for one in recommendations_of(mechanism, accuracy)]
 
 
 def executor(workers: int, dask: str | None) -> Executor:
@@ -87,18 +88,25 @@ def show(rows: list[Row], recommended: list[Recommendation]) -> None:
             str(best.realisations), f"{best.seconds:.2g}",
         )  # fmt: skip
     console.print(table)
-    table = table_of("Recommended methods", "mechanism", "accuracy", "recommended", "best", "regret", "error")
+    titles = "mechanism", "accuracy", "rules", "recommended", "best", "regret", "error"
+    table = table_of("Recommended methods", *titles)
     found = regrets(rows, recommended)
     for one in found:
-        table.add_row(one.mechanism, f"{one.accuracy:g}", one.method, one.best, f"{one.regret:.2f}", f"{one.error:.2g}")
-    console.print(table)
-    ratios = np.array([one.regret for one in found if np.isfinite(one.regret)])
-    if len(ratios):
-        wrong = sum(one.error > 2 * one.accuracy for one in found)
-        print(
-            f"regret: median {np.median(ratios):.2f}, nine of ten below {np.quantile(ratios, 0.9):.2f}; "
-            f"{wrong} of {len(found)} have more than twice the wanted error"
+        said = one.method if one.reached else f"{one.method} (accuracy not reached)" if one.method else "none"
+        table.add_row(
+            one.mechanism, f"{one.accuracy:g}", one.rules, said, one.best, f"{one.regret:.2f}", f"{one.error:.2g}"
         )
+    console.print(table)
+    for rules in RULES:
+        own = [one for one in found if one.rules == rules]
+        ratios = np.array([one.regret for one in own if np.isfinite(one.regret) and one.reached])
+        if len(ratios):
+            wrong = sum(one.error > 2 * one.accuracy for one in own if one.reached)
+            print(
+                f"{rules}: {len(own)} tasks, {len(ratios)} with a method that states the accuracy; regret: median "
+                f"{np.median(ratios):.2f}, nine of ten below {np.quantile(ratios, 0.9):.2f}; {wrong} have more than "
+                "twice the wanted error"
+            )
 
 
 def main() -> None:
@@ -110,10 +118,14 @@ def main() -> None:
     parser.add_argument("--dask", metavar="ADDRESS", help="address of a Dask scheduler whose workers compute")
     parser.add_argument("--out", type=Path, default=Path("methods"), help="folder of the tables")
     parser.add_argument("--table", action="store_true", help="print the stored tables only")
+    parser.add_argument("--store", action="store_true", help="write tables and figures of the documentation only")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     errors, advised = given.out / "errors.csv", given.out / "recommendations.csv"
     names = given.only or (QUICK if given.quick else tuple(CASES))
+    if given.store:
+        store_tables(stored(errors, Row), stored(advised, Recommendation))
+        return
     if not given.table:
         with executor(given.workers, given.dask) as pool:
             for name, _ in computed(pool, names, load_truth):

@@ -37,14 +37,20 @@ class Best:
 
 @dataclass(frozen=True)
 class Regret:
-    """Realisations of the recommended method over those of the best one; NaN: no method reaches the accuracy."""
+    """Realisations of the recommended method over those of the best one; NaN: no method reaches the accuracy.
+
+    `reached` is whether the recommended method states the accuracy: a run that misses it reports that.
+    """
 
     mechanism: str
+    kind: str
     accuracy: float
+    rules: str
     method: str
     best: str
     regret: float
     error: float
+    reached: bool
 
 
 def costs_of(rows: Iterable[Row]) -> dict[Task, dict[str, Best]]:
@@ -78,13 +84,19 @@ def moments(costs: Mapping[Task, Mapping[str, Best]], mechanism: str, accuracy: 
 
 
 def regrets(rows: Sequence[Row], recommended: Iterable[Recommendation]) -> list[Regret]:
-    """Return the regret of each recommendation, by realisations of the recommended method."""
+    """Return the regret of each recommendation, by realisations of the recommended method.
+
+    The best method is the one with the fewest realisations of all rows, and of all methods of the run itself.
+    """
     costs, found = costs_of(rows), []
     for one in recommended:
         reached = moments(costs, one.mechanism, one.accuracy)
         best = min(reached.values(), key=lambda b: b.realisations, default=None)
-        known = best is not None and one.method
-        ratio = one.realisations / best.realisations if best is not None and known else np.nan
         title = f"{best.method}, {best.size}" if best else ""
-        found.append(Regret(one.mechanism, one.accuracy, one.method, title, ratio, one.error))
+        least = best.realisations if best else 0
+        if one.least and (not least or one.least < least):
+            least, title = one.least, "a method of the run"
+        ratio = one.realisations / least if least and one.method else np.nan
+        about = one.mechanism, one.kind, one.accuracy, one.rules, one.method
+        found.append(Regret(*about, title, ratio, one.error, one.stated <= one.accuracy))
     return found

@@ -81,7 +81,8 @@ def rows():
 @given(st.deferred(rows), st.sampled_from([0.1, 0.01, 0.001]), st.integers(1, 1000))
 def test_the_regret_is_that_of_all_sizes_that_reach_the_accuracy(rows, accuracy, cost):
     """Against a search over all sizes: a size counts where its errors of both moments hold at every seed."""
-    advised = module("recommendations").Recommendation("a", "smooth", accuracy, "one", 0.01, 0.01, cost, cost, 1.0)
+    about = "a", "smooth", accuracy, "now", "one", 0.01, 0.01, cost, cost
+    advised = module("recommendations").Recommendation(*about, 0, 1.0)
     costs = []
     for method in ("one", "two", "three"):
         least = {}
@@ -98,3 +99,6 @@ def test_the_regret_is_that_of_all_sizes_that_reach_the_accuracy(rows, accuracy,
         assert found.regret == pytest.approx(cost / min(costs))
     else:
         assert np.isnan(found.regret)
+    # a method of the run that reaches the accuracy counts as well
+    (other,) = module("regret").regrets(rows, [module("recommendations").Recommendation(*about, 5, 1.0)])
+    assert other.regret == pytest.approx(cost / min([5, *costs]))

@@ -1,0 +1,147 @@
+"""Tables and figures of the comparison, for the page on the choice of a method.
+
+``python -m studies.methods --store`` writes them from the stored rows: ``docs/explanation/methods.nc`` has the least
+cost of each method for each task, ``docs/explanation/methods.csv`` the best method and the recommendations, and
+``docs/pictures/methods_KIND.png`` error against cost for each class of mechanisms.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+
+from .cases import HERE
+from .recommendations import ACCURACIES, RULES, Recommendation
+from .regret import costs_of, moments, regrets
+from .runs import Row
+
+__all__ = ["best_table", "cost_table", "draw", "store_tables"]
+
+DOCS = HERE.parents[1] / "docs"
+CLASSES = {
+    "smooth": ("smooth", "dependent inputs", "without motion", "censored"),
+    "rotating": ("rotating", "closed loop"),
+    "contact": ("contact",),
+    "controlled or stiff": ("controller", "stiff"),
+    "many inputs": ("many inputs",),
+}
+"""Classes of mechanisms, with the kinds that they contain."""
+DRAWN = {
+    "Monte Carlo": "#666666",
+    "Monte Carlo, sobol": "#0072b2",
+    "Monte Carlo, latin-hypercube": "#56b4e9",
+    "Collocation": "#d55e00",
+    "Collocation, alignment=auto": "#cc79a7",
+    "Collocation, smolyak": "#e69f00",
+    "Collocation, adaptive=dimension": "#009e73",
+    "Collocation, elements": "#b8a000",
+    "Galerkin": "#000000",
+}
+"""Methods in the figures, with their colours."""
+
+
+def class_of(kind: str) -> str:
+    """Return the class of a kind of mechanism."""
+    return next(name for name, kinds in CLASSES.items() if kind in kinds)
+
+
+def cost_table(rows: Sequence[Row]) -> xr.Dataset:
+    """Return the least realisations and processor time of each method that reach an accuracy; NaN: none does."""
+    costs = costs_of(rows)
+    mechanisms = list(dict.fromkeys(row.mechanism for row in rows))
+    kinds = {row.mechanism: row.kind for row in rows}
+    questions = list(dict.fromkeys(row.question for row in rows if row.question))
+    methods = list(dict.fromkeys(row.method for row in rows))
+    axes = {"mechanism": mechanisms, "question": questions, "accuracy": list(ACCURACIES), "method": methods}
+    shape = [len(values) for values in axes.values()]
+    found = {name: np.full(shape, np.nan, dtype=np.float32) for name in ("realisations", "seconds", "error")}
+    for (mechanism, question, accuracy), own in costs.items():
+        for method, best in own.items():
+            where = (
+                mechanisms.index(mechanism), questions.index(question), ACCURACIES.index(accuracy),
+                methods.index(method),
+            )  # fmt: skip
+            for name, values in found.items():
+                values[where] = getattr(best, name)
+    data = xr.Dataset({name: (tuple(axes), values) for name, values in found.items()}, axes)
+    data["seconds"].attrs = {"units": "s", "long_name": "processor time"}
+    data["error"].attrs = {"long_name": "largest true error of the least costly size"}
+    return data.assign_coords(kind=("mechanism", [kinds[name] for name in mechanisms]))
+
+
+def best_table(rows: Sequence[Row], recommended: Sequence[Recommendation]) -> list[dict[str, object]]:
+    """Return one row for each mechanism, accuracy and rule: the best method and the recommended one."""
+    costs, found = costs_of(rows), []
+    for one, own in zip(recommended, regrets(rows, recommended), strict=True):
+        best = min(moments(costs, one.mechanism, one.accuracy).values(), key=lambda b: b.realisations, default=None)
+        found.append(
+            {
+                "mechanism": one.mechanism, "kind": one.kind, "accuracy": one.accuracy, "rules": one.rules,
+                "best": own.best, "best_realisations": best.realisations if best else "",
+                "recommended": one.method or "none", "reached": "yes" if own.reached else "no",
+                "realisations": one.realisations, "stated": f"{one.stated:.2g}", "error": f"{one.error:.2g}",
+                "regret": f"{own.regret:.3g}",
+            }
+        )  # fmt: skip
+    return found
+
+
+def draw(rows: Sequence[Row], name: str) -> plt.Figure:
+    """Return error of the standard deviation against realisations, a panel for each mechanism of a class."""
+    of_class = [row for row in rows if row.question == "std" and not row.failure and class_of(row.kind) == name]
+    mechanisms = list(dict.fromkeys(row.mechanism for row in of_class))
+    width = min(len(mechanisms), 4)
+    height = -(-len(mechanisms) // width)
+    figure, axes = plt.subplots(
+        height, width, figsize=(2.6 * width, 2.2 * height + 0.6), sharex=True, sharey=True, squeeze=False
+    )
+    for axis in axes.ravel()[len(mechanisms) :]:
+        axis.set_visible(False)
+    for axis, mechanism in zip(axes.ravel(), mechanisms, strict=False):
+        for method, colour in DRAWN.items():
+            sizes: dict[str, list[Row]] = defaultdict(list)
+            for row in of_class:
+                if (row.mechanism, row.method) == (mechanism, method) and np.isfinite(row.error):
+                    sizes[row.size].append(row)
+            points = sorted((np.mean([r.realisations for r in own]), max(r.error for r in own)) for own in sizes.values())
+            if points:
+                axis.loglog(*zip(*points, strict=True), ".-", color=colour, label=method, lw=1, ms=4)
+        axis.set_title(mechanism, fontsize=8)
+        axis.set_ylim(1e-6, 2)
+        axis.grid(alpha=0.3)
+        axis.tick_params(labelsize=7)
+    figure.supxlabel("realisations", fontsize=8)
+    figure.supylabel("largest error of the standard deviation / its maximum", fontsize=8)
+    entries = dict(zip(*reversed([list(x) for x in _legend(axes)]), strict=True))
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=3, fontsize=7)
+    figure.set_layout_engine("constrained")
+    return figure
+
+
+def _legend(axes: np.ndarray) -> tuple[list[object], list[str]]:
+    """Return handles and labels of all panels."""
+    found = [axis.get_legend_handles_labels() for axis in axes.ravel()]
+    return [h for handles, _ in found for h in handles], [x for _, labels in found for x in labels]
+
+
+def store_tables(rows: Sequence[Row], recommended: Sequence[Recommendation], docs: Path = DOCS) -> None:
+    """Write the tables and figures of the pages."""
+    data = cost_table(rows)
+    encoding = {name: {"zlib": True, "complevel": 9} for name in data.data_vars}
+    data.to_netcdf(docs / "explanation" / "methods.nc", encoding=encoding)
+    table = best_table(rows, [one for one in recommended if one.rules in RULES])
+    with (docs / "explanation" / "methods.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(table)
+    for name in CLASSES:
+        if any(class_of(row.kind) == name for row in rows):
+            figure = draw(rows, name)
+            figure.savefig(docs / "pictures" / f"methods_{name.replace(' ', '_')}.png", dpi=90)
+            plt.close(figure)
