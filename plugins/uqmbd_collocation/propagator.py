@@ -35,9 +35,8 @@ BOUND = 10.0
 """Ratio of a requested accuracy to the tolerance of the refinement that has to reach it. The ratio exceeds 1, because
 the error bound from few verification realisations is larger than the change that ends the refinement."""
 
-SPLIT_BOUND = 2.0
-"""Ratio of a requested accuracy to the threshold of the elements that have to reach it: the margin of the error bound
-from few verification realisations."""
+SPLIT_BOUND = 1.25
+"""Ratio of a requested accuracy to the threshold of the elements that have to reach it."""
 
 
 @dataclass(frozen=True, kw_only=True)

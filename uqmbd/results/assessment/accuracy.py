@@ -84,8 +84,10 @@ def stated_accuracy(
         ``moments``: half-widths of the mean and of the standard deviation of each output at each time. The half-widths
         are relative to the largest standard deviation of that output over time. For a scalar output they are relative
         to its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
-        replaces 1.96. For a surrogate it is the error bound from its verification. Outputs that do not vary are
-        ignored. The integration error, which more realisations do not reduce, is stated separately.
+        replaces 1.96. For a surrogate it is the root mean square error of single realisations, from its verification.
+        Errors of mean and standard deviation are at most as large (Cauchy-Schwarz inequality), and usually a fifth of
+        it. Outputs that do not vary are ignored. The integration error, which more realisations do not reduce, is
+        stated separately.
 
         ``probabilities``: the longer side of the 95 % interval of each probability of violation, relative to that
         probability.
@@ -138,7 +140,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
         noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
         if usual and noisy and own.freedom >= own.samples - 1:
             noise = getattr(own, f"noise_{kind}")
-        widths = TWO_SIDED * noise + own.bias
+        widths = TWO_SIDED * noise + own.missed
         for row in rows.tolist():
             found = _largest(widths[row], own.std[row], getattr(own, kind)[row])
             if found[0] > worst.value:

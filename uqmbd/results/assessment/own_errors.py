@@ -70,6 +70,7 @@ class OwnError:
     # (O, T): error bound of the surrogate for mean and standard deviation: its stated error times its standard
     # deviation, with a margin for few verification realisations; 0 if no error is stated
     bias: Array
+    missed: Array  # (O, T): the same without the margin
     # (O,): root mean square of the stated error over time, relative to the standard deviation; NaN if not stated
     stated: Array
     samples: int  # number of successful samples; 0 if the method has no standard errors
@@ -94,7 +95,7 @@ class OwnError:
         """Return the errors at selected times (T,)."""
         if used.all():
             return self
-        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "told", "integration")
+        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "missed", "told", "integration")
         parts = {name: getattr(self, name)[:, used] for name in names}
         return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
 
@@ -195,7 +196,7 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     ]
     noise = _before_widening(statistics, errors, count, replicates) if noisy else errors
     surrogates = stored_surrogates(node)
-    bias, stated, told = _surrogate(surrogates, statistics, std)
+    bias, missed, stated, told = _surrogate(surrogates, statistics, std)
     order, top = _orders(surrogates, len(mean))
     vary = varying(statistics, rtol)
     drawn = noisy and ("samples" in node.children or _option(node, "samples", None) is not None)
@@ -214,6 +215,7 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         noise_mean=noise[0],
         noise_std=noise[1],
         bias=bias,
+        missed=missed,
         stated=np.where(vary | np.isnan(stated), stated, 0.0),
         samples=count if noisy else 0,
         freedom=float(max(replicates - 1 if replicates else count - 1, 1)) if drawn else np.inf,
@@ -287,8 +289,10 @@ def _option(node: xr.DataTree, name: str, default: Any) -> Any:
         return default
 
 
-def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
-    """Return the error bound (O, T) of a surrogate, its stated error (O,), and its stated error over time (O, T)."""
+def _surrogate(
+    surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, std: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return the error bound (O, T) of a surrogate, with and without the margin, and its stated error (O,), (O, T)."""
     from scipy.special import chdtri
 
     # the number of realisations is unknown for stated errors of other methods
@@ -304,7 +308,7 @@ def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, st
             sources.append((data, rows))
     sources = [(data, rows) for data, rows in sources if "verification_error" in data]
     if not sources:
-        return np.zeros_like(std), np.full(len(std), np.nan), told
+        return np.zeros_like(std), np.zeros_like(std), np.full(len(std), np.nan), told
     for data, rows in sources:
         error = data["verification_error"]
         others = [d for d in error.dims if d not in ("output", "time")]
@@ -318,7 +322,7 @@ def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, st
     margin = np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE))
     times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
     size, scale = _over_known(found, std, times, np.isfinite(found) & np.isfinite(std))
-    return margin * found, np.where(scale == 0, size, size / divisor(scale)), told
+    return margin * found, found, np.where(scale == 0, size, size / divisor(scale)), told
 
 
 def _orders(surrogates: Sequence[StoredSurrogate], outputs: int) -> tuple[int | None, Array]:
