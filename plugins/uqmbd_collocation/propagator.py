@@ -367,7 +367,7 @@ class Collocation(uqmbd.extend.Propagator):
             return uqmbd.extend.Sizing(
                 option="max_realisations",
                 at=lambda most: replace(self, max_realisations=most, tolerance=tolerance),
-                least=len(self._plans(self.node_name).first_nodes(space)) + self.verify,
+                least=self._fewest(space) + self.verify,
                 falls="itself",
                 also=("tolerance",),
                 bound=self.max_realisations,
@@ -395,6 +395,13 @@ class Collocation(uqmbd.extend.Propagator):
             least=1,
             falls="steps",
         )
+
+    def _fewest(self, space: uqmbd.extend.GermSpace) -> int:
+        """Return the number of nodes of the first step of a refinement."""
+        if self.adaptive == "dimension" and self.alignment is None:
+            # the middle, and the next level of each input; a tensor of them has too many nodes for many inputs
+            return 1 + sum(min(3, germ.values or 3) - 1 for germ in space.germs)
+        return len(self._plans(self.node_name).first_nodes(space))
 
     def _possible(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
         """Return the possible families, and messages on the omitted ones."""
