@@ -135,7 +135,7 @@ def divided(inputs: int) -> Iterator[Candidate]:
 def aligned(tested: TestedMechanism, inputs: int) -> Iterator[Candidate]:
     """Yield chaoses with every alignment; those that a mechanism does not have fail at once."""
     for alignment in ("events", "phase", "two-frequency", "auto"):
-        for order in range(1, 6):
+        for order in range(1, 5):
             if (order + 1) ** inputs <= MOST // 5:
                 made = sized(Collocation, order=order, alignment=alignment)
                 yield Candidate(f"Collocation, alignment={alignment}", f"order={order}", made)

@@ -93,8 +93,10 @@ RULES = {"now": Rules(), "design": Rules(requested=False), "limits": Rules("rand
 
 def methods(mechanism: str, sampling: str = "sobol") -> list[Propagator]:
     """Return the methods of a first study: those of the page on the choice of a method."""
-    many = len(Reference(CASES[mechanism]).inputs) > SEPARATE
-    chaos = Collocation(adaptive="dimension") if many else Collocation(alignment="auto")
+    tested = Reference(CASES[mechanism]).mechanism
+    chaos = Collocation(alignment="auto") if tested.outputs else Collocation()
+    if len(tested.inputs) > SEPARATE:
+        chaos = Collocation(adaptive="dimension")
     return [MonteCarlo(samples=512, sampling=sampling, seed=1), chaos]
 
 

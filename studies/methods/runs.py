@@ -23,6 +23,8 @@ QUESTIONS = "mean", "std", "quantile_0.01", "quantile_0.99", "first", "total"
 """Statistics whose errors are compared; probabilities have a row each."""
 DRAWS = 2**15
 """Points at which a surrogate is evaluated for quantiles beyond those that results contain."""
+STILL = 1e-9
+"""Largest standard deviation over the largest mean of an output that does not vary."""
 SEEDS = 3
 """Repetitions of methods whose result depends on the seed."""
 
@@ -130,10 +132,15 @@ def errors(node: xr.DataTree, truth: Truth, one: Candidate) -> dict[str, tuple[f
 
 
 def largest(value: dict[str, Array], truth: Truth, statistic: str) -> tuple[float, float]:
-    """Return the largest error of a statistic over outputs and times, and the error of the reference there."""
+    """Return the largest error of a statistic over outputs and times, and the error of the reference there.
+
+    Outputs that do not vary, such as a driven travel, are left out.
+    """
     worst = -1.0, np.nan
     for name, own in value.items():
         k = truth.outputs.index(name)
+        if truth.scale[k] <= STILL * np.nanmax(np.abs(truth.values["mean"][k])):
+            continue
         true, off = truth.values[statistic][..., k, :], truth.errors[statistic][..., k, :]
         moves = truth.values["std"][k] > 1e-6 * truth.scale[k]
         scale = truth.scale[k] if statistic not in ("first", "total") else 1.0

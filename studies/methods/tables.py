@@ -2,7 +2,8 @@
 
 ``python -m studies.methods --store`` writes them from the stored rows: ``docs/explanation/methods.nc`` has the least
 cost of each method for each task, ``docs/explanation/methods.csv`` the best method and the recommendations, and
-``docs/pictures/methods_KIND.png`` error against cost for each class of mechanisms.
+``docs/pictures/methods_KIND.png`` error against cost for each class of mechanisms.  ``docs/_static/choose_method.svg``
+is the decision diagram.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from .cases import HERE
+from .diagram import diagram
 from .recommendations import ACCURACIES, RULES, Recommendation
 from .regret import costs_of, moments, regrets
 from .runs import Row
@@ -109,7 +111,9 @@ def draw(rows: Sequence[Row], name: str) -> plt.Figure:
             for row in of_class:
                 if (row.mechanism, row.method) == (mechanism, method) and np.isfinite(row.error):
                     sizes[row.size].append(row)
-            points = sorted((np.mean([r.realisations for r in own]), max(r.error for r in own)) for own in sizes.values())
+            points = sorted(
+                (np.mean([r.realisations for r in own]), max(r.error for r in own)) for own in sizes.values()
+            )
             if points:
                 axis.loglog(*zip(*points, strict=True), ".-", color=colour, label=method, lw=1, ms=4)
         axis.set_title(mechanism, fontsize=8)
@@ -140,6 +144,7 @@ def store_tables(rows: Sequence[Row], recommended: Sequence[Recommendation], doc
         writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table)
+    (docs / "_static" / "choose_method.svg").write_text(diagram(data), encoding="utf-8")
     for name in CLASSES:
         if any(class_of(row.kind) == name for row in rows):
             figure = draw(rows, name)

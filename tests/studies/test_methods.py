@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import itertools
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -102,3 +104,28 @@ def test_the_regret_is_that_of_all_sizes_that_reach_the_accuracy(rows, accuracy,
     # a method of the run that reaches the accuracy counts as well
     (other,) = module("regret").regrets(rows, [module("recommendations").Recommendation(*about, 5, 1.0)])
     assert other.regret == pytest.approx(cost / min([5, *costs]))
+
+
+@pytest.mark.thorough
+@given(st.deferred(rows))
+def test_the_stored_table_has_the_least_costs_and_draws_the_diagram(rows):
+    """Each number of the table against a search; the drawing is well-formed, for any rows."""
+    tables, diagram = module("tables"), module("diagram")
+    if not rows:
+        return
+    data = tables.cost_table(rows)
+    for mechanism, question, accuracy, method in itertools.product("ab", ["mean", "std"], [0.1, 0.01, 0.001], ["one"]):
+        own = [r for r in rows if (r.mechanism, r.question, r.method) == (mechanism, question, method)]
+        sizes = {r.size: [x for x in own if x.size == r.size] for r in own}
+        costs = [
+            round(float(np.mean([r.realisations for r in some])))
+            for some in sizes.values()
+            if all(r.error <= accuracy and r.truth_error <= accuracy / 3 for r in some)
+        ]
+        if not own:
+            continue
+        where = {"mechanism": mechanism, "question": question, "accuracy": accuracy, "method": method}
+        found = float(data["realisations"].sel(where))
+        assert found == min(costs) if costs else np.isnan(found)
+    if {"mean", "std"} <= set(data["question"].values):
+        ElementTree.fromstring(diagram.diagram(data))

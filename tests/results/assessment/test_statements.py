@@ -178,8 +178,8 @@ def test_runs_that_are_equal_but_for_chance_are_equally_good() -> None:
     def node(label: str, **options) -> xr.DataTree:
         return synthetic(label, base[0] + 0.01 * rng.normal(), base[1] + 0.01 * rng.normal(), error=0.02, **options)
 
-    nodes = [node("a", cost=2500, wall_time=10.0), node("b", cost=2500, wall_time=16.0)]
+    nodes = [node("a", cost=2500, wall_time=100.0), node("b", cost=2500, wall_time=160.0)]
     lead, *others = results.recommend(results.compare(nodes, "a"))
     assert lead.startswith("Use a or b: they agree;") and "do not differ significantly" in lead and not others
-    lead = results.recommend(results.compare([*nodes, node("c", cost=800, wall_time=3.0)], "a"))[0]
+    lead = results.recommend(results.compare([*nodes, node("c", cost=800, wall_time=30.0)], "a"))[0]
     assert lead.startswith("Use c: it agrees with a,") and "3.3 times cheaper than a" in lead

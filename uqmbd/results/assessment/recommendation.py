@@ -23,12 +23,12 @@ __all__ = ["advice", "loose", "recommend", "recommended", "resort"]
 SAME = 1e-9
 """Difference of results, relative to the largest standard deviation, below which it counts as rounding."""
 
-FIXED_COSTS = 10.0
+FIXED_COSTS = 60.0
 """Wall time of every method, s, up to which realisations measure the cost.
 
-The fixed cost of a method is 0.1 to 3 s, for any mechanism: compilation, fits, quantiles. In shorter runs it decides,
-although it does not grow with the mechanism (`studies/methods`: with wall times, the median recommendation for 10 %
-needs ten times as many realisations as the best method).
+Compilation, fits and quantiles have a fixed cost: 0.1 s for samples, up to 10 s for a choice of alignments. In shorter
+runs it decides, although it does not grow with the mechanism. With wall times, the recommended method for 10 % needs 18
+times the realisations of the best one (`studies/methods`).
 """
 
 SIMILAR_COST, SIMILAR_WALL_TIME = 1.25, 2.0
@@ -111,8 +111,8 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     disagrees. Without a requested accuracy, the own error of the method must be at most 1 % of the standard deviation.
     If no method meets this limit, the limit is 5 %; after that, the method with the smallest error is recommended.
     Only outputs that vary are considered; the state of the others decides afterwards. Methods whose costs and errors
-    differ only by chance are equally recommended. Costs are numbers of realisations if each wall time is at most 10 s,
-    and wall times otherwise.
+    differ only by chance are equally recommended. Costs are numbers of realisations if each wall time is at most a
+    minute, and wall times otherwise.
 
     Parameters
     ----------
