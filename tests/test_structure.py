@@ -42,7 +42,7 @@ STATEMENTS = {
     "uqmbd.units": 285,
     "uqmbd.viewer": 710,
     "uqmbd_calibration": 3_400,
-    "uqmbd_collocation": 3_960,
+    "uqmbd_collocation": 3_970,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
     "uqmbd_fmi": 780,
