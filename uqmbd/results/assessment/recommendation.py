@@ -317,7 +317,10 @@ def _reasons(
     others = [m for m in fit if m is not base]
     agree = f"with which {_listed(others, 'and')} {'agrees' if len(others) == 1 else 'agree'}"
     parts = [f"it agrees with {base.label}" if best is not base else f"it is the reference, {agree}"]
-    if words := largest_error(best.found):
+    if best.met:
+        size = format_at_most(best.accuracy, "the largest standard deviation")
+        parts.append(f"its stated error is {size} (of mean and standard deviation)")
+    elif words := largest_error(best.found):
         parts.append(f"its {words.replace('stated error', 'stated error is', 1)}")
     other = base if best is not base else max(methods, key=lambda m: m.cost)
     if other is not best and best.cost > 0 and other.cost > 1.05 * best.cost:
