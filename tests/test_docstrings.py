@@ -62,6 +62,7 @@ INTERNALS = (
     "plugins/uqmbd_models",
     "plugins/uqmbd_montecarlo",
     "plugins/uqmbd_processes",
+    "plugins/uqmbd_flexible",
     "plugins/uqmbd_pytest",
     "plugins/uqmbd_reliability",
     "plugins/uqmbd_springs",

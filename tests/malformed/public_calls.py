@@ -32,7 +32,7 @@ FILES = "tests of damaged files try it"
 LEFT_OUT = {
     **dict.fromkeys(("Ensemble", "ProjectedEquations", "PhaseMotion"), STEPS),
     **dict.fromkeys(("Planar", "Spatial", "Space", "_Turnless"), SPACE),
-    **dict.fromkeys(("NamedFrame", "Local", "JointAngle"), MADE),
+    **dict.fromkeys(("NamedFrame", "Local", "JointAngle", "FlexibleBody"), MADE),
     **dict.fromkeys(
         ("ElementRefinement", "Margins", "MechanismTerms", "Problem", "ProblemData", "Realisations", "Reduced"), MADE
     ),

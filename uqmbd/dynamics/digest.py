@@ -33,7 +33,7 @@ def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iter
         pose = tuple(getattr(body.pose, x.name) for x in fields(body.pose))
         text.update(f"{body.name} {sympy.srepr(pose)}".encode())
     for one in (x for i in instances if (x := coordinates_of(i.component)) is not None):
-        values = [(name, c.units, sympy.srepr((c.initial, c.rate))) for name, c in one.declared.items()]
+        values = [(name, c.units, sympy.srepr((c.initial, c.rate, c.largest))) for name, c in one.declared.items()]
         text.update(f"{one.name} {values}".encode())
     for condition in mechanism.conditions.values():
         text.update(sympy.srepr(condition.residual).encode())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import replace
 from functools import partial
@@ -191,6 +192,7 @@ def _kinematics(
         turned=tuple(i.component.name for i in instances if i.component.prescribed_angle),
         length=size_of(mechanism) or 1.0,
         own=tuple((one.name, name, declared.units) for one in sets for name, declared in one.declared.items()),
+        largest=tuple(math.inf if x.largest is None else x.largest for one in sets for x in one.declared.values()),
         limits=limits,
         tensors=tensors,
         evaluators=Evaluators({kind: blocks.evaluator(kind, layout, count, fuse=False) for kind in kinds}),

@@ -39,6 +39,7 @@ PLUGINS = (
     "uqmbd_processes",
     "uqmbd_fmi",
     "uqmbd_geometry",
+    "uqmbd_flexible",
 )
 """Packages of built-in plugins."""
 

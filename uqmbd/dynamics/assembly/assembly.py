@@ -10,6 +10,8 @@ near the drawn pose.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
@@ -106,6 +108,22 @@ def placed(
 
 
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
+    """Close all constraints by the smallest change of drawn poses: of bodies, and of own coordinates if necessary."""
+    own = np.arange(model.of_bodies, model.layout.coordinates)
+    if not len(own) or not model.bodies:
+        return _moved_least(model, drawn, time, parameters, rows)
+    q, messages = _moved_least(replace(model, held=np.union1d(model.held, own)), drawn, time, parameters, rows)
+    left = np.flatnonzero([bool(m) for m in messages])
+    if len(left):
+        q[left], found = _moved_least(model, drawn[left], time, parameters[left], rows)
+        for k, message in zip(left.tolist(), found, strict=True):
+            messages[k] = message
+    return q, messages
+
+
+def _moved_least(
+    model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
+) -> tuple[Array, list[str]]:
     """Close all constraints by the smallest change of drawn poses: by the driver, then by `iterate_poses`."""
     if rows is None:
         return iterate_poses(model, drawn, time, parameters, rows)

@@ -32,7 +32,6 @@ from uqmbd.mechanism import (
     Body,
     BodyTerms,
     Component,
-    ComposedFrame,
     Constraint,
     CoordinateSet,
     DryFriction,
@@ -227,12 +226,11 @@ def _build_block(
     q, v = symbols_of("q", total), symbols_of("v", total)
     moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(bodies)]
     frames = {role: moving[k] if k >= 0 else Frame(space) for role, k in zip(component.attached, kinds, strict=True)}
-    flow = dict(zip(q, v, strict=True))
-    frames |= {role: ComposedFrame(space, coordinates, flow) for role, coordinates in given.frames.items()}
     first = total - len(own)
     local = Local(
         space, frames, given.values, TIME, dict(zip(own, zip(q[first:], v[first:], strict=True), strict=True))
     )
+    local.attach(given.frames)
     turns = count(local, given.counted)
     terms, point = component.stated(local)
     terms = [*turns, *terms]

@@ -119,6 +119,8 @@ class Model:
     """Start of realisations: ``drawn`` (assembled from the drawn pose) or ``equilibrium``."""
     own: tuple[tuple[str, str, str], ...] = ()
     """Component, name and units of each coordinate of a component; they follow the coordinates of the bodies."""
+    largest: tuple[float, ...] = ()
+    """Largest valid absolute value of each coordinate of a component."""
 
     @property
     def of_bodies(self) -> int:
@@ -128,6 +130,19 @@ class Model:
     def by_body(self, values: Array) -> Array:
         """Return the part of the bodies of values by coordinate (..., coordinate), shape (..., body, size)."""
         return values[..., : self.of_bodies].reshape(*values.shape[:-1], len(self.bodies), self.size)
+
+    def beyond(self, times: Array, states: Array) -> str:
+        """Return a coordinate of a component beyond its largest valid value in states (T, width), as text, or empty."""
+        own = np.abs(states[:, self.of_bodies : self.layout.coordinates])
+        excess = own / np.array(self.largest).reshape(1, -1)
+        if not excess.size or not np.nanmax(excess) > 1:
+            return ""
+        row, k = np.unravel_index(int(np.nanargmax(excess)), excess.shape)
+        component, name, units = self.own[int(k)]
+        return (
+            f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, beyond "
+            f"{self.largest[int(k)]:.3g} {units}, up to which its component is valid"
+        )
 
     def carrier(self, coordinate: int) -> str:
         """Return the body or the component of a coordinate, such as ``body 'rod'``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import sympy
@@ -12,7 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies.body import Body, BodyPose
 from uqmbd.mechanism.components import CoordinateSet, StateSymbol
 from uqmbd.mechanism.expressions import as_symbolic, numbers, shown
-from uqmbd.mechanism.geometry import ComposedFrame, Frame, NamedFrame, Space
+from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
 
 __all__ = ["AttachedFrame", "carrier_name", "flow_of", "local_in_body", "owners_in"]
 
@@ -73,11 +74,18 @@ class AttachedFrame(NamedFrame):
         still = (1,) + (0,) * (size - 1) if size else ()
         local = numbers(where, "turned", still if turned is None else turned, size, "unit quaternion")
         self.name, self.body, self.offset, self.turned = name, body, tuple(moved), tuple(local)
-        q = _coordinates(space, body.q, self.offset, self.turned)
-        owners = [body, *owners_in(q)]
-        found = ComposedFrame(space, q, flow_of(owners))
-        super().__init__(space, found.q, found.v, found._a)  # noqa: SLF001 - the accelerations of a frame
-        self._moving = found.moving
+        self.space, self.is_ground = space, False
+        self.q = tuple(map(as_symbolic, _coordinates(space, body.q, self.offset, self.turned)))
+        self._moving = flow_of([body, *owners_in(self.q)])
+
+    @cached_property
+    def v(self) -> tuple[sympy.Expr, ...]:  # type: ignore[override]
+        """Time derivatives of the coordinates."""
+        return tuple(self._rate(sympy.Matrix(self.q)))
+
+    @cached_property
+    def _a(self) -> tuple[sympy.Expr, ...]:  # type: ignore[override]
+        return tuple(self._rate(sympy.Matrix(self.v)))
 
     def _flow(self) -> Any:
         return self._moving.items()

@@ -62,16 +62,20 @@ class Coordinate:
     units : str
         Units of the coordinate, such as ``"m^3"`` or ``"rad"``; ``"1"`` for a pure number.
     initial : number or expression
-        Value in the drawn pose, in these units. The assembly changes the value only to satisfy constraints and start
-        conditions.
+        Value in the drawn pose, in these units. The assembly changes the value only if motions of bodies cannot satisfy
+        the constraints and start conditions.
     rate : number or expression, optional
         Rate at the start, in these units per second. Default: the assembly solves for it, with the smallest norm of all
         free rates, which is zero without a constraint.
 
+    largest : float, optional
+        Absolute value, in these units, up to which the component is valid. `uqmbd.simulate` warns if the coordinate
+        exceeds it at an output time. Default: no limit.
+
     Raises
     ------
     uqmbd.StudyError
-        If the units are unknown.
+        If the units are unknown, or the limit is not positive.
 
     Examples
     --------
@@ -98,9 +102,12 @@ class Coordinate:
     units: str
     initial: Any = 0
     rate: Any = None
+    largest: float | None = None
 
     def __post_init__(self) -> None:
         check_units(self.units, "Coordinate")
+        if self.largest is not None and not self.largest > 0:
+            raise StudyError(f"Coordinate: largest is {self.largest}; expected a positive number.")
 
 
 class CoordinateSet:
@@ -176,7 +183,7 @@ def declared_coordinates(where: str, component: Any) -> CoordinateSet | None:
             raise StudyError(f"{what} is {shown(one)}; expected uqmbd.extend.Coordinate(units, initial, rate).")
         initial = numbers(what, "initial", one.initial, 1, one.units)[0]
         rate = None if one.rate is None else numbers(what, "rate", one.rate, 1, f"{one.units} per second")[0]
-        found[name] = Coordinate(one.units, initial, rate)
+        found[name] = Coordinate(one.units, initial, rate, one.largest)
     known = coordinates_of(component)
     if known is not None:
         return known.restated(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import sympy
@@ -16,7 +16,7 @@ from uqmbd.names import check_units, did_you_mean
 __all__ = ["RESERVED", "Local", "QuantitySymbol"]
 
 RESERVED = frozenset(
-    {"coordinate", "insert", "let", "rate_of", "space", "state", "states", "time", "quantities", "units"}
+    {"attach", "coordinate", "insert", "let", "rate_of", "space", "state", "states", "time", "quantities", "units"}
 )
 """Names of `Local` that parameters would hide."""
 
@@ -140,7 +140,7 @@ class Local:
         Raises
         ------
         uqmbd.StudyError
-            If the component declares no such coordinate, or the derivative is neither 0 nor 1.
+            If the component declares no such coordinate.
         """
         if name not in self._coordinates:
             listed = ", ".join(map(repr, self._coordinates)) or "none"
@@ -148,9 +148,14 @@ class Local:
                 f"coordinate({name!r}): the component has no such coordinate"
                 f"{did_you_mean(name, self._coordinates) or '.'} Its method coordinates() declares: {listed}."
             )
-        if derivative not in (0, 1):
-            raise StudyError(f"coordinate({name!r}, {derivative}): expected the derivative 0 or 1 in terms.")
         return self._coordinates[name][derivative]
+
+    def attach(self, frames: Mapping[str, Sequence[sympy.Expr]]) -> None:
+        """Add frames with given coordinates by name; the coordinates and their rates are named quantities."""
+        for name, coordinates in frames.items():
+            # also symbols get a name, so that rates of points differentiate by names only
+            q = [x if x.is_number else self._quantity(name, x, "value") for x in coordinates]
+            self._names[name] = Frame(self.space, q, [self._named("rate", x, "rate") for x in q])
 
     def insert(self, values: Mapping[sympy.Basic, sympy.Expr]) -> None:
         """Replace symbols in the values of parameters by their definitions."""
@@ -197,6 +202,9 @@ class Local:
         value = as_symbolic(expression)
         if value.is_number or (value.is_Symbol and kind == "value"):
             return value if kind == "value" else sympy.S.Zero
+        return self._quantity(name, value, kind)
+
+    def _quantity(self, name: str, value: sympy.Expr, kind: str) -> QuantitySymbol:
         symbol = QuantitySymbol(name, real=True)
         symbol.contains = frozenset(value.free_symbols)
         self.quantities[symbol] = (kind, value)

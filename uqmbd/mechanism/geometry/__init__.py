@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.geometry.angles import angle_at_start, continued
-from uqmbd.mechanism.geometry.frame import ComposedFrame, Frame, NamedFrame
+from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
 from uqmbd.mechanism.geometry.matrix import Matrix
 from uqmbd.mechanism.geometry.quaternions import (
     aligned,
@@ -22,7 +22,6 @@ from uqmbd.mechanism.geometry.space import Line, Planar, Space, Spatial, Transla
 __all__ = [
     "Box",
     "Capsule",
-    "ComposedFrame",
     "Cylinder",
     "Frame",
     "Line",

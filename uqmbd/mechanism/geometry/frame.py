@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import sympy
@@ -18,7 +18,7 @@ from uqmbd.randomness import Symbolic
 from uqmbd.typing import Vector
 from uqmbd.units import without_quantities
 
-__all__ = ["ComposedFrame", "Frame", "NamedFrame"]
+__all__ = ["Frame", "NamedFrame"]
 
 
 class Frame:
@@ -223,22 +223,6 @@ class Frame:
     def _flow(self) -> Iterable[tuple[sympy.Expr, sympy.Expr]]:
         """Return the symbols of the frame's motion with their rates."""
         return zip((*self.q, *self.v), (*self.v, *self._a), strict=True)
-
-
-class ComposedFrame(Frame):
-    """Frame whose coordinates are expressions in other coordinates, such as a node of a deformed body.
-
-    `moving` contains the symbols of these coordinates with their rates, and symbols of rates with accelerations.
-    """
-
-    def __init__(self, space: Space, q: Sequence[Any], moving: Mapping[sympy.Expr, sympy.Expr]) -> None:
-        self.moving = dict(moving)
-        self.space, self.is_ground = space, False
-        v = self._rate(sympy.Matrix(list(q)))
-        super().__init__(space, list(q), list(v), list(self._rate(v)))
-
-    def _flow(self) -> Iterable[tuple[sympy.Expr, sympy.Expr]]:
-        return self.moving.items()
 
 
 class NamedFrame(Frame):

@@ -145,6 +145,8 @@ def simulate(
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
+    if beyond := model.beyond(grid, trajectories.states[0]):
+        warnings.warn(f"{where}: {beyond}.", StudyWarning, stacklevel=3)
     response = ensemble.outputs(grid, trajectories.states)[0]
     if not np.isfinite(response).all():
         reason = not_finite_output(ensemble, 0, grid, trajectories.states[0], response)
