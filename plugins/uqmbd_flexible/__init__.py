@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uqmbd
 from uqmbd_flexible.beams import Beam
+from uqmbd_flexible.figures import mode_shapes
 from uqmbd_flexible.files import read_matrix
 from uqmbd_flexible.flexible import FlexibleBody, flexible_body
 from uqmbd_flexible.maximum_entropy import random_matrices
@@ -19,6 +20,7 @@ __all__ = [
     "NodeShape",
     "craig_bampton",
     "flexible_body",
+    "mode_shapes",
     "random_matrices",
     "read_matrix",
 ]

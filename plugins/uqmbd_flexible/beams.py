@@ -74,8 +74,8 @@ def Beam(
     Returns
     -------
     ModalModel
-        Modes of the free beam, with nodes ``"start"``, ``"end"`` and numbers from 0, and recovered strains
-        ``"axial strain at s"`` and ``"bending strain at s"`` at the fractions 0, 0.25, 0.5, 0.75 and 1 of the length.
+        Modes of the free beam. Its nodes are ``"start"``, ``"end"`` and numbers from 0. It recovers ``"axial strain at
+        s"`` and ``"bending strain at s"`` at the fractions 0, 0.25, 0.5, 0.75 and 1 of the length.
 
     Raises
     ------

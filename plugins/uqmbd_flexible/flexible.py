@@ -239,6 +239,16 @@ class FlexibleBody:
             ) from None
 
 
+def _is_diagonal(model: ModalModel) -> bool:
+    """Return whether constant diagonal matrices, with ascending frequencies, describe the modes."""
+    masses = np.array(_cleaned(model.modal_mass))
+    if model.stiffness.free_symbols or np.count_nonzero(masses - np.diag(np.diag(masses))):
+        return False
+    stiffness = np.array(model.stiffness.tolist(), dtype=float)
+    ratios = np.diag(stiffness) / np.diag(masses)
+    return not np.count_nonzero(stiffness - np.diag(np.diag(stiffness))) and bool((np.diff(ratios) >= 0).all())
+
+
 def _relative_deflections(model: ModalModel) -> Any:
     """Return the largest deflection of a node relative to another node, and to its tangent, in each mode, (mode,)."""
     shapes = list({id(x): x for x in model.nodes.values()}.values())
@@ -378,7 +388,10 @@ def flexible_body(
         for key in ("modal_mass", "translation", "rotation", "gyration", "linear", "quadratic")
     }
     given: dict[str, Any] = {key: tuple(np.ravel(x).tolist()) for key, x in arrays.items() if np.any(x)}
-    given["stiffness"] = tuple(model.stiffness)
+    if _is_diagonal(model):
+        given |= {"stiffness": (), "frequencies": tuple(model.frequencies.tolist())}
+    else:
+        given["stiffness"] = tuple(model.stiffness)
     if model.damping is not None and any(x != 0 for x in model.damping):
         given["damping"] = tuple(model.damping)
     given |= {key: tuple(x) for key, x in (("initial", initial), ("rates", rates)) if len(tuple(x))}

@@ -54,9 +54,9 @@ class NodeShape:
 class ModalModel:
     """Flexible body in modal coordinates: all integrals of a floating frame of reference.
 
-    `craig_bampton` and `Beam` make such models. Direct use is for integrals from other sources. With the displacement
-    ``u = sum_k shape_k(x) q_k`` in the frame of the body, ``d`` the dimension of the space and ``r`` the number of
-    rotations (1 in the plane, 3 in space), the integrals over the undeformed body are:
+    `craig_bampton` and `Beam` make such models. Direct use is for integrals from other sources. The displacement in the
+    frame of the body is ``u = sum_k shape_k(x) q_k``. The dimension of the space is ``d``, and the number of rotations
+    is ``r``, 1 in the plane and 3 in space. Integrals extend over the undeformed body.
 
     Parameters
     ----------
@@ -180,7 +180,11 @@ class ModalModel:
             object.__setattr__(self, name, matrix)
         for name, value in found.items():
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "nodes", {k: _node(where, k, x, d, m) for k, x in self.nodes.items()})
+        checked: dict[int, NodeShape] = {}  # a node with two names remains one object
+        for key, node in self.nodes.items():
+            if id(node) not in checked:
+                checked[id(node)] = _node(where, key, node, d, m)
+        object.__setattr__(self, "nodes", {key: checked[id(node)] for key, node in self.nodes.items()})
         stresses = {name: _array(where, f"stresses[{name!r}]", x) for name, x in self.stresses.items()}
         for name, row in stresses.items():
             if row.shape != (m,):
@@ -208,12 +212,7 @@ class ModalModel:
 
         Random variables have their means.
         """
-        stiffness = self.stiffness
-        if stiffness.free_symbols:
-            joint = uqmbd.extend.JointInput.of(
-                {s for s in stiffness.free_symbols if isinstance(s, uqmbd.RandomVariable)}
-            )
-            stiffness = stiffness.subs(dict(zip(joint.variables, map(float, joint.means), strict=True)))
+        stiffness = self.at_means().stiffness
         values = scipy.linalg.eigvalsh(np.array(stiffness.tolist(), dtype=float), self.modal_mass)
         return np.asarray(np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi))
 
@@ -272,6 +271,44 @@ class ModalModel:
             found[name] = matrix * sympy.sympify(factors[0]) if same else roots * matrix * roots
         return self.replaced(**found)
 
+    def with_frequencies(self, frequencies: Any) -> ModalModel:
+        """Return the model with other natural frequencies of its modes and the same shapes.
+
+        Parameters
+        ----------
+        frequencies : sequence of numbers or expressions
+            Frequency of each mode of the free body, Hz, such as random variables. The modal mass must be diagonal.
+
+        Returns
+        -------
+        ModalModel
+            Model with the stiffness ``m_k (2 pi f_k)^2``.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the number of frequencies differs from the number of modes, or the modal mass is not diagonal.
+
+        Examples
+        --------
+        >>> import uqmbd_flexible
+        >>> beam = uqmbd_flexible.Beam(
+        ...     length=1, area=1e-4, second_moment=1e-9, youngs_modulus=2e11, density=7800, modes=0
+        ... )
+        >>> [round(float(x), 6) for x in beam.with_frequencies([60, 240, 2500]).frequencies]
+        [60.0, 240.0, 2500.0]
+        """
+        given = list(frequencies) if isinstance(frequencies, (list, tuple, np.ndarray)) else [frequencies]
+        if len(given) != self.modes:
+            raise uqmbd.StudyError(
+                f"ModalModel.with_frequencies: {len(given)} frequencies are given; expected {self.modes}, one per mode."
+            )
+        masses = np.diag(self.modal_mass)
+        if np.abs(self.modal_mass - np.diag(masses)).max() > 1e-9 * masses.max():
+            raise uqmbd.StudyError("ModalModel.with_frequencies: the modal mass is not diagonal; use scaled().")
+        entries = [float(m) * (2 * np.pi) ** 2 * sympy.sympify(f) ** 2 for m, f in zip(masses, given, strict=True)]
+        return self.replaced(stiffness=sympy.diag(*entries))
+
     def damped(self, ratios: Any) -> ModalModel:
         """Return the model with modal damping ratios: ``D = sum 2 zeta_k omega_k M v_k v_k^T M`` of its own modes.
 
@@ -314,6 +351,18 @@ class ModalModel:
         for ratio, omega, shape in zip(given, parts, shapes.T, strict=True):
             found += 2 * sympy.sympify(ratio) * float(omega) * sympy.Matrix(np.outer(shape, shape))
         return self.replaced(damping=found)
+
+    def at_means(self) -> ModalModel:
+        """Return the model with random variables at their means."""
+        found = {}
+        for name in ("stiffness", "damping"):
+            matrix = getattr(self, name)
+            if matrix is not None and matrix.free_symbols:
+                joint = uqmbd.extend.JointInput.of(
+                    {s for s in matrix.free_symbols if isinstance(s, uqmbd.RandomVariable)}
+                )
+                found[name] = matrix.subs(dict(zip(joint.variables, map(float, joint.means), strict=True)))
+        return self.replaced(**found)
 
     def replaced(self, **changed: Any) -> ModalModel:
         """Return the model with other values of some fields."""

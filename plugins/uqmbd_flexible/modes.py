@@ -41,7 +41,12 @@ class FlexibleModes(uqmbd.Component):
     spaces = (uqmbd.Planar, uqmbd.Spatial)
     drawn_by = ()
     modal_mass = uqmbd.Parameter("kg", "modal masses, row by row", kind="numbers", example=(2.0, 0.1, 0.1, 1.0))
-    stiffness = uqmbd.Parameter("N/m", "modal stiffness, row by row", kind="numbers", example=(50.0, 1.0, 1.0, 90.0))
+    stiffness = uqmbd.Parameter(
+        "N/m", "modal stiffness, row by row; or () with frequencies", kind="numbers", example=(50.0, 1.0, 1.0, 90.0)
+    )
+    frequencies = uqmbd.Parameter(
+        "Hz", "natural frequencies of a diagonal stiffness", kind="numbers", default=None, minimum=0
+    )
     damping = _numbers("N s/m", "modal damping, row by row")
     translation = _numbers("kg", "integrals of the shapes, row by row")
     rotation = _numbers("kg m", "integrals of position cross shape, row by row")
@@ -59,7 +64,11 @@ class FlexibleModes(uqmbd.Component):
     def coordinates(self) -> Mapping[str, uqmbd.extend.Coordinate]:
         """Return one coordinate for each mode."""
         count = _side(len(self.modal_mass))
-        given = {key: list(getattr(self, key) or ()) for key in ("initial", "rates", "largest")}
+        given = {key: list(getattr(self, key) or ()) for key in ("initial", "rates", "largest", "frequencies")}
+        if not len(self.stiffness) and not given["frequencies"]:
+            raise uqmbd.StudyError("stiffness is empty and frequencies are missing; give one of them.")
+        if given["frequencies"] and any(not x.is_zero for k, x in enumerate(self.modal_mass) if k % (count + 1)):
+            raise uqmbd.StudyError("frequencies are given, but modal_mass is not diagonal; give stiffness instead.")
         for key, values in given.items():
             if values and len(values) != count:
                 raise uqmbd.StudyError(f"{key} has {len(values)} numbers; expected {count}, one for each mode.")
@@ -99,7 +108,11 @@ class FlexibleModes(uqmbd.Component):
             )
         energy += (w.T * change * w)[0] / 2
         yield uqmbd.Kinetic(energy)
-        yield uqmbd.Potential(_form(p.stiffness, q, q) / 2)
+        if len(p.stiffness):
+            yield uqmbd.Potential(_form(p.stiffness, q, q) / 2)
+        if p.frequencies is not None:
+            heavy = [p.modal_mass[k * (m + 1)] * (2 * sympy.pi * p.frequencies[k]) ** 2 for k in range(m)]
+            yield uqmbd.Potential(sum(stiff * x**2 for stiff, x in zip(heavy, q, strict=True)) / 2)
         if p.damping is not None:
             yield uqmbd.VirtualWork(-_matrix(p.damping, m, m) * dq, dq)
 

@@ -194,7 +194,8 @@ def _hertz(values: Array) -> str:
 
 def _symmetric(matrix: Any) -> Array:
     dense = np.asarray(matrix, dtype=float)
-    return (dense + dense.T) / 2
+    found: Array = (dense + dense.T) / 2
+    return found
 
 
 def _matrix(where: str, name: str, value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import chaospy
 import numpy as np
 import pytest
 import scipy.io
@@ -313,12 +314,50 @@ def test_invalid_interfaces_and_spaces_are_refused():
 
 @pytest.mark.thorough
 def test_the_check_of_components_accepts_the_modes():
-    numbers = {
+    given = {
+        "modal_mass": (2.0, 0.0, 0.0, 1.0), "stiffness": (50.0, 1.0, 1.0, 90.0), "frequencies": (1.0, 2.0),
         "damping": (0.1, 0.0, 0.0, 0.2), "linear": (0.2, 0.1), "quadratic": (2.0, 0.1, 0.1, 1.0),
         "translation": (0.1, 0.2, 0.3, -0.1), "rotation": (0.1, 0.2), "gyration": (0.0, 0.3, -0.3, 0.0),
         "initial": (0.1, 0.0), "rates": (0.0, 0.2), "largest": (5.0, 5.0),
     }  # fmt: skip
-    check_component(
-        uqmbd_flexible.FlexibleModes, spaces=(uqmbd.Planar,), given={**numbers, "modal_mass": (2.0, 0.1, 0.1, 1.0),
-        "stiffness": (50.0, 1.0, 1.0, 90.0)}, propagators=()
-    )  # fmt: skip
+    check_component(uqmbd_flexible.FlexibleModes, spaces=(uqmbd.Planar,), given=given, propagators=())
+
+
+def test_random_frequencies_are_those_of_the_mechanism():
+    beam = uqmbd_flexible.Beam(**BEAM, modes=0)
+    mechanism, rod = held(beam, uqmbd.Planar(), [], modes=1)
+    assert np.allclose([float(x) for x in rod.modes.frequencies], beam.frequencies)
+    first = uqmbd.RandomVariable("first", chaospy.Uniform(18, 24), units="Hz")
+    model = beam.with_frequencies([first, *beam.frequencies[1:]])
+    assert np.allclose(model.frequencies, [21, *beam.frequencies[1:]])
+    mechanism, rod = held(model, uqmbd.Planar(), [], modes=1)
+    assert np.isclose(uqmbd.simulate(mechanism, [0, 1e-4], {"first": 20.0}, check=False)["f0"], 20.0)
+    with pytest.raises(uqmbd.StudyError, match="2 frequencies are given; expected 3"):
+        beam.with_frequencies([1, 2])
+
+
+def test_invalid_parameters_of_modes_are_refused():
+    for given, message in (
+        ({"modal_mass": (1, 2), "stiffness": (1,)}, "expected those of a square matrix"),
+        ({"modal_mass": (1,), "stiffness": ()}, "stiffness is empty and frequencies are missing"),
+        ({"modal_mass": (2, 1, 1, 2), "stiffness": (), "frequencies": (1, 2)}, "modal_mass is not diagonal"),
+        ({"modal_mass": (1,), "stiffness": (), "frequencies": (1, 2)}, "frequencies has 2 numbers; expected 1"),
+        ({"modal_mass": (1,), "stiffness": (1,), "initial": (1, 2)}, "initial has 2 numbers; expected 1"),
+    ):
+        mechanism = uqmbd.Mechanism("bad", uqmbd.Planar())
+        body = mechanism.body("body", mass=1, inertia=1)
+        with pytest.raises(uqmbd.StudyError, match=message):
+            mechanism.add(uqmbd_flexible.FlexibleModes("modes", body, **given))
+
+
+def test_figures_state_frequency_and_scale():
+    figure = uqmbd_flexible.mode_shapes(uqmbd_flexible.Beam(**BEAM, modes=1), modes=3)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[0] == "mode 1: 18.1 Hz, scale 0.15"
+    lines = figure.axes[0].get_lines()
+    moved = lines[1].get_ydata() - lines[0].get_ydata()
+    assert np.isclose(np.abs(moved).max(), 0.15, rtol=1e-3)
+    assert (np.diff(lines[1].get_xdata()) > 0).all()  # each node once, from start to end
+    nodes, masses, stiffness = lattice((2, 2, 2))
+    solid = craig_bampton(np.diag(masses), stiffness, nodes, [0, 7], modes=2)
+    assert len(uqmbd_flexible.mode_shapes(solid).axes) == min(6, solid.modes)

@@ -155,6 +155,9 @@ def finding_attributes(findings: Sequence[Finding]) -> dict[str, str]:
 LONGEST = 60
 """Maximum number of characters of a displayed expression."""
 
+ROW = 24
+"""Maximum number of displayed numbers of a row."""
+
 
 def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
     """Return the attributes of results on their mechanism, each as JSON.
@@ -194,6 +197,8 @@ def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, st
 def _written(value: Any) -> str:
     """Return a number, a row of numbers, or an expression as text; a long expression as its symbols."""
     if isinstance(value, (tuple, list, sympy.MatrixBase)):
+        if len(value) > ROW:
+            return f"{len(value)} numbers"
         return f"({', '.join(_written(one) for one in value)})"
     try:
         value = as_symbolic(value)

@@ -183,7 +183,8 @@ def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]
         for key, parameter in component.parameters().items():
             if not (parameter.ranged or parameter.one_sign):
                 continue
-            entries = [as_symbolic(x) for x in flatten(component.values.get(key))]
+            value = component.values.get(key)
+            entries = [] if value is None else [as_symbolic(x) for x in flatten(value)]
             for k, entry in enumerate(entries):
                 if _random(entry):
                     place = f"[{k}]" if len(entries) > 1 else ""
