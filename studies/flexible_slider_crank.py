@@ -24,10 +24,16 @@ CRANK_INERTIA, ROD_INERTIA = 0.002727, 0.0045339259  # about the pins, kg m^2
 DENSITY, MODULUS, HEIGHT, WIDTH = 7870.0, 0.2e12, 0.008, 0.008  # kg/m^3, Pa, m, m
 PI = 3.1415927  # as in the test set
 
-POSITION = 0.450016933  # of the slider at the start, m
-ROD_SPEED = -74.9957670  # angular velocity of the rod at the start, rad/s
-INITIAL = (0, 0, 0.103339863e-4, 0.169327969e-4)  # coordinates of the modes at the start, m
-RATES = (0.444896105, 0.463434311e-2, -0.178591076e-5, -0.268938672e-5)  # their rates, m/s
+# position of the slider, m; angular velocity of the rod, rad/s; coordinates of the modes, m, and their rates, m/s
+SMOOTH = (
+    0.450016933,
+    -74.9957670,
+    (0, 0, 0.103339863e-4, 0.169327969e-4),
+    (0.444896105, 0.463434311e-2, -0.178591076e-5, -0.268938672e-5),
+)
+"""Start of the test set on the smooth motion."""
+RIGID = (0.45, -75.0, (0, 0, 0, 0), (0, 0, 0, 0))
+"""Start of the test set as a rigid mechanism."""
 
 
 def rod_model(modulus=MODULUS, damped=False):
@@ -63,13 +69,14 @@ def rod_model(modulus=MODULUS, damped=False):
     )
 
 
-def build(model, name="flexible slider crank"):
-    """Return the mechanism with a model of the rod."""
+def build(model, start=SMOOTH, name="flexible slider crank"):
+    """Return the mechanism with a model of the rod, at a start of the test set."""
+    place, speed, initial, rates = start
     mechanism = uqmbd.Mechanism(name, uqmbd.Planar())
     crank = mechanism.body("crank", CRANK_MASS, com=(CRANK / 2, 0), inertia=CRANK_INERTIA - CRANK_MASS * CRANK**2 / 4)
-    slider = mechanism.body("slider", SLIDER_MASS, inertia=1e-3, position=(POSITION, 0))
+    slider = mechanism.body("slider", SLIDER_MASS, inertia=1e-3, position=(place, 0))
     rod = flexible_body(
-        mechanism, "rod", model, position=(CRANK, 0), angular_velocity=ROD_SPEED, initial=INITIAL, rates=RATES
+        mechanism, "rod", model, position=(CRANK, 0), angular_velocity=speed, initial=initial, rates=rates
     )
     mechanism.add(Revolute("main bearing", mechanism.ground, crank, (0, 0), (0, 0)))
     mechanism.add(RotationDriver("motor", mechanism.ground, crank, angle=SPEED * uqmbd.t))

@@ -211,13 +211,18 @@ def equations(component: type[uqmbd.Component]) -> list[str]:
             head = _latex_name(key, bare=True)
             values[key] = tuple(sympy.Symbol(f"{head}_{{{axes[n % 10]}}}", real=True) for n in range(len(value)))
             names[values[key]] = letter
-        elif key in component.parameters() and component.parameters()[key].kind != "option":
+        elif value is not None and key in component.parameters() and component.parameters()[key].kind != "option":
             values[key] = sympy.Symbol(_latex_name(key), real=True) if value != () else value
         else:
             values[key] = value
     ends = [role.rsplit("_", 1)[-1] if role.rsplit("_", 1)[-1] in ("i", "j") else role for role in component.bodies]
     frames = {role: _Shown(space, end, names) for role, end in zip(component.bodies, ends, strict=True)}
-    local = uqmbd.extend.Local(space, frames, values, uqmbd.t)
+    own = {} if made.coordinate_set is None else made.coordinate_set.pairs
+    pairs = {
+        name: (sympy.Symbol(f"q_{{{k}}}", real=True), sympy.Symbol(rf"\dot{{q}}_{{{k}}}", real=True))
+        for k, name in enumerate(own, 1)
+    }
+    local = uqmbd.extend.Local(space, frames, values, uqmbd.t, pairs)
     terms, _ = made.stated(local)
     spoken: dict[Any, str] = {symbol: rf"\mathrm{{{_words(name)}}}" for name, symbol in local.states.items()}
     for symbol, (kind, expression) in local.quantities.items():
