@@ -18,10 +18,10 @@ from uqmbd_geometry.distances import Solid, contains, distance, solid_of
 
 __all__ = ["clearance", "is_clearance"]
 
-RESOLVED = 1e-5
+RESOLVED = 1e-4
 """Distance, relative to the size of the shapes, by which another minimum may be below the returned one."""
 
-FINE = 1e-12
+FINE = 1e-7
 """Precision of the time of a minimum, relative to the interval that contains it."""
 
 SPEED = 1.2
@@ -86,7 +86,7 @@ def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
     Notes
     -----
     Use sampling methods: the quantity is not a smooth function of the inputs. The check of a study warns about methods
-    with polynomials. A minimum is found within 1e-5 of the size of the shapes, and then refined. The surface of a mesh
+    with polynomials. A minimum is found within 1e-4 of the size of the shapes, and then refined. The surface of a mesh
     counts, not the curved surface that it approximates. The distance of a cylinder from a mesh is accurate to about
     1e-5 of their size, and all other distances to rounding errors.
 
@@ -248,6 +248,23 @@ def _pose(side: Side, values: Array) -> tuple[Array, Array]:
 
 @uqmbd.extend.summary(polynomials=True, power=1)
 def _clearance(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str:
+    """Return the smallest distance over a motion, or the reason why there is none."""
+    key = (id(pair), motion.begin.tobytes(), motion.coefficients.tobytes())
+    if key not in _LATEST:
+        if len(_LATEST) >= REMEMBERED:
+            _LATEST.clear()
+        _LATEST[key] = (_smallest(motion, pair), pair)
+    return _LATEST[key][0]
+
+
+_LATEST: dict[tuple[int, bytes, bytes], tuple[float | str, Pair]] = {}
+"""Latest results with their pairs: an output and a requirement ask for the same clearance, one after the other."""
+
+REMEMBERED = 8
+"""Largest number of remembered results."""
+
+
+def _smallest(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str:
     """Return the smallest distance over a motion, by bisection with bounds of its rate, and refinement."""
     moving = _Motion(motion, pair)
     if reason := moving.invalid():
@@ -255,12 +272,13 @@ def _clearance(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | st
     if moving.enclosed():
         return 0.0
     low, high = motion.begin.copy(), motion.end.copy()
-    ends = np.append(motion.begin, motion.end[-1])
-    values = moving.distances(ends)
+    times = np.append(motion.begin, motion.end[-1])
+    values = moving.distances(times)
     at_low, at_high = values[:-1], values[1:]
-    best, allowed = float(values.min()), RESOLVED * sum(moving.reach)
+    allowed = RESOLVED * sum(moving.reach)
     speed = moving.speeds(low, high)
     for _ in range(ROUNDS):
+        best = float(values.min())
         if best <= 0:
             return 0.0
         least = 0.5 * (at_low + at_high - speed * (high - low))
@@ -270,31 +288,29 @@ def _clearance(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | st
             break
         middle = 0.5 * (low + high)
         at_middle = moving.distances(middle)
-        best = min(best, float(at_middle.min()))
+        times, values = np.concatenate([times, middle]), np.concatenate([values, at_middle])
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         at_low, at_high = np.concatenate([at_low, at_middle]), np.concatenate([at_middle, at_high])
         speed = np.concatenate([speed, speed])
-    return _refined(moving, best)
+    return _refined(moving, times, values)
 
 
-def _refined(moving: _Motion, best: float) -> float:
-    """Return the minimum near the best time: between its neighbours on a fine grid, by bounded minimisation."""
+def _refined(moving: _Motion, times: Array, values: Array) -> float:
+    """Return the minimum between the neighbours of the best time, by bounded minimisation."""
     from scipy.optimize import minimize_scalar
 
-    begin, end = float(moving.motion.begin[0]), float(moving.motion.end[-1])
-    if not end > begin:
-        return best
-    parts = np.concatenate([moving.motion.begin[:, None] + np.outer(moving.motion.end - moving.motion.begin, PLACES)])
-    times = np.unique(parts.ravel())
-    values = moving.distances(times)
+    order = np.argsort(times)
+    times, values = times[order], values[order]
     k = int(values.argmin())
-    low, high = times[max(k - 1, 0)], times[min(k + 1, len(times) - 1)]
+    low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, len(times) - 1)])
+    if not high > low:
+        return float(values.min())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = minimize_scalar(
             lambda x: float(moving.distances(np.array([x]))[0]),
             bounds=(low, high),
             method="bounded",
-            options={"xatol": FINE * (end - begin)},
+            options={"xatol": FINE * (high - low)},
         )
-    return max(0.0, min(best, float(values.min()), float(found.fun)))
+    return max(0.0, min(float(values.min()), float(found.fun)))

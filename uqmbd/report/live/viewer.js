@@ -86,7 +86,7 @@ export function startViewer() {
     play.disabled = !scene?.times;
     play.title = scene?.times ? "Simulate the motion at these inputs, and play it (space)" : "There are no output times: define a study with times, or view(times=...)";
     play.textContent = motion ? (playing ? "❚❚ Pause" : "▶ Play") : "▶ Simulate";
-    scrub.disabled = speed.disabled = !motion || mode !== "motion";
+    scrub.hidden = speed.hidden = clock.hidden = !motion || mode !== "motion";
   }
   function tick(now) {
     if (!playing || mode !== "motion") return;

@@ -11,8 +11,9 @@ import { bodyPose, distanceTo, ellipsoids, gapMarks, highlight, jointAxes } from
 const [NEAR_JOINT, NEAR_BODY] = [0.14, 0.1];
 const clampedZoom = (x) => Math.min(Math.max(x, 0.05), 200);
 
-/** Bounds with room for ellipsoids of inertia, a fifth of the largest extent on all sides. */
+/** Bounds in the plane with room for discs of inertia, a fifth of the largest extent on all sides. */
 function widened([low, high]) {
+  if (low.length === 3) return [low, high];
   const room = 0.2 * Math.max(...low.map((x, k) => high[k] - x));
   return [low.map((x) => x - room), high.map((x) => x + room)];
 }
