@@ -47,7 +47,7 @@ STATEMENTS = {
     "uqmbd_drivers": 148,
     "uqmbd_fmi": 780,
     "uqmbd_galerkin": 820,
-    "uqmbd_geometry": 650,
+    "uqmbd_geometry": 660,
     "uqmbd_joints": 610,
     "uqmbd_models": 1620,
     "uqmbd_montecarlo": 1_250,
