@@ -1,5 +1,6 @@
 """The viewer in a browser: a study file that changes, breaks and returns; mistakes are marked, and names are inert."""
 
+import json
 import re
 import shutil
 import sys
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.shapes import Box
 from uqmbd_joints import Revolute
 
 pytestmark = pytest.mark.slow
@@ -17,6 +19,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 
 CHAIN = """
 import uqmbd
+from uqmbd.shapes import Box
 from uqmbd_joints import Revolute
 mechanism = uqmbd.Mechanism("double", uqmbd.Planar(gravity=(0, -9.81)))
 first = mechanism.body("first", mass=1, inertia=0.1, position=(0.5, 0))
@@ -155,3 +158,23 @@ def test_the_command_ends_with_its_page(browser, tmp_path):
     page.wait_for_selector("#tree li", timeout=90_000)
     page.close()
     assert process.wait(20) == 0
+
+
+def test_shapes_are_drawn_and_exported(browser):
+    mechanism = uqmbd.Mechanism("crate", uqmbd.Spatial())
+    body = mechanism.body("crate", mass=1, inertia=(1, 1, 1), shape=Box((1, 1, 1)))
+    view = mechanism.view()
+    page = browser.new_page(viewport={"width": 1000, "height": 700})
+    wrong = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text))
+    page.goto(view.address)
+    page.wait_for_selector("#tree li")
+    with page.expect_download() as saved:
+        page.get_by_role("button", name="glTF").click()
+    found = json.loads(Path(saved.value.path()).read_text(encoding="utf-8"))
+    assert [mesh["name"] for mesh in found["meshes"]] == [body.name]
+    assert found["accessors"][0]["min"] == [-0.5, -0.5, -0.5] and found["accessors"][0]["max"] == [0.5, 0.5, 0.5]
+    page.close()
+    view.close()
+    assert not wrong

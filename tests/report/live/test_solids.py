@@ -43,3 +43,27 @@ def test_the_page_draws_the_faces_that_python_draws(node, space):
         assert place == pytest.approx(there, abs=0.02)
         assert [abs(int(face[k : k + 2], 16) - int(other[k : k + 2], 16)) <= 40 for k in (1, 3, 5)] == [True] * 3
     assert [one["order"] for one in found["shapes"]] == sorted(one["order"] for one in found["shapes"])
+
+
+GLTF = """
+const mechanism = new Mechanism(given.data);
+answer = mechanism.gltf(mechanism.storedAt(0, 0));
+"""
+
+
+def test_the_exported_file_has_the_solids_of_the_pose(node, tmp_path):
+    """Read by trimesh: one closed mesh for each body, at its place, with the second axis upwards."""
+    trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed: exported shapes are not verified")
+    mechanism = uqmbd.Mechanism("m", uqmbd.Spatial())
+    mechanism.body("one", mass=1, inertia=(1, 1, 1), shape=Box((1, 0.5, 0.3)))
+    mechanism.body("two <b>", mass=1, inertia=(1, 1, 1), position=(2, 3, 4), shape=Box((0.3, 0.3, 0.6)))
+    file = tmp_path / "pose.gltf"
+    file.write_text(node(["mechanism.js"], GLTF, {"data": collect_player_data(drawn_pose(mechanism))}))
+    scene = trimesh.load_scene(file)
+    assert set(scene.geometry) == {"one", "two <b>"}
+    whole = scene.to_mesh()
+    whole.merge_vertices()
+    assert whole.is_watertight and whole.volume == pytest.approx(0.15 + 0.054, rel=1e-5)
+    # the third axis of the mechanism is the second one of the file, and the second axis the opposite of the third one
+    assert scene.bounds[1] == pytest.approx([2.15, 4.3, 0.25], abs=1e-5)
+    assert scene.bounds[0] == pytest.approx([-0.5, -0.15, -3.15], abs=1e-5)

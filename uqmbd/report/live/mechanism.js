@@ -4,6 +4,7 @@ import { unpackArray } from "./arrays.js";
 import { poseAt, resolvedBy, weightsAt } from "./between.js";
 import { hullOf, isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
 import { nearestIndex } from "./numbers.js";
+import { gltfOf } from "./gltf.js";
 import { Solids, shadeOf } from "./solids.js";
 import { bodyShapes, ghostShape, strokeShape } from "./strokes.js";
 
@@ -128,6 +129,11 @@ export class Mechanism {
       if (shape !== null) shapes.push(shape);
     }
     return this.painted(shapes, palette);
+  }
+
+  /** The shapes of one pose as the text of a glTF file; null where there are none. */
+  gltf(points) {
+    return this.solids && gltfOf(this.solids, points, this.bodies, this.colours.map((role) => this.roles[role][0]));
   }
 
   /** Return the outlines of the bodies of another realisation. */

@@ -62,6 +62,7 @@ export function makePlayer(figure, data) {
     stage.title = "Drag to rotate. Keys: ← → ↑ ↓ rotate, 0 resets the view, space plays.";
     if (!small) controls.append(button("Reset view", "Reset the view (key 0)", () => turn(null)));
   }
+  if (!small && mechanism.solids) controls.append(button("glTF", "Save the shapes in this pose for three-dimensional programs", saveShapes));
   if (!small) controls.append(button("PNG", "Save the view as a picture", save));
   const status = small ? figure.querySelector("figcaption") : element("p", { class: "state", role: "status" });
   const atMeans = small ? status.textContent : "At the means of the inputs.";
@@ -203,6 +204,11 @@ export function makePlayer(figure, data) {
     const made = document.createElement("canvas");
     paint(made, LIGHT, 2);
     made.toBlob((blob) => saveBlob(blob, fileName(`${data.mechanism}-${clock(time)}`, "png")));
+  }
+
+  function saveShapes() {
+    const text = mechanism.gltf(found ? mechanism.foundAt(found, time) : mechanism.storedAt(0, time));
+    saveBlob(new Blob([text], { type: "model/gltf+json" }), fileName(`${data.mechanism}-${clock(time)}`, "gltf"));
   }
 
   scrub.addEventListener("input", () => {

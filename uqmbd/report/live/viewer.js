@@ -1,6 +1,7 @@
 // The page of `uqmbd view`: messages of the server, and requests to it.
 
 import { button, element } from "./dom.js";
+import { fileName, saveBlob } from "./exports.js";
 import { formatNumber } from "./numbers.js";
 import { speedsOf } from "./speeds.js";
 import { findingRows, nameRow, showFindings, showInputs, showTree } from "./viewer_panel.js";
@@ -57,7 +58,10 @@ export function startViewer() {
     show(false);
   });
   const reset = button("Reset view", "Reset the view (key 0)", () => stage.turn(null));
-  controls.append(play, scrub, clock, speed, element("label", { title: "The pose that the bodies state, before the assembly" }, drawn, " as drawn"), ...boxes, reset);
+  const shapes = button("glTF", "Save the shapes in this pose for three-dimensional programs", () =>
+    saveBlob(new Blob([stage.mechanism.gltf(stage.points())], { type: "model/gltf+json" }), fileName(scene.mechanism, "gltf")));
+  shapes.hidden = true;
+  controls.append(play, scrub, clock, speed, element("label", { title: "The pose that the bodies state, before the assembly" }, drawn, " as drawn"), ...boxes, reset, shapes);
 
   let playing = false;
   let earlier = null;
@@ -131,8 +135,9 @@ export function startViewer() {
       clock.textContent = "";
     }
     stage.structure = scene;
+    shapes.hidden = stage.mechanism.solids === null;
     tellPlay();
-    showFindings(findings, findingRows(scene, facts), mark);
+    showFindings(findings, findingRows(scene, facts), mark, facts !== null);
     part("mobility").textContent = facts?.mobility == null ? "" : `${facts.mobility} degree${facts.mobility === 1 ? "" : "s"} of freedom`;
   }
 

@@ -22,13 +22,14 @@ export function findingRows(scene, facts) {
   return rows;
 }
 
-export function showFindings(list, rows, mark) {
+export function showFindings(list, rows, mark, complete) {
   list.replaceChildren(...rows.map(({ kind, text, part }) => {
     const row = element("li", { class: kind }, text);
     if (part) markedBy(row, part, mark);
     return row;
   }));
-  if (!rows.length) list.append(element("li", { class: "fine" }, "Nothing was found."));
+  if (!complete) list.append(element("li", {}, "Checking …"));
+  else if (!rows.length) list.append(element("li", { class: "fine" }, "Nothing was found."));
 }
 
 /** Name a part while the pointer or the focus is on its row. */
