@@ -3,10 +3,14 @@
 import http.client
 import json
 import queue
+import socket
 import time
 
+import psutil
 import pytest
 
+import uqmbd
+from uqmbd.viewer import view_study
 from uqmbd.viewer.server import PageServer
 
 
@@ -67,6 +71,21 @@ def test_other_origins_hosts_and_tokens_get_nothing(server, wrong, place):
     status, text, _ = request(server, path + place, **posted, **given)
     assert status == 404 and text == b""
     assert server.asked.empty()
+
+
+@pytest.mark.thorough
+def test_a_port_in_use_is_one_message_and_leaves_no_process(tmp_path):
+    script = tmp_path / "any_study.py"
+    script.write_text("")
+    before = set(psutil.Process().children())
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(uqmbd.StudyError, match="choose another port"):
+            view_study(script, port=taken.getsockname()[1], opened=False)
+    assert set(psutil.Process().children()) <= before
+    with pytest.raises(uqmbd.StudyError, match="expected a positive number of seconds"):
+        view_study(script, seconds=0.0, opened=False)
 
 
 def test_requests_are_json_of_the_page(server):

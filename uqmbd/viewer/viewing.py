@@ -67,7 +67,11 @@ class FileViewer:
         from uqmbd.viewer.page import viewer_page  # after the child, which starts meanwhile
 
         page, nonce = viewer_page(str(script))
-        self.server = PageServer(page, nonce, self._act, port=port)
+        try:
+            self.server = PageServer(page, nonce, self._act, port=port)
+        except OSError:
+            self._spare.end()
+            raise
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._watch, self._reply)]
         for work in self._threads:
             work.start()
