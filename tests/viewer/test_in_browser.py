@@ -19,7 +19,6 @@ STUDIES = Path(__file__).parents[2] / "studies"
 
 CHAIN = """
 import uqmbd
-from uqmbd.shapes import Box
 from uqmbd_joints import Revolute
 mechanism = uqmbd.Mechanism("double", uqmbd.Planar(gravity=(0, -9.81)))
 first = mechanism.body("first", mass=1, inertia=0.1, position=(0.5, 0))
