@@ -432,3 +432,25 @@ def test_a_curved_posterior_is_not_rejected():
     assert not model["rejected"]
     # two inputs count as two that are fitted
     assert model["chi_square"] == pytest.approx(chi2.sf(residual @ residual, 8), abs=0.1)
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:calibrate")  # the chains follow a narrow curve slowly
+def test_a_posterior_along_a_curve_is_not_cut_off():
+    """One frequency determines the ratio of stiffness and mass, so that the posterior is a curve to its prior's ends."""
+    stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(90, 110), units="N/m")
+    mass = uqmbd.RandomVariable("mass", chaospy.Uniform(0.9, 1.1), units="kg")
+    made = uqmbd.Mechanism("spring", uqmbd.Line())
+    body = made.body("body", mass=mass)
+    made.add(SpringDamper("spring", made.ground, body, -1, 0, stiffness=stiffness, free_length=1))
+    made.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    study = uqmbd.Study("spring", made, [0, 1], [])
+    exact = 10 / (2 * np.pi)
+    found = calibrate(study, Record("run", [Series("frequency", [], [exact], "Hz", 1e-4 * exact)]), seed=1)
+    draws = found.tree["posterior"]["mass"].values.ravel()
+    # the likelihood depends on k / m = 100 (N/m)/kg only: the density of m on this line is proportional to m
+    ends = np.array([0.9, 1.1])
+    mean = np.diff(ends**3)[0] / 3 / (np.diff(ends**2)[0] / 2)
+    std = np.sqrt(np.diff(ends**4)[0] / 4 / (np.diff(ends**2)[0] / 2) - mean**2)
+    assert draws.mean() == pytest.approx(mean, abs=0.15 * std)
+    assert draws.std() == pytest.approx(std, rel=0.15)

@@ -40,6 +40,14 @@ WITHIN = 4.0
 """Limit of the sampled region, in deviations of the posterior; three times the root of the dimension is added."""
 
 
+WIDENED, WIDEST = 4.0, 1e3
+"""Factor on this limit where it cuts off draws, and limit beyond which there is none."""
+
+NEAR_LIMIT, CUT = 0.8, 1e-3
+"""Distance of a draw that counts as near the limit, relative to it, and share of such draws that widens the region. A
+normal distribution has fewer than one of 10^9 draws there."""
+
+
 @dataclass(frozen=True)
 class PosteriorCheck:
     """Check of the surrogate by realisations at draws of the posterior."""
@@ -145,8 +153,12 @@ def _sampled(
 
     def drawn(target: Posterior) -> PartOfPosterior:
         density = parts.density(number, target.log_density) if several else target.log_density
-        found = sample(density, peak, factor, seed=next(seeds), **about)
-        mass = log_mass_of(density, peak, factor, found, next(seeds), about["within"]) if several else 0.0
+        limits = dict(about)
+        found = sample(density, peak, factor, seed=next(seeds), **limits)
+        while np.isfinite(limits["within"]) and _at_limit(found, peak, factor, limits["within"]):
+            limits["within"] = WIDENED * limits["within"] if limits["within"] < WIDEST else np.inf
+            found = sample(density, peak, factor, seed=next(seeds), **limits)
+        mass = log_mass_of(density, peak, factor, found, next(seeds), limits["within"]) if several else 0.0
         return PartOfPosterior(target, peak, found, mass)
 
     while work.affordable(CHECKED):
@@ -159,6 +171,13 @@ def _sampled(
     widened = _widened(work)
     peak, factor = peak_of(widened, peak)
     return _SampledPart(drawn(widened), tuple(checks), True)
+
+
+def _at_limit(found: Draws, peak: Array, factor: Array, within: float) -> bool:
+    """Return whether the limit of the sampled region cuts off draws, as of a posterior along a curve."""
+    local = np.linalg.solve(factor, (found.flat - peak).T)
+    far = (local**2).sum(axis=0) > (NEAR_LIMIT * within) ** 2
+    return bool(far.mean() > CUT)
 
 
 def _combined(
