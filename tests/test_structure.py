@@ -41,7 +41,7 @@ STATEMENTS = {
     "uqmbd.testing": 2_690,
     "uqmbd.units": 285,
     "uqmbd.viewer": 710,
-    "uqmbd_calibration": 3_400,
+    "uqmbd_calibration": 3_410,
     "uqmbd_collocation": 3_970,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
