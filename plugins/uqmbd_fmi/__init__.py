@@ -1,4 +1,4 @@
-"""Export of surrogates with their uncertainty as functional mock-up units (FMUs) of FMI 2.0 and 3.0."""
+"""Export of surrogates with their uncertainty, and of mechanisms, as functional mock-up units of FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 

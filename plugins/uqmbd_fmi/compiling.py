@@ -16,7 +16,7 @@ import uqmbd
 
 __all__ = ["Compiler", "Platform", "compile_library", "find_compiler", "host", "WINDOWS", "zig"]
 
-FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off", "-Wall", "-Wextra", "-shared")
+FLAGS = ("-std=gnu11", "-O2", "-fvisibility=hidden", "-ffp-contract=off", "-Wall", "-Wextra", "-shared")
 """Flags of all compilers; without contraction of products and sums, results do not depend on the processor."""
 
 NAMES = ("cc", "gcc", "clang")

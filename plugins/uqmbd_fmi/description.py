@@ -38,7 +38,7 @@ def build_description(of: Description) -> str:
     """Return the text of sources/buildDescription.xml of FMI 3.0."""
     root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     build = Xml.SubElement(root, "BuildConfiguration", {"modelIdentifier": of.identifier})
-    files = Xml.SubElement(build, "SourceFileSet", {"language": "C99"})
+    files = Xml.SubElement(build, "SourceFileSet", {"language": "C11"})
     for name in of.sources:
         Xml.SubElement(files, "SourceFile", {"name": name})
     Xml.indent(root)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import uqmbd
 from uqmbd_fmi.exporting import QUANTILES, export_fmu
 from uqmbd_fmi.refusals import refusal
 
@@ -18,16 +19,17 @@ class FmuExporter:
 
     name = "fmu"
     suffix = ".fmu"
-    exports = ("surrogate",)
+    exports = ("surrogate", "mechanism")
 
     fmi: Literal[2, 3] = 2
     quantiles: tuple[float, ...] = QUANTILES
     compiler: str | None = None
     windows: bool = False
+    inputs: tuple[str, ...] = ()
 
     def refusal(self, what: str, study: Any) -> str:
         """Return why an object of a study cannot be exported."""
-        return refusal(study)
+        return refusal(study) if what == "surrogate" else uqmbd.extend.motion_refusal(study.mechanism, study.times)
 
     def export(self, source: Any, path: Path, study: Any) -> str:
         """Write the FMU and its parameter set."""
@@ -38,6 +40,9 @@ class FmuExporter:
             quantiles=self.quantiles,
             compiler=self.compiler,
             windows=self.windows,
+            times=tuple(study.times.tolist()),
+            inputs=self.inputs,
+            rtol=study.rtol,
         )
         lines = [f"FMU        {done.path} (FMI {self.fmi}.0, {done.size / 1000:.0f} kB)"]
         if done.parameters is not None:

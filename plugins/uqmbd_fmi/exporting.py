@@ -20,6 +20,7 @@ from uqmbd.extend import Bounds, typechecked
 from uqmbd_fmi.compiling import WINDOWS, Platform, compile_library, find_compiler, host, zig
 from uqmbd_fmi.description import Description, build_description, model_description
 from uqmbd_fmi.distributions import PLACE, distributions_text, parameter_set
+from uqmbd_fmi.mechanism_tables import mechanism_model
 from uqmbd_fmi.surrogate_tables import UnitModel, surrogate_model
 
 __all__ = ["Exported", "QUANTILES", "export_fmu"]
@@ -30,7 +31,8 @@ QUANTILES = (0.05, 0.5, 0.95)
 SHARED = ("instance.c",)
 """Sources of all FMUs, in addition to those of the version and of the model."""
 
-SOURCES = ("model.h", "instance.c", "fmi2.c", "fmi3.c", "surrogate.h", "surrogate.c")
+HEADERS = {"surrogate.c": ("model.h", "surrogate.h"), "mechanism.c": ("model.h",)}
+"""Headers of the package that the source of a model needs."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +79,17 @@ def export_fmu(
     quantiles: Annotated[Sequence[float], Bounds(0, 1)] = QUANTILES,
     compiler: str | None = None,
     windows: bool = False,
+    times: Sequence[float] = (0.0, 1.0),
+    inputs: Sequence[str] = (),
+    rtol: Annotated[float, Bounds(1e-12, 0.1)] = 1e-6,
 ) -> Exported:
-    """Export a surrogate as an FMU for co-simulation, with the joint distribution of its inputs.
+    """Export a surrogate or a mechanism as an FMU for co-simulation, with the joint distribution of its inputs.
 
     Parameters
     ----------
-    source : xarray.DataTree
-        Node of a method with a surrogate, ``tree["LABEL"]``. Type checkers may regard it as a DataArray.
+    source : xarray.DataTree or uqmbd.Mechanism
+        Node of a method with a surrogate, ``tree["LABEL"]``, which type checkers may regard as a DataArray; or a
+        mechanism.
     path : str or pathlib.Path
         File to write, with the ending ``.fmu``. The parameter set has the same name with the ending ``.ssv``.
     fmi : {2, 3}
@@ -95,6 +101,13 @@ def export_fmu(
         of sources. Default: the first one of ``$CC``, cc, gcc, clang and zig.
     windows : bool
         Whether to add a binary for 64-bit Windows, which zig compiles. This binary is not tested.
+    times : sequence of float
+        Of a mechanism: start, stop and further output times of the default experiment, s.
+    inputs : sequence of str
+        Of a mechanism: names of random variables that become inputs of the FMU, such as forces and commands. They are
+        constant in each communication step. All other random variables are parameters, which are fixed at the start.
+    rtol : float
+        Of a mechanism: relative tolerance, unless the simulation sets one.
 
     Returns
     -------
@@ -125,20 +138,27 @@ def export_fmu(
         raise StudyError(f"export_fmu: the path is {target}; expected a file with the ending .fmu.")
     if not target.parent.is_dir():
         raise StudyError(f"export_fmu: the folder {target.parent} does not exist; create it first.")
+    token = "{" + str(uuid.uuid4()) + "}"
     if isinstance(source, uqmbd.Mechanism):
-        raise StudyError("export_fmu: a mechanism cannot be exported yet; pass the node of a method, tree['LABEL'].")
+        model = mechanism_model(source, times, tuple(inputs), rtol, token, fmi)
+        about = f"Mechanism {source.name!r}, integrated by the driver of uqmbd"
+        return _written(
+            model, target, fmi, token, about, ("mechanism.c", "driver.c", "motion_data.c"), compiler, windows
+        )
     if not isinstance(source, xr.DataTree):
         raise StudyError(
-            f"export_fmu: source is a {type(source).__name__}; expected the node of a method, tree['LABEL']."
+            f"export_fmu: source is a {type(source).__name__}; expected a mechanism, or the node of a method, "
+            "tree['LABEL']."
         )
+    if inputs:
+        raise StudyError("export_fmu: 'inputs' belongs to the export of a mechanism; a surrogate has parameters only.")
     levels = tuple(sorted(set(map(float, quantiles))))
     if levels and not 0 < levels[0] <= levels[-1] < 1:
         raise StudyError(f"export_fmu: quantiles is {levels}; expected probabilities between 0 and 1.")
-    token = "{" + str(uuid.uuid4()) + "}"
     model = surrogate_model(source, levels, token, fmi)
     label = str(source.attrs.get("label", source.name))
     about = f"Surrogate of the method {label!r}, with the uncertainty of its inputs"
-    return _written(model, target, fmi, token, about, ("surrogate.c",), compiler, windows, derivatives=True)
+    return _written(model, target, fmi, token, about, ("surrogate.c",), compiler, windows)
 
 
 def _written(
@@ -150,18 +170,17 @@ def _written(
     own: Sequence[str],
     compiler: str | None,
     windows: bool,
-    *,
-    derivatives: bool,
 ) -> Exported:
     """Compile a model and write its FMU."""
     variables, files = model.variables, dict(model.files)
     identifier = re.sub(r"\W", "_", target.stem, flags=re.ASCII) or "model"
     identifier = identifier if not identifier[0].isdigit() else f"_{identifier}"
     compiled = (*SHARED, f"fmi{fmi}.c", *own, "data.c")
-    of = Description(target.stem, identifier, token, about, model.times, model.tolerance, derivatives, compiled)
+    of = Description(
+        target.stem, identifier, token, about, model.times, model.tolerance, model.tolerance is None, compiled
+    )
     folder = importlib.resources.files("uqmbd_fmi") / "sources"
-    headers = [name for name in SOURCES if name.endswith(".h")]
-    for name in (*headers, *compiled):
+    for name in (*HEADERS[own[0]], *compiled):
         if name not in files:
             files[name] = (folder / name).read_text(encoding="utf-8")
     parameters = [v for v in variables if v.causality == "parameter"]

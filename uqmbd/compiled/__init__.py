@@ -15,6 +15,7 @@ from uqmbd.compiled.explicit import (
     ExplicitOptions,
     ExplicitStatus,
     IntegrationState,
+    tableau,
 )
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
@@ -81,6 +82,7 @@ __all__ = [
     "compilations",
     "compile_kernel",
     "compile_operations",
+    "tableau",
     "host",
     "object_code",
     "order_statistics",

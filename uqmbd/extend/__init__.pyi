@@ -35,12 +35,15 @@ from .integrators import Ensemble as Ensemble
 from .integrators import Integrator as Integrator
 from .integrators import MechanismTerms as MechanismTerms
 from .integrators import PhaseMotion as PhaseMotion
+from .integrators import PortableMotion as PortableMotion
 from .integrators import ProjectedEnsemble as ProjectedEnsemble
 from .integrators import ProjectedTrajectories as ProjectedTrajectories
 from .integrators import Segment as Segment
 from .integrators import SegmentedMotion as SegmentedMotion
 from .integrators import Trajectories as Trajectories
 from .integrators import mechanism_terms as mechanism_terms
+from .integrators import motion_refusal as motion_refusal
+from .integrators import motion_source as motion_source
 from .linear import OutputSeries as OutputSeries
 from .linear import excitation as excitation
 from .linear import linear_output as linear_output

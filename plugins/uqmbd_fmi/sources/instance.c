@@ -122,13 +122,14 @@ int instance_setup(Instance *instance, int tolerance_defined, double tolerance, 
 int instance_initialise(Instance *instance) {
     if (expect(instance, "EnterInitializationMode", CREATED)) return ERROR;
     instance->phase = INITIALISING;
+    model_prepare(instance->model, instance->time, instance->tolerance);
     return OK;
 }
 
 int instance_initialised(Instance *instance) {
     Report found = {0};
     if (expect(instance, "ExitInitializationMode", INITIALISING)) return ERROR;
-    model_initialise(instance->model, instance->time, instance->tolerance, &found);
+    model_initialise(instance->model, &found);
     if (found.status < ERROR) instance->phase = STEPPING;
     return finish(instance, &found, 1);
 }

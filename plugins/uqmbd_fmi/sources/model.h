@@ -38,8 +38,11 @@ size_t model_bytes(void);
 /* Set all parameters and inputs to their start values. */
 void model_start(void *model);
 
-/* Compute the start of the motion at a time, with a relative tolerance (0: the default). */
-void model_initialise(void *model, double time, double tolerance, Report *to);
+/* Set the start time, and a relative tolerance (0: the default). */
+void model_prepare(void *model, double time, double tolerance);
+
+/* Compute the start of the motion. */
+void model_initialise(void *model, Report *to);
 
 /* Advance to a time. */
 void model_advance(void *model, double time, Report *to);

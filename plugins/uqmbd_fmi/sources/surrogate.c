@@ -27,10 +27,12 @@ void model_start(void *model) {
     memcpy(of->inputs, start_values, sizeof of->inputs);
 }
 
-void model_initialise(void *model, double time, double tolerance, Report *to) {
+void model_prepare(void *model, double time, double tolerance) {
     (void)tolerance;
-    model_advance(model, time, to);
+    ((Model *)model)->time = time;
 }
+
+void model_initialise(void *model, Report *to) { model_advance(model, ((Model *)model)->time, to); }
 
 void model_advance(void *model, double time, Report *to) {
     Model *of = model;

@@ -10,6 +10,7 @@ from uqmbd.dynamics.assembly.assembly import (
     statement_rows,
     velocities,
 )
+from uqmbd.dynamics.assembly.programs import equation_programs
 from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along, violated
 from uqmbd.dynamics.assembly.start import Start, gradient_lengths
 from uqmbd.dynamics.assembly.start_check import require_conditions
@@ -23,6 +24,7 @@ __all__ = [
     "assemble",
     "dead_end",
     "dropped_in_dead_centre",
+    "equation_programs",
     "gradient",
     "gradient_lengths",
     "independent_rows",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from uqmbd.compiled import EquationPrograms, Gradients, ProgramWriter, RotationC
 from uqmbd.dynamics.equations import Model, Statement
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["BODY_RATE", "closed_poses", "least_velocities"]
+__all__ = ["BODY_RATE", "closed_poses", "equation_programs", "least_velocities"]
 
 FLAT = 1e-9, 1e-12
 """Lengths of gradients, of positions and of velocities, that count as zero."""
@@ -58,6 +58,11 @@ def least_velocities(model: Model, q: Array, s: Array, time: float, parameters: 
     numbers = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
     more = (-parameters[:, numbers], values, slopes, np.ones((1, 1)))
     return found.least(q, s, *_rest(model, 2, time, parameters), *more, count=len(q))
+
+
+def equation_programs(model: Model) -> tuple[Any, EquationPrograms]:
+    """Return the equations of poses (`equations`, `turns`, `cosines`), and those of velocities without conditions."""
+    return _closing(model, model.layout.independent_holonomic), _speeds(model, 0)
 
 
 def _conditions(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array]:

@@ -1,0 +1,399 @@
+/* A mechanism as a model: assembly for any parameters, integration by the driver from one communication point to the
+   next, and outputs that are consistent with the equations of motion. */
+#include "model.h"
+
+#include <string.h>
+
+#include "motion.h"
+
+/* Contents of a variable: a number of an input of the motion, or of an output. */
+enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE };
+
+typedef struct {
+    int what, index;
+} Content;
+
+extern const Content contents[];
+extern const double start_values[];
+extern const double default_tolerance;
+
+enum {
+    MOST_RETRIES = 200, /* decisions of the driver in a step that are answered by going on */
+    STATE = MOTION_WIDTH + 2,
+    ARGUMENTS = STATE + MOTION_BLOCK,
+    PAIR = 2,
+    LEGS = MOTION_BREAKS + MOTION_ADDED + 1,
+};
+
+static const double FAR = 1000.0, FARTHEST = 3e-3; /* residual of an interpolated state, in tolerances; its limit */
+static const double BETWEEN = 3.0;                 /* interpolation error that rejects a step */
+
+typedef struct {
+    double inputs[MOTION_INPUTS + 1];
+    double parameters[MOTION_PARAMETERS + 1];
+    double time, tolerance, floor;
+    double wanted, fresh;             /* size of the next step; whether an input has changed */
+    double state[MOTION_WIDTH];       /* of the integration */
+    double shown[MOTION_WIDTH];       /* the same on the constraints, for outputs */
+    double rate[MOTION_WIDTH];
+    double known;                     /* whether the outputs belong to the inputs and the state */
+    double turned[MOTION_OUTPUTS];    /* unwrapped angles at the last communication point */
+    double counted;                   /* whether there was one */
+    double warned;                    /* whether inaccurate accelerations were reported */
+    double begun, dirty;              /* whether the start was computed; whether a parameter has changed since */
+    double outputs[MOTION_RESULTS];
+    double work[MOTION_WORK];
+} Motion;
+
+size_t model_bytes(void) { return sizeof(Motion); }
+
+void model_start(void *model) {
+    Motion *of = model;
+    memset(of, 0, sizeof *of);
+    for (int k = 0; k < MOTION_INPUTS; k++) of->inputs[k] = start_values[k];
+    of->dirty = 1.0;
+}
+
+static double *cleared(Motion *of) {
+    memset(of->work, 0, sizeof of->work);
+    return of->work;
+}
+
+/* Parameters of the equations from the inputs. */
+static void find_parameters(Motion *of) {
+    memcpy(of->parameters, motion_constant_parameters, MOTION_PARAMETERS * sizeof(double));
+    if (MOTION_RANDOM) {
+        double found[MOTION_RANDOM + 1];
+        motion_parameters((const V *)of->inputs, (V *)found);
+        for (int k = 0; k < MOTION_RANDOM; k++) of->parameters[motion_random_places[k]] = found[k];
+    }
+}
+
+/* Report a parameter that is not finite or not possible. */
+static void check_parameters(const Motion *of, Report *to) {
+    for (int k = 0; k < MOTION_PARAMETERS; k++)
+        if (!(fabs(of->parameters[k]) <= MOTION_LARGEST)) {
+            report(to, ERROR, "A number of the mechanism is not finite, or larger than %g, at these parameters.",
+                   MOTION_LARGEST);
+            return;
+        }
+    for (int k = 0; k < MOTION_LIMITS; k++) {
+        const Limit *limit = motion_limits + k;
+        const double value = of->parameters[limit->index];
+        if (value < limit->minimum || value > limit->maximum ||
+            (limit->exclusive && (value == limit->minimum || value == limit->maximum))) {
+            report(to, ERROR, "The %s is %g; expected a number from %g to %g%s.", limit->name[0], value, limit->minimum,
+                   limit->maximum, limit->exclusive ? ", without the ends" : "");
+            return;
+        }
+    }
+    for (int k = 0; k < MOTION_TENSORS; k++) {
+        /* half the trace minus the tensor has no negative principal value */
+        const int64_t *at = motion_tensors[k].index;
+        double j[6];
+        for (int i = 0; i < 6; i++) j[i] = of->parameters[at[i]];
+        const double half = (j[0] + j[1] + j[2]) / 2, a = half - j[0], b = half - j[1], c = half - j[2];
+        const double small = 1e-9 * fabs(half), d = j[3], e = j[4], f = j[5];
+        const double pairs[] = {a * b - d * d, a * c - e * e, b * c - f * f};
+        const double whole = a * (b * c - f * f) - d * (d * c - f * e) - e * (d * f + b * e);
+        int wrong = a < -small || b < -small || c < -small || whole < -small * half * half * 10;
+        for (int i = 0; i < 3; i++) wrong |= pairs[i] < -small * fabs(half) * 10;
+        if (wrong) {
+            report(to, ERROR, "The inertia of body %s is not possible for any body.", motion_tensors[k].body[0]);
+            return;
+        }
+    }
+}
+
+/* Arguments of the programs of a state: state, time, zero, parameters of the equations. */
+static void fill_arguments(const Motion *of, const double *state, double time, double *to) {
+    memcpy(to, state, MOTION_WIDTH * sizeof(double));
+    to[MOTION_WIDTH] = time;
+    to[MOTION_WIDTH + 1] = 0.0;
+    memcpy(to + STATE, of->parameters, MOTION_BLOCK * sizeof(double));
+}
+
+/* Report the equation with the largest residual in a pose. */
+static void report_open(Motion *of, const double *arguments, Report *to) {
+    double residuals[MOTION_CONSTRAINTS + 1];
+    int64_t rows[MOTION_CONSTRAINTS + 1];
+    int worst = 0;
+    for (int k = 0; k < MOTION_CONSTRAINTS; k++)
+        rows[k] = motion_equation_values[k] < 0 ? MOTION_WIDTH + 1 : motion_equation_values[k];
+    const Source source = {arguments, ARGUMENTS, ARGUMENTS, 1, 1, 0};
+    evaluate(&motion_closing.program, (V *)cleared(of), &source, 1, 0, 1, rows, MOTION_CONSTRAINTS, residuals);
+    for (int k = 1; k < MOTION_CONSTRAINTS; k++)
+        if (!(fabs(residuals[k]) <= fabs(residuals[worst]))) worst = k;
+    if (!MOTION_CONSTRAINTS) return;
+    report(to, ERROR,
+           "The mechanism cannot be assembled at these parameters: equation %s keeps a residual of %.3g, or the pose is "
+           "singular or a mirror image of the drawn one. Use parameters closer to the start values.",
+           motion_equation_names[worst], residuals[worst]);
+}
+
+/* Close the pose and find the velocities. */
+static void assemble(Motion *of, Report *to) {
+    double arguments[ARGUMENTS + MOTION_STATED + 1], found[MOTION_WIDTH + MOTION_CONSTRAINTS + 1];
+    int64_t undecided = 0;
+    memset(of->state, 0, sizeof of->state);
+    for (int k = 0; k < MOTION_COORDINATES; k++) of->state[k] = of->parameters[motion_drawn_places[k]];
+    fill_arguments(of, of->state, of->time, arguments);
+    const Source source = {arguments, ARGUMENTS, ARGUMENTS, 1, 1, 0};
+    if (MOTION_CONSTRAINTS) {
+        close_poses(&motion_closing, &motion_turns, (V *)cleared(of), &source, 1, 1, found, MOTION_MIRRORS,
+                    motion_mirror_rows, &undecided);
+        memcpy(of->state, found, MOTION_COORDINATES * sizeof(double));
+        fill_arguments(of, of->state, of->time, arguments);
+        if (undecided) {
+            report_open(of, arguments, to);
+            return;
+        }
+    }
+    if (MOTION_INITIAL) {
+        evaluate(&motion_initial, (V *)cleared(of), &source, 1, 0, 1, motion_initial_rows, MOTION_INITIAL, found);
+        for (int k = 0; k < MOTION_INITIAL; k++) of->state[MOTION_COORDINATES + motion_initial_places[k]] = found[k];
+        fill_arguments(of, of->state, of->time, arguments);
+    }
+    if (MOTION_MOVES) {
+        const int64_t count = ARGUMENTS + MOTION_STATED + 1;
+        const Source all = {arguments, count, count, 1, 1, 0};
+        for (int k = 0; k < MOTION_STATED; k++) arguments[ARGUMENTS + k] = -of->parameters[motion_stated_places[k]];
+        arguments[ARGUMENTS + MOTION_STATED] = 1.0;
+        least_speeds(&motion_speeds, (V *)cleared(of), &all, 1, 1, found, &undecided);
+        memcpy(of->state + MOTION_COORDINATES + MOTION_STATES, found, MOTION_COORDINATES * sizeof(double));
+        if (undecided)
+            report(to, ERROR,
+                   "The stated velocities contradict the constraints at these parameters, or the pose is singular.");
+    }
+}
+
+/* Outputs at the shown state; angles continue from the last communication point. */
+static void find_outputs(Motion *of, Report *to) {
+    double arguments[ARGUMENTS + MOTION_INPUTS + 1];
+    if (of->known != 0.0) return;
+    fill_arguments(of, of->shown, of->time, arguments);
+    memcpy(arguments + ARGUMENTS, of->inputs, MOTION_INPUTS * sizeof(double));
+    const int64_t count = ARGUMENTS + MOTION_INPUTS;
+    const Source source = {arguments, count, count, 1, 1, 0};
+    evaluate(&motion_outputs, (V *)cleared(of), &source, 1, 0, 1, motion_output_rows, MOTION_RESULTS, of->outputs);
+    if (MOTION_RESULTS > MOTION_OUTPUTS && of->warned == 0.0 && !(of->outputs[MOTION_RESULTS - 1] <= MOTION_POOR)) {
+        of->warned = 1.0;
+        report(to, WARNING,
+               "Accelerations and reactions may be inaccurate from t = %g s on: an equation has a large relative residual, "
+               "as in a singular pose, or where all its terms vanish. This is reported once.",
+               of->time);
+    }
+    for (int k = 0; k < MOTION_OUTPUTS; k++) {
+        const double turn = motion_output_turns[k];
+        if (!(turn > 0) || !isfinite(of->outputs[k])) continue;
+        const double before = of->counted != 0.0 ? of->turned[k] : motion_output_references[k];
+        if (of->counted == 0.0 || !motion_output_counted[k])
+            of->outputs[k] -= turn * rint((of->outputs[k] - before) / turn);
+        else /* the integration makes the angle continuous; only the turns of the start count */
+            of->outputs[k] -= turn * of->turned[k];
+    }
+    of->known = 1.0;
+}
+
+/* Remember the angles of a communication point. */
+static void keep_angles(Motion *of, Report *to) {
+    find_outputs(of, to);
+    for (int k = 0; k < MOTION_OUTPUTS; k++)
+        if (motion_output_turns[k] > 0 && !motion_output_counted[k] && isfinite(of->outputs[k]))
+            of->turned[k] = of->outputs[k];
+    of->counted = 1.0;
+}
+
+/* Set the turns that are subtracted from angles that the integration counts. */
+static void count_turns(Motion *of) {
+    double arguments[ARGUMENTS + MOTION_INPUTS + 1], found[MOTION_RESULTS];
+    fill_arguments(of, of->shown, of->time, arguments);
+    memcpy(arguments + ARGUMENTS, of->inputs, MOTION_INPUTS * sizeof(double));
+    const int64_t count = ARGUMENTS + MOTION_INPUTS;
+    const Source source = {arguments, count, count, 1, 1, 0};
+    evaluate(&motion_outputs, (V *)cleared(of), &source, 1, 0, 1, motion_output_rows, MOTION_RESULTS, found);
+    for (int k = 0; k < MOTION_OUTPUTS; k++)
+        if (motion_output_turns[k] > 0 && motion_output_counted[k])
+            of->turned[k] = rint((found[k] - motion_output_references[k]) / motion_output_turns[k]);
+}
+
+void model_prepare(void *model, double time, double tolerance) {
+    Motion *of = model;
+    of->time = time;
+    of->tolerance = tolerance > 0 ? tolerance : default_tolerance;
+}
+
+void model_initialise(void *model, Report *to) {
+    Motion *of = model;
+    double largest = 0.0;
+    of->begun = 0.0;
+    find_parameters(of);
+    check_parameters(of, to);
+    if (to->status >= ERROR) return;
+    assemble(of, to);
+    if (to->status >= ERROR) return;
+    for (int k = 0; k < MOTION_COORDINATES; k++) largest = fmax(largest, fabs(of->state[k]));
+    of->floor = of->tolerance * fmin(1.0, fmax(1e-3, largest));
+    of->wanted = 0.0;
+    of->fresh = 1.0;
+    memcpy(of->shown, of->state, sizeof of->shown);
+    of->known = of->counted = 0.0;
+    of->begun = 1.0;
+    of->dirty = 0.0;
+    count_turns(of);
+    keep_angles(of, to);
+    for (int k = 0; k < MOTION_OUTPUTS; k++)
+        if (!isfinite(of->outputs[k])) {
+            report(to, WARNING, "An output is not finite at the start: undefined, or undetermined in a singular pose.");
+            break;
+        }
+}
+
+/* Ends of the parts of a step between which the equations are smooth; return their number. */
+static int64_t find_legs(const Motion *of, double end, double *ends) {
+    int64_t count = 0;
+    for (int k = 0; k < MOTION_BREAKS + MOTION_ADDED; k++) {
+        const double at = k < MOTION_BREAKS ? of->parameters[motion_break_places[k]]
+                                            : motion_added_parameters[k - MOTION_BREAKS];
+        const double near = 1e-12 * fmax(1.0, fabs(at));
+        int64_t place = count;
+        if (!(at > of->time + near && at < end - near)) continue;
+        while (place > 0 && ends[place - 1] > at) place--;
+        if (place > 0 && at - ends[place - 1] <= near) continue;
+        for (int64_t i = count; i > place; i--) ends[i] = ends[i - 1];
+        ends[place] = at;
+        count++;
+    }
+    ends[count] = end;
+    return count + 1;
+}
+
+void model_advance(void *model, double end, Report *to) {
+    Motion *of = model;
+    if (!(end > of->time)) return;
+    const double times[PAIR] = {of->time, end};
+    double ends[LEGS], longest[LEGS];
+    const int64_t jumps[LEGS] = {0}, legs = find_legs(of, end, ends);
+    for (int64_t k = 0; k < legs; k++) longest[k] = motion_longest;
+    double node_times[NODES] = {0}, nodes[NODES * MOTION_WIDTH] = {0}, result[PAIR * MOTION_WIDTH];
+    double off[MOTION_EQUATIONS + 1] = {0};
+    double now = of->time, begin = of->time, wanted = of->wanted, tried = 0.0, floor_ = of->floor, limit = INFINITY;
+    int64_t leg = 0, last_leg = legs - 1, first = 1, column = 1, status = RUNNING, attempts = 0, refused = 0, stiff = 0;
+    int64_t fresh = 1, rejected = 0, allowed = INT64_MAX / 2, trusted = 0, told = 0, steps = 0, known = 1, recorded = 0;
+    int8_t poor[PAIR] = {0};
+    Problem problem = motion_problem;
+    problem.rtol = of->tolerance;
+    problem.far = fmin(FAR * of->tolerance, FARTHEST);
+    problem.between = BETWEEN * pow(of->tolerance, -1.0 / 8.0);
+    problem.times = times;
+    problem.leg_ends = ends;
+    problem.leg_longest = longest;
+    problem.leg_jumps = jumps;
+    node_times[NODES - 1] = of->time;
+    memcpy(nodes + (NODES - 1) * MOTION_WIDTH, of->state, sizeof of->state);
+    memcpy(result, of->state, sizeof of->state);
+    memcpy(result + MOTION_WIDTH, of->state, sizeof of->state);
+    const Pool pool = {.z = of->state,
+                       .rate = of->rate,
+                       .parameters = of->parameters,
+                       .now = &now,
+                       .begin = &begin,
+                       .wanted = &wanted,
+                       .tried = &tried,
+                       .floor = &floor_,
+                       .limit = &limit,
+                       .leg = &leg,
+                       .last_leg = &last_leg,
+                       .first = &first,
+                       .column = &column,
+                       .status = &status,
+                       .attempts = &attempts,
+                       .refused = &refused,
+                       .stiff = &stiff,
+                       .fresh = &fresh,
+                       .rejected = &rejected,
+                       .allowed = &allowed,
+                       .trusted = &trusted,
+                       .told = &told,
+                       .steps = &steps,
+                       .known = &known,
+                       .node_times = node_times,
+                       .nodes = nodes,
+                       .result = result,
+                       .off = off,
+                       .poor = poor,
+                       .recorded = &recorded};
+    const int64_t member = 0;
+    if (advance_workspace(&problem) > MOTION_WORK) {
+        report(to, FATAL, "The workspace of the integration is too small; the FMU is damaged.");
+        return;
+    }
+    for (int retries = 0; status != DONE; retries++) {
+        if (status == REFUSED || (status == STRAYED && !trusted)) {
+            trusted = status == STRAYED;
+            status = RUNNING;
+        }
+        if (status != RUNNING || retries > MOST_RETRIES) {
+            report(to, ERROR,
+                   "The integration stopped at t = %.6g s: %s. Probably a singular pose, a stop, a stiff force, or a force "
+                   "that grows without bound.",
+                   now,
+                   status == MANY      ? "too many steps"
+                   : status == SMALL   ? "the step size has become too small"
+                   : status == STRAYED ? "a step leads off the constraints"
+                                       : "steps are refused");
+            return;
+        }
+        advance(&problem, &pool, &member, 1, cleared(of), INT64_C(40000) * 8);
+        if (status == RUNNING) retries--; /* the budget of the driver was spent */
+    }
+    of->wanted = wanted;
+    of->time = end;
+    memcpy(of->shown, of->state, sizeof of->shown);
+    if (MOTION_EQUATIONS) {
+        memcpy(result + MOTION_WIDTH, of->state, sizeof of->state);
+        column = PAIR;
+        project(&problem, &pool, &member, 1, cleared(of));
+        memcpy(of->shown, result + MOTION_WIDTH, sizeof of->shown);
+    }
+    of->known = 0.0;
+    keep_angles(of, to);
+    for (int k = 0; k < MOTION_WIDTH; k++)
+        if (!isfinite(of->state[k])) {
+            report(to, ERROR, "The state is not finite at t = %.6g s.", end);
+            return;
+        }
+}
+
+void model_set(void *model, unsigned variable, double value, Report *to) {
+    Motion *of = model;
+    of->inputs[contents[variable].index] = value;
+    of->dirty = 1.0;
+    if (model_variables[variable].causality == INPUT && of->begun != 0.0) {
+        find_parameters(of);
+        check_parameters(of, to);
+        of->known = 0.0;
+    }
+}
+
+double model_get(void *model, unsigned variable, int begun, Report *to) {
+    Motion *of = model;
+    const Content *content = contents + variable;
+    if (content->what == INPUT_VALUE) return of->inputs[content->index];
+    if (!begun && of->dirty != 0.0) { /* in initialisation mode, outputs belong to the parameters so far */
+        model_initialise(of, to);
+        if (to->status >= ERROR) return NAN;
+    }
+    if (of->begun == 0.0) {
+        report(to, ERROR, "There are no outputs, because the mechanism was not assembled.");
+        return NAN;
+    }
+    find_outputs(of, to);
+    return of->outputs[content->index];
+}
+
+void model_differentiate(void *model, const unsigned *unknown, size_t unknowns, const unsigned *known, size_t knowns,
+                         const double *seed, double *change, Report *to) {
+    (void)model, (void)unknown, (void)unknowns, (void)known, (void)knowns, (void)seed, (void)change;
+    report(to, ERROR, "This FMU provides no directional derivatives.");
+}

@@ -1,0 +1,248 @@
+"""FMUs of mechanisms equal `simulate`, also far from the means, with inputs that change, and report what is impossible."""
+
+from __future__ import annotations
+
+import ctypes as c
+from pathlib import Path
+
+import chaospy
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd.extend import GermSpace, motion_refusal, motion_source
+from uqmbd_contact import PlaneImpact
+from uqmbd_drivers import RotationDriver
+from uqmbd_fmi import export_fmu, read_distributions
+from uqmbd_fmi.compiling import find_compiler, host
+from uqmbd_joints import Distance, Revolute
+from uqmbd_springs import Torque
+
+from .library import Fmu
+
+compiled = pytest.mark.skipif(
+    host() is None or find_compiler() is None, reason="there is no C compiler, or no binary for this platform"
+)
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+def exported(mechanism, folder, fmi=2, **options):
+    """Export a mechanism and load the FMU."""
+    done = export_fmu(mechanism, folder / f"one{fmi}.fmu", fmi=fmi, **options)
+    assert done.warnings == "" and done.size < 500_000
+    return Fmu(done.path, folder / f"unpacked{fmi}")
+
+
+def rotor(torque=None, delay=None):
+    """A wheel with a random inertia, driven by a torque: of a random variable, or of a controller."""
+    inertia = uqmbd.RandomVariable("inertia", chaospy.Uniform(0.4, 0.6), units="kg m^2")
+    mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
+    wheel = mechanism.body("wheel", mass=1, inertia=inertia)
+    mechanism.add(Revolute("bearing", mechanism.ground, wheel, (0, 0), (0, 0)))
+    if torque is None:
+        torque = uqmbd.RandomVariable("torque", chaospy.Normal(0, 1), units="N m")
+    else:
+        mechanism.add(torque)
+        torque = torque.command("torque")
+    mechanism.add(Torque("motor", wheel, torque - 0.3 * wheel.angular_velocity))
+    mechanism.output("speed", wheel.angular_velocity, units="rad/s")
+    mechanism.output("angle", wheel.angle, units="rad")
+    return mechanism
+
+
+def arm():
+    """A robot arm of two links in space, with random masses and two torques."""
+    mass = uqmbd.RandomVariable("tip_mass", chaospy.Uniform(0.5, 1.5), units="kg")
+    drives = [uqmbd.RandomVariable(name, chaospy.Normal(0, 5), units="N m") for name in ("shoulder", "elbow")]
+    mechanism = uqmbd.Mechanism("arm", uqmbd.Spatial(gravity=(0, 0, -9.81)))
+    upper = mechanism.body("upper", mass=2, inertia=(0.02, 0.06, 0.06), position=(0.3, 0, 0))
+    fore = mechanism.body("fore", mass=mass, inertia=(0.01, 0.03 * mass, 0.03 * mass), position=(0.85, 0, 0))
+    mechanism.add(Revolute("A", mechanism.ground, upper, (0, 0, 0), (-0.3, 0, 0), (0, 1, 0), (0, 1, 0)))
+    mechanism.add(Revolute("B", upper, fore, (0.3, 0, 0), (-0.25, 0, 0), (0, 0, 1), (0, 0, 1)))
+    mechanism.add(Torque("shoulder drive", upper, (0, drives[0], 0)))
+    mechanism.add(Torque("elbow drive", fore, (0, 0, drives[1])))
+    mechanism.output("x", fore.point((0.25, 0, 0))[0], units="m")
+    mechanism.output("z", fore.point((0.25, 0, 0))[2], units="m")
+    mechanism.output("az", fore.acceleration[2], units="m/s^2")
+    return mechanism
+
+
+def compare(fmu, mechanism, times, values, tolerance=1e-8):
+    """Compare all outputs with `simulate` at the same values, relative to the largest value of each."""
+    expected = uqmbd.simulate(mechanism, times, values=values, rtol=1e-9)
+    names = [name for name in fmu.references if name not in values and name != "time"]
+    assert names
+    for name, found in zip(names, fmu.along(times, values, names), strict=True):
+        scale = max(1.0, float(np.abs(expected[name]).max()))
+        np.testing.assert_allclose(found, expected[name].values, rtol=0, atol=tolerance * scale, err_msg=name)
+
+
+@compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", ["slider_crank", "four_bar", "agile_eye", "pendulum", "slider_crank_driven"])
+def test_mechanisms_of_studies_move_as_in_simulate(name, fmi, tmp_path):
+    """At two points far from the means: quantiles between 2 % and 98 %."""
+    study = uqmbd.load_study(STUDIES / f"{name}.py")
+    fmu = exported(study.mechanism, tmp_path, fmi, times=study.times, rtol=1e-9)
+    space = GermSpace.of(study.mechanism.inputs)
+    uniform = np.random.default_rng(3).choice([0.02, 0.98], (2, space.dimension))
+    for point in space.to_inputs(space.from_uniform(uniform)):
+        compare(fmu, study.mechanism, study.times, dict(zip(space.inputs, point.tolist(), strict=True)))
+
+
+@compiled
+@pytest.mark.thorough
+def test_a_robot_arm_moves_as_in_simulate_and_saves_its_state(tmp_path):
+    mechanism, times = arm(), np.linspace(0, 0.6, 31)
+    fmu = exported(mechanism, tmp_path, times=times, rtol=1e-9, inputs=("shoulder", "elbow"))
+    compare(fmu, mechanism, times, {"tip_mass": 0.6, "shoulder": 9.0, "elbow": -4.0})
+    state, size = c.c_void_p(), c.c_size_t()
+    assert fmu.call("GetFMUstate", c.byref(state)) == 0
+    assert fmu.call("SerializedFMUstateSize", state, c.byref(size)) == 0
+    stored = (c.c_ubyte * size.value)()
+    assert fmu.call("SerializeFMUstate", state, stored, size) == 0
+    assert fmu.step(0.6, 0.1) <= 1
+    first = fmu.get(["x", "z", "az"])
+    assert fmu.reset() == 0
+    again = c.c_void_p()
+    assert fmu.call("DeSerializeFMUstate", stored, size, c.byref(again)) == 0
+    assert fmu.call("SetFMUstate", again) == 0
+    assert fmu.step(0.6, 0.1) <= 1
+    assert fmu.get(["x", "z", "az"]).tolist() == first.tolist()
+
+
+@compiled
+@pytest.mark.thorough
+def test_a_loop_closed_outside_equals_the_sampled_controller(tmp_path):
+    """PI control with 50 samples a second: uqmbd's own controller, and steps of the FMU with the same control."""
+
+    def control(time, measured, state):
+        error = 2.0 - measured
+        return 3.0 * error + state, state + 0.1 * error
+
+    controller = uqmbd.Controller(
+        measured=["speed"], commanded={"torque": "N m"}, rate=50, function=control, state={"integral": 0.0}
+    )
+    times = np.arange(51) / 50
+    expected = uqmbd.simulate(rotor(controller), times, values={"inertia": 0.55}, rtol=1e-11)
+    fmu = exported(rotor(), tmp_path, times=times, rtol=1e-11, inputs=("torque",))
+    assert fmu.set(["inertia"], [0.55]) == 0 and fmu.begin() == 0
+    state, found = np.zeros((1, 1)), [fmu.get(["speed", "angle"])]
+    for before, after in zip(times[:-1], times[1:], strict=True):
+        command, state = control(before, fmu.get(["speed"])[None], state)
+        assert fmu.set(["torque"], command[0]) == 0
+        assert fmu.step(before, after - before) == 0
+        found.append(fmu.get(["speed", "angle"]))
+    for k, name in enumerate(("speed", "angle")):
+        np.testing.assert_allclose(np.array(found)[:, k], expected[name].values, rtol=0, atol=1e-10)
+
+
+@compiled
+def test_impossible_parameters_and_calls_end_in_an_error_with_a_message(tmp_path):
+    fmu = exported(rotor(), tmp_path)
+    assert fmu.set(["inertia"], [float("nan")]) == 3 and "not finite" in fmu.messages[-1][1]
+    assert fmu.step(0, 0.1) == 3 and "is instantiated; it must be in step mode" in fmu.messages[-1][1]
+    assert fmu.set(["inertia"], [-0.1]) == 0
+    assert fmu.begin() == 3
+    assert "moment of inertia of body 'wheel' is -0.1" in fmu.messages[-1][1]
+    assert fmu.step(0, 0.1) == 3 and "is failed" in fmu.messages[-1][1]
+    with pytest.raises(RuntimeError, match="was not assembled"):
+        fmu.get(["speed"])
+    assert fmu.reset() == 0 and fmu.begin() == 0 and fmu.get(["speed"]) == 0.0
+    assert fmu.set(["inertia"], [0.5]) == 3 and "is fixed" in fmu.messages[-1][1]
+    assert fmu.step(0.5, 0.1) == 3 and "but the time of the instance is 0 s" in fmu.messages[-1][1]
+    assert fmu.step(0.0, -0.1) == 3 and fmu.step(0.0, float("inf")) == 3 and fmu.step(0.0, 0.1) == 0
+
+
+@compiled
+@pytest.mark.thorough
+def test_a_loop_that_cannot_close_names_its_equation(tmp_path):
+    reach = uqmbd.RandomVariable("reach", chaospy.Normal(0.5, 0.01), units="m")
+    mechanism = uqmbd.Mechanism("triangle", uqmbd.Planar(gravity=(0, -9.81)))
+    rod = mechanism.body("rod", mass=1, inertia=0.1, position=(0.5, 0))
+    mechanism.add(Revolute("A", mechanism.ground, rod, (0, 0), (-0.5, 0)))
+    mechanism.add(Distance("strut", mechanism.ground, rod, (0.8, 0.3), (0.5, 0), reach))
+    mechanism.output("x", rod.position[0], units="m")
+    fmu = exported(mechanism, tmp_path)
+    assert fmu.begin() == 0 and fmu.reset() == 0
+    assert fmu.set(["reach"], [3.0]) == 0 and fmu.begin() == 3
+    assert "cannot be assembled" in fmu.messages[-1][1] and "equation strut" in fmu.messages[-1][1]
+
+
+def bouncing():
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
+    ball = mechanism.body("ball", mass=1, position=(0, 1))
+    mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=0.8))
+    mechanism.output("height", ball.position[1], units="m")
+    return mechanism
+
+
+def controlled():
+    def control(time, measured, state):
+        return -measured, state
+
+    return rotor(uqmbd.Controller(measured=["speed"], commanded={"torque": "N m"}, rate=50, function=control))
+
+
+def driven(law):
+    mechanism = uqmbd.Mechanism("driven", uqmbd.Planar())
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.1), units="rad/s")
+    wheel = mechanism.body("wheel", mass=1, inertia=1)
+    mechanism.add(Revolute("bearing", mechanism.ground, wheel, (0, 0), (0, 0)))
+    mechanism.add(RotationDriver("drive", mechanism.ground, wheel, law(speed)))
+    mechanism.output("angle", wheel.angle, units="rad")
+    return mechanism
+
+
+def jumping(speed):
+    import sympy
+
+    return sympy.Piecewise((speed * uqmbd.t, uqmbd.t < 0.5), (0.5 * speed, True))
+
+
+REFUSED = {
+    "impact": (bouncing, {}, "component 'floor' has the event"),
+    "controller": (controlled, {}, "controller.*use an input"),
+    "unknown input": (rotor, {"held": ("force",)}, "'force' is no input; the inputs are"),
+    "input of a constraint": (
+        lambda: driven(lambda w: w * uqmbd.t),
+        {"held": ("speed",)},
+        "'speed' changes a constraint",
+    ),
+    "speed that jumps": (lambda: driven(jumping), {}, "'drive' prescribes jumps at 0.5 s"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_has_no_form_in_c_is_refused_by_name(case):
+    make, options, text = REFUSED[case]
+    with pytest.raises(uqmbd.StudyError, match=text):
+        motion_source(make(), **options)
+
+
+def test_the_refusal_is_known_beforehand():
+    assert "component 'floor'" in motion_refusal(bouncing()) and motion_refusal(rotor()) == ""
+
+
+def test_the_joint_distribution_travels_with_the_mechanism(tmp_path):
+    done = export_fmu(rotor(), tmp_path / "one.fmu", compiler="none", inputs=("torque",))
+    space = read_distributions(done.parameters)
+    assert space.inputs == rotor().inputs.names and done.platforms == ()
+
+
+@compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmpy_finds_nothing_and_simulates_the_same(fmi, tmp_path):
+    fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
+    from fmpy.validation import validate_fmu
+
+    times = np.linspace(0, 1, 11)
+    done = export_fmu(rotor(), tmp_path / "one.fmu", fmi=fmi, times=times, rtol=1e-9, inputs=("torque",))
+    assert validate_fmu(str(done.path)) == []
+    values = {"inertia": 0.42, "torque": 1.5}
+    found = fmpy.simulate_fmu(str(done.path), start_values=values, stop_time=1.0, output_interval=0.1)
+    expected = uqmbd.simulate(rotor(), times, values=values, rtol=1e-9)
+    np.testing.assert_allclose(found["speed"], expected["speed"].values, rtol=0, atol=1e-8)

@@ -1,0 +1,7 @@
+"""Motion of a mechanism as C source, for programs that integrate it without uqmbd."""
+
+from __future__ import annotations
+
+from uqmbd.dynamics.portable.motion import PortableMotion, motion_refusal, motion_source
+
+__all__ = ["PortableMotion", "motion_refusal", "motion_source"]

@@ -1,0 +1,255 @@
+"""C source of kernels, programs and tables, for programs that run without uqmbd.
+
+Kernels are translated from their LLVM IR, which has few operations (`uqmbd/compiled/writer.py`).
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from uqmbd.compiled import PLACES, EquationPrograms, Kernel, ProgramPart, RotationCoordinates, tableau
+from uqmbd.errors import StudyError
+
+__all__ = ["SourceWriter", "driver_sources"]
+
+PARTS = (
+    "program",
+    "contacts",
+    "events",
+    "lanes",
+    "turning",
+    "attempt",
+    "radau",
+    "dense",
+    "dop853",
+    "projection",
+    "assembly",
+)
+"""Sources of the driver that an integration needs, in the order of their inclusion."""
+
+HEADERS = ("program", "events", "radau", "dop853", "group", "assembly")
+"""Headers of these sources, without the one of vectors, which ``single_lane.h`` replaces."""
+
+_BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}
+
+_COMPARED = {"olt": "<", "ole": "<=", "ogt": ">", "oge": ">=", "oeq": "==", "une": "!="}
+
+_INTRINSICS = {"maximum": "larger_number", "minimum": "smaller_number"}
+
+_CONNECTED = {"and": "&", "or": "|", "xor": "^"}
+
+HELPERS = """/* Largest and smallest numbers; NaN if one of them is NaN. */
+static inline double larger_number(double a, double b) { return isnan(a) || isnan(b) ? NAN : a > b ? a : b; }
+static inline double smaller_number(double a, double b) { return isnan(a) || isnan(b) ? NAN : a < b ? a : b; }
+"""
+
+
+def driver_sources() -> dict[str, str]:
+    """Return the sources and headers of the driver for one realisation, by file name."""
+    folder = files("uqmbd.compiled").joinpath("source")
+    vectors = files("uqmbd.dynamics.portable").joinpath("single_lane.h").read_text(encoding="utf-8")
+    names = [*(f"{name}.c" for name in PARTS), *(f"{name}.h" for name in HEADERS)]
+    found = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
+    unit = "".join(f'#include "{name}.c"\n' for name in PARTS)
+    return {**found, "vectors.h": vectors, "driver.c": f"/* One translation unit. */\n{unit}"}
+
+
+class SourceWriter:
+    """C source that grows by kernels, tables and structures of the driver; equal contents are written once."""
+
+    def __init__(self) -> None:
+        self.parts = [HELPERS]
+        self._names: dict[tuple[str, str], str] = {}
+        self._kernels: dict[str, str] = {}
+
+    def integers(self, values: Any) -> str:
+        """Return the name of a table of integers; NULL if it is empty."""
+        return self._table("int64_t", [str(int(x)) for x in np.asarray(values).ravel().tolist()])
+
+    def numbers(self, values: Any) -> str:
+        """Return the name of a table of floating-point numbers; NULL if it is empty."""
+        return self._table("double", [_number(float(x)) for x in np.asarray(values, dtype=float).ravel().tolist()])
+
+    def texts(self, values: Sequence[str]) -> str:
+        """Return the name of a table of texts of ASCII characters; NULL if it is empty."""
+        return self._table("char *const", [_text(x) for x in values])
+
+    def _table(self, kind: str, items: list[str]) -> str:
+        if not items:
+            return "NULL"
+        body = ",\n    ".join(", ".join(items[k : k + 8]) for k in range(0, len(items), 8))
+        name = self._names.get((kind, body))
+        if name is None:
+            name = self._names[kind, body] = f"t{len(self._names)}"
+            self.parts.append(f"static const {kind} {name}[{len(items)}] = {{\n    {body}}};\n")
+        return name
+
+    def kernel(self, kernel: Kernel) -> str:
+        """Return the name of the function of a kernel; raise StudyError if it looks up tables."""
+        if not kernel.code:
+            return "NULL"
+        if kernel.name not in self._kernels:
+            name = f"k{len(self._kernels)}"
+            self.parts.append(_function(name, zlib.decompress(kernel.source).decode()))
+            self._kernels[kernel.name] = name
+        return self._kernels[kernel.name]
+
+    def program(self, part: ProgramPart) -> str:
+        """Return the value of a structure `Program`; raise StudyError if a step is a method of the driver."""
+        rows = []
+        for s in part.steps:
+            if s.method:
+                raise StudyError("the mechanism is too large for a compiled elimination")
+            inputs, outputs, code = 0, 1, "NULL"
+            if s.kernel is not None:
+                inputs, outputs, code = s.kernel.inputs, s.kernel.outputs, self.kernel(s.kernel)
+            reads = "NULL" if s.reads is None else self.integers(s.reads)
+            starts = "NULL" if s.starts is None else self.integers(s.starts)
+            rows.append(f"{{{code}, {reads}, {starts}, {s.count}, {inputs}, {outputs}, {s.first}, {s.to}, NULL, NULL}}")
+        return f"{{{self._table('Step', rows)}, {len(rows)}, {part.scratch}}}"
+
+    def equations(self, of: EquationPrograms) -> tuple[str, int]:
+        """Return the value of a structure `Equations`, and its memory in vectors."""
+        tables = of._tables
+        names = {name: self.numbers(x) if name == "factors" else self.integers(x) for name, x in tables.items()}
+        lower, entries, solved = len(tables["below"]), len(of.gradients.rows), len(of.solved)
+        sizes = (of.program.rows, len(of.values), solved, of.certain, of.unknowns, entries, lower)
+        order = "values starts columns from_ factors next ends others rows_of first below changes places owners".split()
+        memory = of.program.rows + entries + 3 * len(of.values) + lower + 2 * solved + 3 * of.unknowns
+        listed = ", ".join([*map(str, sizes), *(names[name] for name in order), _number(of.shortest)])
+        return f"{{{self.program(of.program.part)}, {listed}}}", memory
+
+    def turns(self, of: RotationCoordinates) -> str:
+        """Return the value of a structure `Turns`."""
+        bodies, size = of.coordinates.shape
+        tables = f"{self.integers(of.coordinates)}, {self.integers(of.free)}"
+        return f"{{{tables}, {bodies if size else 0}, {size}, {of.dimension}}}"
+
+    def tableau(self) -> str:
+        """Return the value of a structure `Tableau`."""
+        _, (starts, index, weights, moments) = tableau()
+        tables = (self.integers(starts), self.integers(index), self.numbers(weights), self.numbers(moments))
+        return f"{{{', '.join(tables)}}}"
+
+    def recorded_places(self) -> str:
+        """Return the name of the table of places in a step at which states are recorded."""
+        return self.numbers(PLACES)
+
+    def source(self) -> str:
+        """Return the source of all kernels and tables."""
+        return "\n".join(self.parts)
+
+
+def _number(value: float) -> str:
+    if np.isnan(value):
+        return "NAN"
+    if np.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(value)
+
+
+def _text(value: str) -> str:
+    """Return a string in C; other characters than those of ASCII are octal sequences of UTF-8."""
+    plain = {34: '\\"', 92: "\\\\", 63: "\\?"}
+    return '"' + "".join(plain.get(b) or (chr(b) if 32 <= b < 127 else f"\\{b:03o}") for b in value.encode()) + '"'
+
+
+_TYPED = re.compile(r"<\d+ x (?:double|i1)> (%[\w.]+|splat \((?:double|i1) [^)]*\))")
+"""Operand with its type."""
+
+_OPERAND = re.compile(r"%[\w.]+|splat \((?:double|i1) [^)]*\)")
+
+
+def _value(operand: str) -> str:
+    """Return an operand in C."""
+    if operand.startswith("%"):
+        return operand[1:]
+    text = operand[operand.index("(") + 1 : -1].split()[1]
+    if text in ("true", "false"):
+        return "1" if text == "true" else "0"
+    (number,) = struct.unpack(">d", bytes.fromhex(text[2:]))
+    found = _number(number)
+    return f"({found})" if found.startswith("-") else found
+
+
+def _function(name: str, source: str) -> str:
+    """Translate the LLVM IR of a kernel to a function in C."""
+    if "@look_up" in source:
+        raise StudyError("an expression looks up a table or a sampled path")
+    body, addresses = list[tuple[str, str, str]](), dict[str, str]()  # type, result and text of each operation
+    inside = False
+    for line in source.splitlines():
+        if line.startswith("define void"):
+            inside = True
+            continue
+        if not inside or line.startswith(("br ", "ret ", "}")) or line.endswith(":"):
+            inside = inside and not line.startswith("}")
+            continue
+        if line.startswith("store "):
+            value, place = _TYPED.findall(line)[0], line[line.index("ptr %") + 5 :].split(",")[0]
+            body.append(("", addresses[place], _value(value)))
+            continue
+        target, _, operation = line.partition(" = ")
+        if not target.startswith("%v"):
+            continue  # the loop over the parts of a row
+        result, word = target[1:], operation.split()[0]
+        if word == "getelementptr":
+            of, row = operation[operation.index("ptr %") + 5 :].split(", i64 ")
+            addresses[result] = f"{of}[{row}]"
+        elif word == "load":
+            place = operation[operation.index("ptr %") + 5 :].split(",")[0]
+            body.append(("const double ", result, addresses[place]))
+        else:
+            kind, text = _translated(word, operation)
+            body.append((f"const {kind} ", result, text))
+    return "\n".join(
+        [
+            f"static void {name}(const V *arguments, V *results) {{",
+            "    const double *x = (const double *)arguments;",
+            "    double *y = (double *)results;",
+            "    (void)x;",
+            *(f"    {kind}{result} = {text};" for kind, result, text in _used(body)),
+            "}",
+            "",
+        ]
+    )
+
+
+def _used(body: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """Return the operations on which a result depends."""
+    needed, found = set[str](), list[tuple[str, str, str]]()
+    for kind, result, text in reversed(body):
+        if not kind or result in needed:
+            needed |= set(re.findall(r"v\d+", text))
+            found.append((kind, result, text))
+    return found[::-1]
+
+
+def _translated(word: str, operation: str) -> tuple[str, str]:
+    """Return the type and the C text of an operation of LLVM."""
+    if word == "call":
+        called = operation[operation.index("@") + 1 : operation.index("(")]
+        listed = ", ".join(_value(x) for x in _TYPED.findall(operation[operation.index("(") :]))
+        function = called.split(".")[1]
+        return "double", f"{_INTRINSICS.get(function, function)}({listed})"
+    if word == "select":
+        mask, yes, no = (_value(x) for x in _TYPED.findall(operation))
+        return "double", f"{mask} ? {yes} : {no}"
+    values = [_value(x) for x in _OPERAND.findall(operation)]
+    if word in _BINARY:
+        return "double", f"{values[0]} {_BINARY[word]} {values[1]}"
+    if word == "fneg":
+        return "double", f"-{values[0]}"
+    if word == "fcmp":
+        how = operation.split()[1]
+        if how == "one":
+            return "int", f"{values[0]} < {values[1]} || {values[0]} > {values[1]}"
+        return "int", f"{values[0]} {_COMPARED[how]} {values[1]}"
+    return "int", f"{values[0]} {_CONNECTED[word]} {values[1]}"

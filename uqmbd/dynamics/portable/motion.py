@@ -1,0 +1,392 @@
+"""Motion of a mechanism as C source, for programs that integrate it without uqmbd."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.arguments import typechecked
+from uqmbd.dynamics.assembly import equation_programs
+from uqmbd.dynamics.ensemble import Ensemble, referenced
+from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.dynamics.integration import explicit_method
+from uqmbd.dynamics.model_building import build
+from uqmbd.dynamics.observation import output_program
+from uqmbd.dynamics.portable.c_source import SourceWriter, driver_sources
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import LARGEST, Mechanism
+from uqmbd.typing import Array
+
+__all__ = ["PortableMotion", "motion_refusal", "motion_source"]
+
+STAGES = 12 + 4 + 7 + 5 + 5
+"""Number of states in the workspace of the explicit method: stages, interpolant, nodes and others."""
+
+POOR = 1e-7
+"""Relative residual of accelerations and reactions above which a program warns."""
+
+
+@dataclass(frozen=True)
+class PortableMotion:
+    """Motion of a mechanism as C source: the driver of uqmbd, and kernels and tables of the mechanism.
+
+    Attributes
+    ----------
+    files : dict of str to str
+        Source files and headers by name: ``driver.c`` includes the parts of the driver, and ``motion.h`` declares the
+        tables, which ``motion_data.c`` defines.
+    inputs : tuple of str
+        Names of the inputs, in the order of their values.
+    outputs : tuple of str
+        Names of the outputs, in their order.
+    units : tuple of str
+        Units of the outputs.
+
+    Examples
+    --------
+    >>> from uqmbd.extend import PortableMotion
+    >>> PortableMotion({"driver.c": ""}, ("speed",), ("height",), ("m",)).outputs
+    ('height',)
+    """
+
+    files: dict[str, str]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@typechecked
+def motion_refusal(mechanism: Mechanism, times: ArrayLike = (0.0, 1.0)) -> str:
+    """Return why the motion of a mechanism has no form in C, or an empty text.
+
+    Parameters
+    ----------
+    mechanism : uqmbd.Mechanism
+        Mechanism.
+    times : array_like, shape (T,)
+        Output times of a typical simulation, s; the first one is the start.
+
+    Returns
+    -------
+    str
+        Reason, which names the component; empty if the motion can be written in C.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> uqmbd.extend.motion_refusal(mechanism)
+    ''
+    """
+    try:
+        motion_source(mechanism, times)
+    except StudyError as error:
+        return str(error).partition(" cannot be written in C: ")[2] or str(error)
+    return ""
+
+
+@typechecked
+def motion_source(
+    mechanism: Mechanism, times: ArrayLike = (0.0, 1.0), *, held: Sequence[str] = (), rtol: float = 1e-6
+) -> PortableMotion:
+    """Write the motion of a mechanism as C source.
+
+    Parameters
+    ----------
+    mechanism : uqmbd.Mechanism
+        Mechanism with outputs over time.
+    times : array_like, shape (T,)
+        Output times of a typical simulation, s. The first one is the start. They determine steps for functions of time.
+    held : sequence of str
+        Names of inputs that change during the motion, and are constant in each step. They must not change constraints.
+    rtol : float
+        Relative tolerance of the typical simulation.
+
+    Returns
+    -------
+    PortableMotion
+        Source files, and names of inputs and outputs.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the mechanism has impacts, controllers, tables or other parts without a form in C; the message names them.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> found = uqmbd.extend.motion_source(mechanism)
+    >>> found.outputs, sorted(found.files)[:2]
+    (('height',), ['assembly.c', 'assembly.h'])
+    """
+    grid = np.asarray(times, dtype=float)
+    means = mechanism.inputs.means
+    model = referenced(build(mechanism, float(grid[0])), means)
+    ensemble = Ensemble(model, means[None, :])
+    why = _obstacle(model) or _obstacle_of_time(model, ensemble, grid, rtol)
+    if not why:
+        try:
+            unknown = sorted(set(held) - set(model.inputs))
+            if unknown:
+                raise StudyError(f"{unknown[0]!r} is no input; the inputs are {', '.join(model.inputs) or 'none'}")
+            _check_held(model, ensemble, held)
+            return _written(model, ensemble, grid, rtol)
+        except StudyError as error:
+            why = str(error)
+    raise StudyError(f"The motion of mechanism {mechanism.name!r} cannot be written in C: {why.rstrip('.')}.")
+
+
+def _obstacle(model: Model) -> str:
+    """Return why the driver alone does not integrate a model, or an empty text."""
+    if model.events:
+        component, label, _ = model.events[0]
+        return f"component {component!r} has the event {label!r}, and events are decided in Python"
+    if model.controls:
+        return "it has a controller, which is a function in Python; use an input of the motion as the command"
+    if model.paths or model.excitations:
+        return "it has sampled paths or excitations"
+    if model.start_at != "drawn":
+        return "its realisations start in static equilibrium"
+    if model.conditions is not None:
+        return f"it has the start condition {model.conditions.names[0]!r}"
+    if model.tables:
+        return "it has tables over time"
+    if model.system is None or model.system.programs is None:
+        return "it has too many equations for compiled elimination"
+    if not model.outputs.names:
+        return "it has no output over time"
+    return ""
+
+
+def _obstacle_of_time(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> str:
+    if not ensemble.start.ok[0]:
+        return ensemble.start.messages[0]
+    if len(times) < 2:
+        return "there is a single time"
+    breaks = ensemble.breaks[0]
+    breaks = breaks[(breaks > times[0]) & (breaks < times[-1])]
+    near = 1e-9 * float(np.abs(times).max())
+    for interval in ensemble.pace(times, rtol)[:-1]:
+        if interval.jumps and not np.any(np.abs(breaks - interval.end) <= near):
+            return f"a function of time jumps at {interval.end:g} s, which no formula states"
+    return _obstacle_of_speeds(model, ensemble, breaks, near) if model.rheonomic and model.layout.rank else ""
+
+
+def _obstacle_of_speeds(model: Model, ensemble: Ensemble, breaks: Array, near: float) -> str:
+    """Return the first time at which a prescribed speed jumps, as a reason; empty if there is none."""
+    start, speeds = ensemble.start, list[Array]()
+    for moment in breaks.tolist():
+        for side in (-near, near):
+            arguments = state_arguments(moment + side, start.q, start.s, start.v)
+            speeds.append(model.evaluate("velocity", arguments, ensemble.block)["phi_t"][0])
+        jump = np.abs(speeds[-1] - speeds[-2])
+        if jump.max(initial=0.0) > 1e-6 * max(1.0, float(np.abs(speeds[-1]).max())):
+            return (
+                f"the speed that {model.owners[int(jump.argmax())]!r} prescribes jumps at {moment:g} s, and velocities "
+                "after a jump are decided in Python"
+            )
+    return ""
+
+
+def _check_held(model: Model, ensemble: Ensemble, held: Sequence[str]) -> None:
+    """Raise StudyError if an input that changes during the motion changes a constraint."""
+    start = ensemble.start
+    arguments = state_arguments(model.time, start.q, start.s, start.v)
+    for name in held:
+        values = ensemble.values.copy()
+        column = model.inputs.index(name)
+        values[:, column] += max(1e-3, 1e-3 * abs(float(values[0, column])))
+        moved = model.parameters(values)[:, : model.block_parameters]
+        for kind, part in (("position", "phi"), ("velocity", "phi_t"), ("velocity", "d")):
+            before = model.evaluate(kind, arguments, ensemble.block)[part]
+            if not np.array_equal(before, model.evaluate(kind, arguments, moved)[part]):
+                raise StudyError(
+                    f"the input {name!r} changes a constraint, so the motion would jump when it changes; use it as a "
+                    "parameter"
+                )
+
+
+def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> PortableMotion:
+    w, layout, programs = SourceWriter(), model.layout, model.system.programs
+    d, method = programs.dynamics, explicit_method(rtol, guarded=bool(layout.rank), attempts=200_000)
+    k = d.constraints
+    empty = "{NULL, 0, 0}"
+    closing, speeds = equation_programs(model)
+    closing_text, closing_memory = w.equations(closing.equations)
+    speeds_text, speeds_memory = w.equations(speeds)
+    outputs = output_program(model, model.outputs)
+    assert outputs is not None
+    stated = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
+    initial, initial_states = None, np.zeros(0, dtype=np.int64)
+    if layout.states:
+        evaluator = model.evaluators["initial"]
+        initial = evaluator.program(layout.width + 2, model.block_parameters)
+        columns, (initial_states,) = evaluator.index.get("s", (np.zeros(0, dtype=np.int64), (initial_states,)))
+        assert np.array_equal(columns, np.arange(len(columns)))
+    longest = min((x.longest for x in ensemble.pace(times, rtol)), default=np.inf)
+    if model.rough:
+        longest = min(longest, float(np.diff(times).max()))
+    longest = min(longest, model.max_step)
+    equations = 0 if k is None else len(k.residuals)
+    rows = [outputs.rows, d.rows + equations + 1, 0 if initial is None else initial.rows]
+    work = max(d.rows + STAGES * layout.width + 2 * layout.coordinates + 5 + 2 * len(d.turns), *rows)
+    work = max(work, closing_memory, speeds_memory)
+    turn = d.turns.shape[1] if d.turns.size else 0
+    projections = {} if k is None else {"values": k.values, "drift": k.drift, "place": k.place, "move": k.move}
+    problem = {
+        **{"blocks": d.blocks, "width": d.width, "coordinates": d.coordinates, "velocities": d.velocities},
+        **{"parameters": d.parameters, "time": d.width, "rows": d.rows, "motion": w.program(d.motion)},
+        **{"rate": w.integers(d.rate), "turning": len(d.turns), "turn": d.turns.shape[1]},
+        **{"turns": w.integers(d.turns[:, :1]) if turn else "NULL"},
+        **{name: w.program(part) for name, part in projections.items()},
+        "surplus": "NULL" if k is None else w.integers(k.surplus),
+        "residuals": "NULL" if k is None else w.integers(k.residuals),
+        **{"positions": 0 if k is None else k.positions, "equations": equations, "tableau": "&method"},
+        **{"moving": repr(float(d.moving)), "surplus_allowed": repr(method.surplus), "stiff": repr(method.stiff)},
+        **{"patience": "INT64_MAX", "refusals": method.refusals, "attempts": method.attempts},
+        **{"guarded": int(method.guarded), "instants": 2, "places": w.recorded_places()},
+    }
+    limits = [
+        f"{{{w.texts([x.name])}, {x.index}, {_end(x.minimum)}, {_end(x.maximum)}, {int(x.exclusive)}}}"
+        for x in model.limits
+    ]
+    tensors = [f"{{{w.texts([x.body])}, {w.integers(x.index)}}}" for x in model.tensors]
+    constants = w.numbers(model.parameters.constants)
+    random, kernel = w.integers(model.parameters.random), w.kernel(model.parameters.kernel)
+    values = {
+        "drawn_places": w.integers(model.drawn),
+        "stated_places": w.integers(stated),
+        "break_places": w.integers(model.breaks),
+        "added_parameters": w.numbers(model.added_breaks),
+        "constant_parameters": constants,
+        "random_places": random,
+        "equation_values": w.integers(closing.equations.values),
+        "equation_names": w.texts(model.equations),
+        "mirror_rows": w.integers(closing.cosines),
+        "output_rows": w.integers(outputs.results),
+        "output_turns": w.numbers(model.outputs.turns),
+        "output_references": w.numbers(model.outputs.reference),
+        "output_counted": w.integers(model.outputs.counted.astype(int)),
+        "initial_rows": "NULL" if initial is None else w.integers(initial.results),
+        "initial_places": w.integers(initial_states),
+    }
+    sizes = {
+        "MOTION_INPUTS": len(model.inputs),
+        "MOTION_OUTPUTS": len(model.outputs.names),
+        "MOTION_RESULTS": len(outputs.results),
+        "MOTION_COORDINATES": layout.coordinates,
+        "MOTION_STATES": layout.states,
+        "MOTION_WIDTH": layout.width,
+        "MOTION_PARAMETERS": len(model.parameters.constants),
+        "MOTION_RANDOM": len(model.parameters.random),
+        "MOTION_BLOCK": model.block_parameters,
+        "MOTION_STATED": len(stated),
+        "MOTION_CONSTRAINTS": len(model.equations),
+        "MOTION_EQUATIONS": equations,
+        "MOTION_MIRRORS": len(closing.cosines),
+        "MOTION_INITIAL": len(initial_states),
+        "MOTION_BREAKS": len(model.breaks),
+        "MOTION_ADDED": len(model.added_breaks),
+        "MOTION_WORK": work,
+        "MOTION_LIMITS": len(limits),
+        "MOTION_TENSORS": len(tensors),
+        "MOTION_MOVES": int(bool(model.statements) or model.rheonomic),
+    }
+    data = [
+        '/* Kernels and tables of the mechanism. */\n#include "motion.h"\n',
+        w.source(),
+        f"static const Tableau method = {w.tableau()};",
+        "const Problem motion_problem = {" + ",\n    ".join(f".{name} = {x}" for name, x in problem.items()) + "};",
+        f"const Equations motion_closing = {closing_text};",
+        f"const Equations motion_speeds = {speeds_text};",
+        f"const Turns motion_turns = {w.turns(closing.turns)};",
+        f"const Program motion_outputs = {w.program(outputs.part)};",
+        f"const Program motion_initial = {empty if initial is None else w.program(initial.part)};",
+        f"Kernel *const motion_parameters = {kernel};",
+        *(f"const int64_t *const motion_{name} = {x};" for name, x in values.items() if _whole(name)),
+        *(f"const double *const motion_{name} = {x};" for name, x in values.items() if _real(name)),
+        f"const char *const *const motion_equation_names = {values['equation_names']};",
+        f"const Limit motion_limits[] = {{{', '.join(limits) or '{NULL, 0, 0.0, 0.0, 0}'}}};",
+        f"const Tensor motion_tensors[] = {{{', '.join(tensors) or '{NULL, NULL}'}}};",
+        f"const double motion_longest = {_end(longest)};",
+        "",
+    ]
+    # tables that a structure names must precede it
+    kept = w.source()
+    data[1] = kept
+    declared = _header(sizes, values)
+    found = {**driver_sources(), "motion.h": declared, "motion_data.c": "\n".join(data)}
+    return PortableMotion(found, tuple(model.inputs), tuple(model.outputs.names), tuple(model.outputs.units))
+
+
+def _whole(name: str) -> bool:
+    return name.endswith(("_places", "_values", "_rows", "_counted"))
+
+
+def _real(name: str) -> bool:
+    return name.endswith(("_parameters", "_turns", "_references"))
+
+
+def _end(value: float) -> str:
+    if np.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def _header(sizes: dict[str, int], values: dict[str, Any]) -> str:
+    """Return the header of the tables."""
+    enumerated = ",\n".join(f"    {name} = {size}" for name, size in sizes.items())
+    tables = [f"extern const int64_t *const motion_{name};" for name in values if _whole(name)]
+    tables += [f"extern const double *const motion_{name};" for name in values if _real(name)]
+    return "\n".join(
+        [
+            "/* Sizes and tables of the motion of a mechanism. */",
+            "#ifndef UQMBD_MOTION_H",
+            "#define UQMBD_MOTION_H",
+            "",
+            '#include "dop853.h"',
+            '#include "assembly.h"',
+            "",
+            f"enum {{\n{enumerated},\n}};",
+            "",
+            f"#define MOTION_LARGEST {LARGEST!r}",
+            f"#define MOTION_POOR {POOR**2!r}",
+            "",
+            "/* Parameter with a range. */",
+            "typedef struct {",
+            "    const char *const *name;",
+            "    int64_t index;",
+            "    double minimum, maximum;",
+            "    int exclusive;",
+            "} Limit;",
+            "",
+            "/* Inertia tensor: six parameters Jxx, Jyy, Jzz, Jxy, Jxz, Jyz. */",
+            "typedef struct {",
+            "    const char *const *body;",
+            "    const int64_t *index;",
+            "} Tensor;",
+            "",
+            "extern const Problem motion_problem; /* without tolerances and times */",
+            "extern const Equations motion_closing, motion_speeds;",
+            "extern const Turns motion_turns;",
+            "extern const Program motion_outputs, motion_initial;",
+            "extern Kernel *const motion_parameters;",
+            *tables,
+            "extern const char *const *const motion_equation_names;",
+            "extern const Limit motion_limits[];",
+            "extern const Tensor motion_tensors[];",
+            "extern const double motion_longest;",
+            "",
+            "#endif",
+            "",
+        ]
+    )
