@@ -27,7 +27,7 @@ STATEMENTS = {
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_170,
-    "uqmbd.dynamics": 14_830,
+    "uqmbd.dynamics": 15_180,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 180,
     "uqmbd.mechanism": 5_480,
