@@ -27,7 +27,7 @@ ITERATIONS = 8
 """Largest number of iterations of a step."""
 
 
-MATRICES = (0.0, 0.5, 1.0)
+MATRICES = (0.0, 1 / 3, 2 / 3, 1.0)
 """Parts of a step at which matrices are evaluated; those of the stages are interpolated."""
 
 

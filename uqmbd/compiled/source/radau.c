@@ -8,7 +8,6 @@ static const double SHARE = 0.25;     /* error of a step, relative to its estima
 static const double LONGER = 2.0;     /* most by which the size of a step grows */
 static const double LEAST_PIVOT = 1e-9;  /* least pivot, relative to its row */
 static const double YIELDING = 1e-12; /* compliance of contacts, as several may hold the same motion */
-static const double MIDDLE = 0.5;     /* part of a step at which its second matrix is evaluated */
 
 int64_t implicit_rows(const Problem *p) {
     const Implicit *m = p->implicit;
@@ -404,10 +403,11 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     copy(g->work, g->z, width);
     evaluate_matrix(p, g, g->now, 0);
     for (int64_t i = 0; i < width; i++) g->rates[i] = g->work[m->rate[i]];
-    interpolate_stages(p, g, splat(MIDDLE), g->work);
-    evaluate_matrix(p, g, g->now + MIDDLE * size, 1);
-    interpolate_stages(p, g, splat(1.0), g->work);
-    evaluate_matrix(p, g, g->now + size, 2);
+    for (int64_t k = 1; k < MATRICES; k++) {
+        V part = splat((double)k / (MATRICES - 1));
+        interpolate_stages(p, g, part, g->work);
+        evaluate_matrix(p, g, g->now + part * size, k);
+    }
     factorise_systems(p, g, s, size);
     Mask open = g->running, done = {0};
     V before = splat(0.0), contraction = g->contraction, count = splat(0.0);
@@ -444,7 +444,9 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     double most = (double)m->iterations;
     V growth = growth_of(m, found) * (2.0 * most + 1.0) / (2.0 * most + count);
     g->error = choose(done, choose(found == found, found, splat(DIVERGED)), splat(DIVERGED));
-    g->growth = choose(g->error < splat(DIVERGED), smaller(growth, splat(LONGER)), splat(SHORTER));
+    /* an iteration that took many passes may not converge in a longer step */
+    V most_growth = choose(count > splat(4.5), splat(1.0), choose(count > splat(3.5), splat(1.3), splat(LONGER)));
+    g->growth = choose(g->error < splat(DIVERGED), smaller(growth, most_growth), splat(SHORTER));
     const V *last = g->stages + (m->stages - 1) * width;
     for (int64_t i = 0; i < width; i++) g->work[i] = g->next[i] = g->base[i] + last[i];
     if (!p->surplus) return;

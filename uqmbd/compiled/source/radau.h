@@ -7,7 +7,7 @@
 
    where J_i is the derivative of the rate at stage i.  One matrix for all stages would decouple them, but then the
    iteration converges in short steps only, where a stiff direction turns within a step.  So J_i is interpolated between
-   the begin, the middle and the end of the step, as they are predicted.  From the derivatives of the equations of motion
+   four times of the step, as it is predicted.  From the derivatives of the equations of motion
 
        F(q, s, v, a, lambda) = M a - Q + h + D^T lambda = 0,   G(q, s, v, a) = D a - gamma = 0,   s' = g(q, s, v)
 
@@ -26,7 +26,7 @@
 
 #include "program.h"
 
-enum { MOST_STAGES = 5, MATRICES = 3 };
+enum { MOST_STAGES = 5, MATRICES = 4 };
 
 typedef struct {
     int64_t stages;            /* 3 or 5 */
