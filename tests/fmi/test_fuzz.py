@@ -1,0 +1,37 @@
+"""Random sequences of calls, compiled with sanitizers: errors have a status and a message, and nothing crashes."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from uqmbd_fmi import export_fmu
+
+from .surrogates import KINDS, node
+from .test_mechanism_fmu import rotor
+
+SANITIZED = ("-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+@pytest.mark.parametrize("kind", ["composed", "dependent", "mechanism"])
+def test_no_sequence_of_calls_crashes(kind, tmp_path):
+    mechanism = kind == "mechanism"
+    source = rotor() if mechanism else node(KINDS[kind]())
+    done = export_fmu(source, tmp_path / "one.fmu", compiler="none", inputs=("torque",) if mechanism else ())
+    with zipfile.ZipFile(done.path) as archive:
+        archive.extractall(tmp_path)
+    own = ("mechanism.c", "driver.c", "motion_data.c") if mechanism else ("surrogate.c",)
+    sources = [str(tmp_path / "sources" / name) for name in ("instance.c", "fmi2.c", "data.c", *own)]
+    words = ["gcc", *SANITIZED, *sources, str(Path(__file__).with_name("fuzz.c")), "-lm", "-o", str(tmp_path / "fuzz")]
+    made = subprocess.run(words, capture_output=True, text=True, check=False)
+    if made.returncode and "asan" in made.stderr:
+        pytest.skip("gcc has no sanitizers")
+    assert made.returncode == 0, made.stderr
+    run = subprocess.run([str(tmp_path / "fuzz"), "1", "200"], capture_output=True, text=True, check=False)
+    assert run.returncode == 0 and " calls, " in run.stdout, run.stderr[-2000:]
