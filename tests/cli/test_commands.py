@@ -163,7 +163,7 @@ def test_an_unknown_command_says_what_there_is(install, command_line):
     install("plugin_good", GOOD)
     assert "Did you mean 'fail-as'?" in command_line("fail-us")[2]
     assert "Did you mean 'check'?" in command_line("chek")[2]
-    assert "There are run, check, animate, plugins, report, compare, new, fail-as." in " ".join(
+    assert "There are run, check, animate, export, view, plugins, report, compare, new, fail-as." in " ".join(
         command_line("xyz")[2].split()
     )
 

@@ -19,7 +19,7 @@ from studies.methods.cases import CASES, Reference
 from studies.methods.regret import costs_of, moments
 from studies.methods.runs import rows_of
 
-from uqmbd.results import error_against_cost
+from uqmbd.extend import error_against_cost
 from uqmbd_gaussian_process import GaussianProcess, UnscentedTransform
 from uqmbd_montecarlo import MonteCarlo
 

@@ -106,6 +106,7 @@ from .results import QuasiPeriodicElement as QuasiPeriodicElement
 from .results import StatedError as StatedError
 from .results import SurrogateModel as SurrogateModel
 from .results import Violations as Violations
+from .results import error_against_cost as error_against_cost
 from .results import labels as labels
 from .results import least_squares as least_squares
 from .results import project as project

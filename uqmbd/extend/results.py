@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.results.assessment import error_against_cost as error_against_cost
 from uqmbd.results.chaos import AlignedElement as AlignedElement
 from uqmbd.results.chaos import CustomSurrogate as CustomSurrogate
 from uqmbd.results.chaos import Markers as Markers

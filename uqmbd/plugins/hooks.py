@@ -196,7 +196,7 @@ KINDS = {
         True,
         "run",
         (),
-        ("run", "check", "animate", "export", "plugins", "report", "compare", "new"),
+        ("run", "check", "animate", "export", "view", "plugins", "report", "compare", "new"),
         command_problem,
         COMMANDS_GROUP,
     ),

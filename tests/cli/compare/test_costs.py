@@ -85,7 +85,7 @@ def test_the_regret_is_that_of_a_search(methods, accuracy, own):
         return results.propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=1.0)
 
     nodes = {f"m{k}": node(f"m{k}", mean, 1 + std, cost) for k, (mean, std, cost) in enumerate(methods)}
-    found = results.error_against_cost({**nodes, "all": node("all", 0.0, 1.0, 10**7)}, "all", [accuracy])
+    found = uqmbd.extend.error_against_cost({**nodes, "all": node("all", 0.0, 1.0, 10**7)}, "all", [accuracy])
     assert found.attrs["reference_accuracy"] == pytest.approx(1.96 * own)
     costs = [cost for mean, std, cost in methods if max(mean, 1 + std - 1) <= accuracy]
     for (mean, std, cost), regret in zip(methods, found["regret"].values[:, 0], strict=True):
