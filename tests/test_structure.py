@@ -29,7 +29,7 @@ STATEMENTS = {
     "uqmbd.compiled": 2_170,
     "uqmbd.dynamics": 15_180,
     "uqmbd.exchange": 240,
-    "uqmbd.extend": 180,
+    "uqmbd.extend": 190,
     "uqmbd.mechanism": 5_480,
     "uqmbd.new": 231,
     "uqmbd.plugins": 410,
