@@ -48,8 +48,8 @@ def show_comparison(
 def _show_all(
     trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference: str | None, out: Path | None, table: Path | None
 ) -> None:
-    from uqmbd.extend import error_against_cost
     from uqmbd.results import compare, failed_methods, propagator_nodes, scalar_nodes
+    from uqmbd.results.assessment import error_against_cost
     from uqmbd.results.storage import not_verified
     from uqmbd.results.tree import happening
 
