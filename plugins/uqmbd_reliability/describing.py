@@ -69,7 +69,7 @@ def described(
             gradient,
             {
                 "long_name": "derivative of the probability by mean and standard deviation of the input",
-                "comment": "where the standard normal variable behind the input is shifted and widened: a bounded "
+                "comment": "for a shift and a scaling of the standard normal variable of the input, so that a bounded "
                 "input keeps its bounds; NaN for inputs that depend otherwise than by a Gaussian copula",
             },
         ),

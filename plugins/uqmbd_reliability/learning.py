@@ -46,7 +46,7 @@ PLAIN = 0.5
 """Share of draws from the unchanged proposal."""
 
 DOUBT = 1e-4
-"""Probability of a wrong sign above which a point may be wrong, for the bound if no wrong sign was observed."""
+"""Points with a larger probability of a wrong sign count as uncertain in the bound on unobserved sign errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,11 +215,10 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
     for k in range(real.shape[1]):
         violated, said = real[:, k] < 0, guess[drawn, k] < 0
         counted = np.where(guess[:, k] < 0, population.ratio, 0.0)
-        # for the bound of unobserved errors: weights of draws with an uncertain sign, and with an apparently certain
-        # one
+        # for the bound on unobserved errors: weights of points with an uncertain sign, and of predicted violations
         unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
         most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
-        # the probability also excludes realisations that were predicted and failed
+        # realisations without a result are also subtracted if a violation was predicted
         missed, false = weights * (violated & ~said), weights * (~violated & said)
         mean = float(counted.mean() + missed.mean() - false.mean())
         error = float(np.hypot(_error(counted), _error(missed - false)))

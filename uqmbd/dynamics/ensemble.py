@@ -132,7 +132,7 @@ class Ensemble:
         return pace(self, np.asarray(times, dtype=float), rtol, knots=True)
 
     def sampling(self, times: Array) -> Sampling | None:
-        """Return the samples of the controllers in one integration, for integrators that declare ``sampled``.
+        """Return the samples of the controllers in one integration, for integrators that declare ``sampled_control``.
 
         Parameters
         ----------

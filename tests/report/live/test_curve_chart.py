@@ -70,7 +70,7 @@ def test_peaks_of_each_of_many_times_are_kept():
         ([0.0, 1.0], Curve("a", [1.0, 2.0]), "expected a sequence"),
         ([0.0, 1.0], [[1.0, 2.0]], "expected a sequence"),
         ([0.0, 1.0], [Curve("a", [1.0])], "curve 'a' has (1,); expected numbers of the shape of times, (2,)"),
-        ([0.0, 1.0], [Curve("a", [1.0, np.inf])], "curve 'a' has an infinity; NaN says"),
+        ([0.0, 1.0], [Curve("a", [1.0, np.inf])], "curve 'a' contains an infinity; expected numbers"),
         ([0.0, 1.0], [Curve("a", ["x", "y"])], "expected real numbers"),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0.0], [1.0, 1.0]),))], "the lower end of 'b' of 'a' has (1,)"),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0])] * 2, "a different name for each"),

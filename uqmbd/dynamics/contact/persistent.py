@@ -197,9 +197,10 @@ def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: floa
 
 
 def _lasting_solution(problem: Collision) -> tuple[Array, bool] | None:
-    """Return the first stable forces (direction,) at which the laws hold, and whether other forces also satisfy them.
+    """Return the first stable forces (direction,) that satisfy the laws, and whether unstable forces also satisfy them.
 
-    A compliant contact leaves forces at which its stiffness, seen through the bodies, does not restore the contact.
+    Forces are unstable if the stiffness of a compliant contact, coupled by the bodies, does not return the contact to
+    them. If all forces are unstable, return the first ones. If none satisfy the laws, return None.
     """
     unstable: Array | None = None
     for force in solutions(problem):
@@ -274,7 +275,7 @@ def heading_of(friction: Array) -> Array:
 
 
 class PersistentContacts(NamedTuple):
-    """Modes and motion of persistent contacts, and whether the laws also allow `several` other motions."""
+    """Modes and motion of persistent contacts; `several` states whether an unstable motion also satisfies the laws."""
 
     lasting: ContactModes
     motion: ContactMotion

@@ -63,8 +63,8 @@ class Interval(NamedTuple):
 def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> tuple[Interval, ...]:
     """Return the integration intervals of a batch with shared steps, for output times (T,), s.
 
-    With `knots`, intervals also end at knots of tables over time, where no quantity jumps for a method of variable
-    order.
+    With `knots`, intervals also end at knots of tables over time. Only a third derivative jumps there, so that a method
+    of variable order need not restart.
     """
     found = _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
     if ensemble.paths is None:

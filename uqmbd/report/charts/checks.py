@@ -50,8 +50,9 @@ def checked(
     def fitting(what: str, values: ArrayLike) -> Array:
         found = _numbers(f"{where}: {what}", values)
         if found.shape != moments.shape or np.isinf(found).any():
-            told = "an infinity; NaN says that a value is unknown" if found.shape == moments.shape else found.shape
-            raise StudyError(f"{where}: {what} has {told}; expected numbers of the shape of times, {moments.shape}.")
+            if found.shape == moments.shape:
+                raise StudyError(f"{where}: {what} contains an infinity; expected numbers, or NaN for unknown values.")
+            raise StudyError(f"{where}: {what} has the shape {found.shape}; expected {moments.shape}, that of times.")
         return found
 
     made = []
