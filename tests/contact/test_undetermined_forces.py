@@ -13,7 +13,9 @@ from scipy.optimize import linprog
 
 import uqmbd
 from uqmbd_contact import PlaneImpact
+from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import RotationalFriction
 
 G = 9.81
 CORNERS = ((-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1))
@@ -134,3 +136,16 @@ def test_a_study_states_why_the_realisations_fail() -> None:
     study = uqmbd.Study("table", mechanism, [0, 0.1], [method])
     with pytest.raises(uqmbd.UqmbdError, match="use an output that depends only on their resultant"):
         study.run()
+
+
+def test_a_locked_joint_hides_no_undetermined_forces() -> None:
+    """The limit of a friction elsewhere in the mechanism is no scale of the forces of three feet."""
+    mechanism = uqmbd.Mechanism("box", uqmbd.Planar(gravity=(0, -G)))
+    box = mechanism.body("box", mass=1, inertia=0.01, position=(0, 0.1))
+    for k, x in enumerate((-0.1, 0.0, 0.1)):
+        foot = PlaneImpact(f"foot{k}", mechanism.ground, box, (0, 0), (x, -0.1), (0, 1), restitution=0, friction=0)
+        mechanism.output(f"n{k}", mechanism.add(foot).reaction_force[1], units="N")
+    disc = mechanism.body("disc", mass=1, inertia=0.01, position=(2, 2))
+    mechanism.add(Revolute("axle", mechanism.ground, disc, (2, 2), (0, 0)))
+    mechanism.add(RotationalFriction("lock", mechanism.ground, disc, friction=1e8))
+    assert np.isnan(list(at_rest(mechanism).values())).all()

@@ -179,3 +179,34 @@ def test_chains_agree_with_time_stepping(seed, count) -> None:
         found = uqmbd.simulate(mechanism, [0, 2.0], check=False)
     exact = stepped(masses, limits, ground, stiffness, forces, 2.0)
     assert [float(found[f"x{k}"][-1]) for k in range(count)] == pytest.approx(list(exact), abs=2e-3)
+
+
+@pytest.mark.parametrize("position", [0.0, 0.45, 3.0])
+def test_accelerations_and_reactions_contain_dry_friction(position) -> None:
+    """A held block, and one that slides: wherever the origin is."""
+    mechanism = uqmbd.Mechanism("blocks", uqmbd.Line())
+    for name, speed, force in (("held", 0, 2.0), ("sliding", 1, 0.0)):
+        body = mechanism.body(name, mass=1, position=position, velocity=speed)
+        friction = mechanism.add(SlidingFriction(f"{name} friction", mechanism.ground, body, 0, 0, 1, friction=3))
+        mechanism.add(PointForce(f"{name} force", body, 0, force))
+        mechanism.output(f"{name} a", body.acceleration[0], units="m/s^2")
+        mechanism.output(f"{name} f", friction.reaction_force[0], units="N")
+    found = uqmbd.simulate(mechanism, [0, 0.05, 0.1], check=False)
+    exact = {"held a": 0, "held f": -2, "sliding a": -3, "sliding f": -3}
+    for name, value in exact.items():
+        assert found[name].values == pytest.approx([value] * 3, abs=1e-9), name
+
+
+@pytest.mark.parametrize("lock", [10.0, 1e9])
+def test_a_locked_joint_does_not_affect_decisions_on_others(lock) -> None:
+    mechanism = uqmbd.Mechanism("locked", uqmbd.Line())
+    for name, limit, force in (("block", 3, 3.005), ("other", lock, 0.0)):
+        body = mechanism.body(name, mass=1, position=0, velocity=0)
+        friction = mechanism.add(SlidingFriction(f"{name} friction", mechanism.ground, body, 0, 0, 1, friction=limit))
+        mechanism.add(PointForce(f"{name} force", body, 0, force))
+        mechanism.output(f"{name} f", friction.reaction_force[0], units="N")
+        mechanism.output(f"{name} a", body.acceleration[0], units="m/s^2")
+    found = uqmbd.simulate(mechanism, [0, 0.1], check=False)
+    assert found["block a"].values == pytest.approx([0.005] * 2, rel=1e-9)
+    assert found["block f"].values == pytest.approx([-3] * 2, rel=1e-9)
+    assert found["other a"].values == pytest.approx([0, 0], abs=1e-12)

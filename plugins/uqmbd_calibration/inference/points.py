@@ -153,8 +153,8 @@ class OperatingPoint:
         """Return the best surrogate of outputs over time, and the surrogate of scalar outputs by the first method.
 
         `methods`: tried in this order for outputs over time until the error is small enough; `outputs`: recorded
-        outputs over time. Known inputs have a very narrow distribution. The surrogates of outputs over time come first;
-        they are missing if no output over time is needed.
+        outputs over time. Known inputs have a very narrow distribution. The surrogate of outputs over time comes first.
+        A surrogate is missing if no output of its kind is needed.
         """
         found: list[xr.DataTree] = []
         if self._moving is not None:

@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 
 from uqmbd.dynamics.linear import lemke
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 
 __all__ = ["EXACT", "Collision", "Touch", "scaled_solution", "solutions"]
 
@@ -50,6 +50,7 @@ class Touch:
     normal: int  # index of its normal direction
     tangents: tuple[int, ...] = ()  # indices of its tangential directions; empty without friction
     friction: float = 0.0  # coefficient of friction
+    given: bool = False  # whether the normal force is a given limit of dry friction
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,13 @@ class Collision:
         found = np.full(len(self.before), float(self.answers.max(initial=1.0)))
         for touch, answer in zip(self.touches, self.answers, strict=True):
             found[[touch.normal, *touch.tangents]] = answer
+        return found
+
+    @cached_property
+    def free(self) -> Mask:
+        """Mask (direction,) without given limits of dry friction, which may be much larger than all forces."""
+        found = np.ones(len(self.before), dtype=bool)
+        found[[x.normal for x in self.touches if x.given]] = False
         return found
 
     @cached_property
@@ -106,9 +114,10 @@ class Collision:
         """Return the violation of the laws by impulses, relative to their size, both as speeds."""
         if not np.isfinite(impulse).all():
             return math.inf
-        size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
-        size = max(size, *(abs(float(self.before[x.normal])) for x in self.touches), 1e-300)
-        return float((np.abs(impulse - self.mended(impulse)) / self.units).max(initial=0.0)) / size
+        free = self.free
+        size = max(self.earlier, float(np.abs(impulse / self.units)[free].max(initial=0.0)))
+        size = max(size, 1e-300, *(abs(float(self.before[x.normal])) for x in self.touches if not x.given))
+        return float((np.abs(impulse - self.mended(impulse)) / self.units)[free].max(initial=0.0)) / size
 
 
 def solutions(collision: Collision) -> Iterator[Array]:

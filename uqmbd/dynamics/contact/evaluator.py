@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import System, index1_system
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["ContactEvaluator", "ContactQuantities"]
 
@@ -45,6 +45,18 @@ class ContactQuantities:
     def tangents(self, event: int) -> list[int]:
         """Return the directions along the surface."""
         return list(range(self.first[event] + 1, self.first[event + 1]))
+
+    @property
+    def loads(self) -> Mask:
+        """Return a mask (direction,) of normal directions of dry friction at the first state.
+
+        Their forces are given limits, which state nothing about the size of the forces of contacts.
+        """
+        return np.asarray(~self.slope[0].any(axis=1))
+
+    def size_of(self, force: Array) -> float:
+        """Return the largest of the forces (direction,) at the first state, N, without given limits of friction."""
+        return float(np.abs(force)[~self.loads].max(initial=0.0))
 
     def rubs(self, event: int) -> bool:
         """Return whether a contact has friction at the first state."""

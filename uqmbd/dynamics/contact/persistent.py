@@ -157,7 +157,7 @@ def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: floa
     for k in near:
         held = contacts.tangents(k) if contacts.rubs(k) and k not in headings else []
         mu, tangents = float(contacts.law[0, k, 1]), range(len(rows) + 1, len(rows) + 1 + len(held))
-        touches.append(Touch(len(rows), tuple(tangents), mu))
+        touches.append(Touch(len(rows), tuple(tangents), mu, bool(contacts.loads[contacts.normal(k)])))
         column = unit[contacts.normal(k)].copy()
         if k in headings:
             column[contacts.tangents(k)] = -mu * headings[k]
@@ -170,8 +170,8 @@ def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: floa
         return None
     force, several = solution
     after = problem.after(force)
-    still = RESTS * float(np.abs(problem.before).max(initial=0.0))
-    none = EXACT * problem.units * float(np.abs(force / problem.units).max(initial=0.0))
+    still = RESTS * float(np.abs(problem.before)[problem.free].max(initial=0.0))
+    none = EXACT * problem.units * float(np.abs(force / problem.units)[problem.free].max(initial=0.0))
     modes, unloaded = dict[int, Mode](), dict[int, Mode]()
     for k, touch in zip(near, touches, strict=True):
         friction, along = force[list(touch.tangents)], after[list(touch.tangents)]
@@ -217,7 +217,7 @@ def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactM
     """Return whether all persistent contacts are pressed, with sufficient friction for sticking, at one state."""
     touches, force = persistent_touches(contacts, lasting), motion.force[0]
     normals = force[[x.normal for x in touches]]
-    return bool((normals > PRESSED * np.abs(force).max()).all() and (reserves(touches, force) >= 0).all())
+    return bool((normals > PRESSED * contacts.size_of(force)).all() and (reserves(touches, force) >= 0).all())
 
 
 def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[ContactModes, ContactMotion]:
@@ -231,12 +231,13 @@ def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[C
     least = motion.force[0]
     if len(touches) < 2 or not np.isfinite(least).all():
         return lasting, motion
-    none = [AT_LIMIT * x.friction * least[x.normal] if x.tangents else PRESSED * np.abs(least).max() for x in touches]
+    size = contacts.size_of(least)
+    none = [AT_LIMIT * x.friction * least[x.normal] if x.tangents else PRESSED * size for x in touches]
     if (reserves(touches, least) > none).all():
         return lasting, motion
     columns = spread_of(contacts, lasting)
     found = roomiest(touches, least, unmoving(contacts.delassus[0], columns)) - least
-    if not np.abs(found).max() > UNMOVED * np.abs(least).max():
+    if not np.abs(found).max() > UNMOVED * size:
         return lasting, motion
     return lasting._replace(internal=found), replace(motion, force=motion.force + found)
 
@@ -308,7 +309,9 @@ def states_in_contact(
     fast = np.maximum(size, np.abs(states[:, -n:]).max(axis=1))
     with np.errstate(all="ignore"):
         seen = evaluator(times, states, blocks)
-        closed = np.abs(seen.guard[:, bodies]) <= CLOSED * size[:, None]
+        # dry friction under load has a small negative gap
+        gaps, loads = seen.guard[:, bodies], ~seen.slope[:, normals].any(axis=2)
+        closed = np.where(loads, gaps, np.abs(gaps)) <= CLOSED * size[:, None]
         closed &= np.abs(seen.speed[:, normals]) <= STILL * fast[:, None]
         for k in np.flatnonzero(closed.any(axis=1)).tolist():
             one = evaluator(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])

@@ -29,7 +29,8 @@ def undetermined_forces(contacts: ContactQuantities, lasting: ContactModes, moti
     The largest force of each combination equals that of the state. N is zero if the forces are determined.
     """
     force = motion.force[0]
-    largest = float(np.abs(force).max(initial=0.0))
+    # without any load, the limits of dry friction are the scale of its forces
+    largest = contacts.size_of(force) or float(np.abs(force).max(initial=0.0))
     none = np.zeros((len(force), 0))
     if not (largest > 0 and np.isfinite(force).all() and np.isfinite(contacts.delassus[0]).all()):
         return none

@@ -103,7 +103,7 @@ class DryFriction:
     Parameters
     ----------
     limit : expression
-        Largest force, N, or moment, N m: not negative, in parameters, time and states.
+        Largest force, N, or moment, N m, in parameters, time and states. A negative limit counts as zero.
     sliding : expression, or vector of expressions
         Relative speed against which the friction acts, m/s or rad/s, linear in the velocities.
 
