@@ -72,7 +72,11 @@ def test_peaks_of_each_of_many_times_are_kept():
         ([0.0, 1.0], [Curve("a", [1.0])], "curve 'a' has the shape (1,); expected (2,), that of times"),
         ([0.0, 1.0], [Curve("a", [1.0, np.inf])], "curve 'a' contains an infinity; expected numbers"),
         ([0.0, 1.0], [Curve("a", ["x", "y"])], "expected real numbers"),
-        ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0.0], [1.0, 1.0]),))], "the lower end of 'b' of 'a' has the shape (1,)"),
+        (
+            [0.0, 1.0],
+            [Curve("a", [1.0, 2.0], (Band("b", [0.0], [1.0, 1.0]),))],
+            "the lower end of 'b' of 'a' has the shape (1,)",
+        ),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0])] * 2, "a different name for each"),
         ([0.0, 1.0], [Curve(3, [1.0, 2.0])], "expected texts"),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0, 0], [1, 1]),) * 3)], "3 bands; expected two at most"),

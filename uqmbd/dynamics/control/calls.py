@@ -109,7 +109,8 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
     if any(np.ma.is_masked(x) for x in (value if isinstance(value, (tuple, list)) else (value,))):
         raise StudyError(
             f"{where}: its function returned as {what} a masked array with masked entries at t = {time:.6g} s{about}; "
-            f"a masked entry has no value. Return NaN for a realisation that has failed. {expected[0].upper()}{expected[1:]}."
+            "a masked entry has no value. Return NaN for a realisation that has failed. "
+            f"{expected[0].upper()}{expected[1:]}."
         )
     try:
         if isinstance(value, tuple) and len(value) == width:
