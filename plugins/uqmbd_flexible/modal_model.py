@@ -266,9 +266,9 @@ class ModalModel:
                 raise uqmbd.StudyError(
                     f"ModalModel.scaled: {name} has {len(factors)} factors; expected 1, or one per mode ({self.modes})."
                 )
-            roots = sympy.diag(*(sympy.sqrt(sympy.sympify(x)) for x in factors))
+            roots = sympy.diag(*(sympy.sqrt(sympy.sympify(x, strict=True)) for x in factors))
             same = all(x == factors[0] for x in factors)
-            found[name] = matrix * sympy.sympify(factors[0]) if same else roots * matrix * roots
+            found[name] = matrix * sympy.sympify(factors[0], strict=True) if same else roots * matrix * roots
         return self.replaced(**found)
 
     def with_frequencies(self, frequencies: Any) -> ModalModel:
@@ -306,7 +306,7 @@ class ModalModel:
         masses = np.diag(self.modal_mass)
         if np.abs(self.modal_mass - np.diag(masses)).max() > 1e-9 * masses.max():
             raise uqmbd.StudyError("ModalModel.with_frequencies: the modal mass is not diagonal; use scaled().")
-        entries = [float(m) * (2 * np.pi) ** 2 * sympy.sympify(f) ** 2 for m, f in zip(masses, given, strict=True)]
+        entries = [float(m) * (2 * np.pi) ** 2 * sympy.sympify(f, strict=True) ** 2 for m, f in zip(masses, given, strict=True)]
         return self.replaced(stiffness=sympy.diag(*entries))
 
     def damped(self, ratios: Any) -> ModalModel:
@@ -349,7 +349,7 @@ class ModalModel:
         parts = np.sqrt(np.maximum(values, 0.0))
         found = sympy.zeros(self.modes, self.modes)
         for ratio, omega, shape in zip(given, parts, shapes.T, strict=True):
-            found += 2 * sympy.sympify(ratio) * float(omega) * sympy.Matrix(np.outer(shape, shape))
+            found += 2 * sympy.sympify(ratio, strict=True) * float(omega) * sympy.Matrix(np.outer(shape, shape))
         return self.replaced(damping=found)
 
     def at_means(self) -> ModalModel:

@@ -169,8 +169,8 @@ def from_mesh(
         raise uqmbd.StudyError(f"{where}: density is {density!r}; expected a positive number in kg/m^3.")
     found = read_surface(path, where)
     volume, centre, tensor = _integrals(found, where)
-    factor = sympy.sympify(scale)
-    mass = sympy.sympify(density) * factor**3 * volume
+    factor = sympy.sympify(scale, strict=True)
+    mass = sympy.sympify(density, strict=True) * factor**3 * volume
     moments = [mass * factor**2 * float(x) for x in tensor / volume]
     shape = Mesh(found.vertices, found.faces, scale)
     com = tuple(factor * float(x) for x in centre)

@@ -90,8 +90,9 @@ def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()
             )
         text = file.read_bytes()
     except (OSError, ValueError) as error:
+        article = "an" if form == "mjcf" else "a"  # an M, spoken
         reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)
-        raise uqmbd.StudyError(f"{where}: {reason}; expected the path of a {form.upper()} file.") from None
+        raise uqmbd.StudyError(f"{where}: {reason}; expected the path of {article} {form.upper()} file.") from None
     slips: list[str] = []
     text, before = _begin(text, slips)
     text = _without_dashes(text, slips)

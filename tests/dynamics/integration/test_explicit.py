@@ -100,14 +100,18 @@ def test_one_of_many_that_is_a_hundred_times_faster_loses_nothing():
     assert np.abs(x - expected)[17].max() < 2e-4  # a phase of 2000 rad
 
 
-def test_what_is_stiff_is_left_to_ida():
+@pytest.mark.parametrize("method", ["auto", "ida"])
+def test_what_is_stiff_is_left_to_an_implicit_integrator(method):
     """Overdamped by far: x decays slowly, the other root of the equation limits an explicit step."""
     k = uqmbd.RandomVariable("k", chaospy.Uniform(50, 150))
     damping = 1e5
     values = np.linspace(90, 110, 8)
-    x, found = run(oscillator(k, damping), values)
-    assert found.counters.stiff == 8
-    assert found.counters.residuals > 0
+    x, found = run(oscillator(k, damping), values, method)
+    counters = found.counters
+    if method == "auto":
+        assert (counters.stiff, counters.by_radau, counters.by_dop853, counters.by_ida) == (8, 8, 0, 0)
+    else:
+        assert counters.by_radau == counters.by_dop853 == 0 and counters.residuals > 0
     assert found.messages == ("",) * 8
     slow = (damping - np.sqrt(damping**2 - 4 * values)) / 2
     np.testing.assert_allclose(x, np.exp(-slow[:, None] * TIMES), atol=1e-5)

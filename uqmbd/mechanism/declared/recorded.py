@@ -91,6 +91,6 @@ def drawn_over(where: str, over: Any, outputs: Mapping[str, Output], scalars: Ma
     known = ", ".join(map(repr, outputs)) or "none"
     near = did_you_mean(over, outputs) if isinstance(over, str) else ""
     raise StudyError(
-        f"{where}: over={shown(over)}{f'{near} Expected' if near else '; expected'} the name of an existing "
+        f"{where}: over is {shown(over)}{f'{near} Expected' if near else '; expected'} the name of an existing "
         f"output for the horizontal axis: {known}."
     )

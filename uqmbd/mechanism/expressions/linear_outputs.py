@@ -42,7 +42,7 @@ class DeclaredLinearOutput:
             if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
                 raise StudyError(f"{name} was given {shown(number)} after the expression; expected finite numbers.")
         if at not in POSES:
-            raise StudyError(f"{name}: at={shown(at)}; expected 'equilibrium' or 'start'.")
+            raise StudyError(f"{name}: at is {shown(at)}; expected 'equilibrium' or 'start'.")
         pose = sympy.Integer(POSES.index(at))
         found: sympy.Expr = LinearOutput(seen, LinearFunction(self), pose, *map(sympy.Float, numbers))
         return found

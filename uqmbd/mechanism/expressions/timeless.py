@@ -375,5 +375,5 @@ def _number(function: str, number: Any, at: Any) -> int:
             "2 for the next, ..."
         )
     if not isinstance(at, str) or at not in AT:
-        raise StudyError(f"{function}: at={shown(at)}; expected 'equilibrium', 'start' or 'steady'.")
+        raise StudyError(f"{function}: at is {shown(at)}; expected 'equilibrium', 'start' or 'steady'.")
     return count

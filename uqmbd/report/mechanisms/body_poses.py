@@ -97,7 +97,8 @@ def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None,
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Planar())
     >>> stone = mechanism.body("stone", mass=1, inertia=1, position=(0.6, 0))
-    >>> float(stated_pose(mechanism)["pose"].sel(body="stone", coordinate="x").squeeze().round(6))
+    >>> pose = stated_pose(mechanism)["pose"].sel(body="stone", coordinate="x")  # single precision
+    >>> round(float(pose.squeeze()), 6)
     0.6
     """
     from uqmbd.dynamics import constraining
