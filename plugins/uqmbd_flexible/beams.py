@@ -9,7 +9,7 @@ import numpy as np
 import sympy
 
 import uqmbd
-from uqmbd.extend import typechecked
+from uqmbd.extend import numbers, typechecked
 from uqmbd.typing import Array
 from uqmbd_flexible.integrals import NodalLayout, shape_integrals
 from uqmbd_flexible.modal_model import ModalModel, NodeShape
@@ -104,6 +104,7 @@ def Beam(
         raise uqmbd.StudyError(
             f"Beam: second_moment has {moments.size} numbers; expected one in the plane, or two in space."
         )
+    modulus = numbers("Beam", "youngs_modulus", youngs_modulus, 1, "Pa", scalar=True)[0]
     spatial = len(moments) == 2
     if spatial and torsion is None:
         raise uqmbd.StudyError("Beam: torsion is missing; a spatial beam needs its torsion constant, m^4.")
@@ -129,12 +130,11 @@ def Beam(
     layout = NodalLayout(nodes, turns=True)
     ends = np.concatenate([np.arange(width_of_node), size - width_of_node + np.arange(width_of_node)])
     basis = basis_of("Beam", mass, stiffness, ends, modes)
-    unit = 1.0 if isinstance(youngs_modulus, sympy.Expr) and youngs_modulus.free_symbols else float(youngs_modulus)
+    unit = 1.0 if modulus.free_symbols else float(modulus)
     limit = None if highest is None else highest / np.sqrt(unit)
     shapes, values = diagonal_modes("Beam", layout, mass, stiffness, basis, highest=limit)
     found = dict(shape_integrals(NodalLayout(places, turns=True), lambda x: weights[:, None] * x, fieldwise @ shapes))
     modal_mass = np.diag(np.diag(found["modal_mass"]))
-    modulus = sympy.sympify(youngs_modulus, strict=True)
     moved, turned = layout.parts(shapes)
     assert turned is not None
     known = [NodeShape(place, moved[k], turned[k]) for k, place in enumerate(nodes)]

@@ -11,7 +11,7 @@ import scipy.linalg
 import sympy
 
 import uqmbd
-from uqmbd.extend import typechecked
+from uqmbd.extend import numbers, typechecked
 from uqmbd.typing import Array
 
 __all__ = ["ModalModel", "NodeShape"]
@@ -266,9 +266,9 @@ class ModalModel:
                 raise uqmbd.StudyError(
                     f"ModalModel.scaled: {name} has {len(factors)} factors; expected 1, or one per mode ({self.modes})."
                 )
-            roots = sympy.diag(*(sympy.sqrt(sympy.sympify(x, strict=True)) for x in factors))
-            same = all(x == factors[0] for x in factors)
-            found[name] = matrix * sympy.sympify(factors[0], strict=True) if same else roots * matrix * roots
+            factors = numbers("ModalModel.scaled", name, factors, self.modes)
+            roots = sympy.diag(*map(sympy.sqrt, factors))
+            found[name] = matrix * factors[0] if len(set(factors)) == 1 else roots * matrix * roots
         return self.replaced(**found)
 
     def with_frequencies(self, frequencies: Any) -> ModalModel:
@@ -306,7 +306,8 @@ class ModalModel:
         masses = np.diag(self.modal_mass)
         if np.abs(self.modal_mass - np.diag(masses)).max() > 1e-9 * masses.max():
             raise uqmbd.StudyError("ModalModel.with_frequencies: the modal mass is not diagonal; use scaled().")
-        entries = [float(m) * (2 * np.pi) ** 2 * sympy.sympify(f, strict=True) ** 2 for m, f in zip(masses, given, strict=True)]
+        given = numbers("ModalModel.with_frequencies", "frequencies", given, self.modes, "Hz")
+        entries = [float(m) * (2 * np.pi) ** 2 * f**2 for m, f in zip(masses, given, strict=True)]
         return self.replaced(stiffness=sympy.diag(*entries))
 
     def damped(self, ratios: Any) -> ModalModel:
@@ -344,12 +345,13 @@ class ModalModel:
             raise uqmbd.StudyError(
                 f"ModalModel.damped: {len(given)} ratios are given; expected 1, or one per mode ({self.modes})."
             )
+        given = numbers("ModalModel.damped", "ratios", given, self.modes)
         values, vectors = scipy.linalg.eigh(np.array(self.stiffness.tolist(), dtype=float), self.modal_mass)
         shapes = self.modal_mass @ vectors
         parts = np.sqrt(np.maximum(values, 0.0))
         found = sympy.zeros(self.modes, self.modes)
         for ratio, omega, shape in zip(given, parts, shapes.T, strict=True):
-            found += 2 * sympy.sympify(ratio, strict=True) * float(omega) * sympy.Matrix(np.outer(shape, shape))
+            found += 2 * ratio * float(omega) * sympy.Matrix(np.outer(shape, shape))
         return self.replaced(damping=found)
 
     def at_means(self) -> ModalModel:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import sympy
 
 import uqmbd
 from uqmbd.shapes import Mesh
@@ -167,10 +166,11 @@ def from_mesh(
     where = f"from_mesh({str(path)!r})"
     if isinstance(density, (int, float)) and not (math.isfinite(density) and density > 0):
         raise uqmbd.StudyError(f"{where}: density is {density!r}; expected a positive number in kg/m^3.")
+    factor = uqmbd.extend.numbers(where, "scale", scale, 1, "m per unit of the file", scalar=True)[0]
+    heavy = uqmbd.extend.numbers(where, "density", density, 1, "kg/m^3", scalar=True)[0]
     found = read_surface(path, where)
     volume, centre, tensor = _integrals(found, where)
-    factor = sympy.sympify(scale, strict=True)
-    mass = sympy.sympify(density, strict=True) * factor**3 * volume
+    mass = heavy * factor**3 * volume
     moments = [mass * factor**2 * float(x) for x in tensor / volume]
     shape = Mesh(found.vertices, found.faces, scale)
     com = tuple(factor * float(x) for x in centre)

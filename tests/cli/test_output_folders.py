@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import random
 import re
+import time
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -16,12 +19,15 @@ from tests.propagation.execution.test_users_files import STUDY, attempt, build, 
 from uqmbd import plugins
 from uqmbd.cli.app import app
 from uqmbd.cli.compare.compare import show_comparison
+from uqmbd.cli.export import export_study
 from uqmbd.cli.report import rewrite_report
 from uqmbd.cli.run.run import run_study
 from uqmbd.errors import StudyError
 from uqmbd.new import new_plugin, new_study
 from uqmbd.propagation import writable
 from uqmbd.results import load, save
+from uqmbd.viewer import FileViewer
+from uqmbd.viewer.server import PageServer
 from uqmbd_calibration import Calibration
 from uqmbd_calibration.command import Calibrate, running
 
@@ -63,9 +69,9 @@ INTO_A_FOLDER = {
     "new study": lambda place, out: new_study("harbour", out),
     "new plugin": lambda place, out: new_plugin("friction", kind="component", folder=out),
 }
-ONE_FILE = {"animate", "check"}
+ONE_FILE = {"animate", "check", "export"}
 """Commands that write one file, whose name is given: it is replaced, as by other programs."""
-NOTHING = {"plugins"}
+NOTHING = {"plugins", "view"}
 
 
 def _commands() -> dict[str, set[str]]:
@@ -83,6 +89,65 @@ def test_all_commands_are_tried() -> None:
     assert {name for name in found if "--out" in found[name]} >= {"run", "animate", "compare", "calibrate"}
     assert set(found) == {*INTO_A_FOLDER, *ONE_FILE, *NOTHING}
     assert not any(word in ("--out", "--figure") for name in NOTHING for word in found[name])
+
+
+@dataclasses.dataclass(frozen=True)
+class Outline:
+    """Exporter of the names of the bodies."""
+
+    name = "outline"
+    suffix = ".outline"
+    exports = ("mechanism",)
+
+    def refusal(self, what: str, study: Any) -> str:
+        return ""
+
+    def export(self, source: Any, path: Path, study: Any) -> str:
+        path.write_text(",".join(source.bodies))
+        return str(path)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_export_replaces_its_file_and_no_other(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "exporters", lambda: {"outline": Outline})
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    for folder in (out, elsewhere):
+        folder.mkdir()
+    (tmp_path / "s.py").write_text(STUDY)
+    (elsewhere / "victim.txt").write_text("precious")
+    fill(out, random.Random(seed), elsewhere)
+    (out / "taken.outline").mkdir()
+    (out / "taken.outline" / "notes.txt").write_text("the user's")
+    before = seen(out, elsewhere)
+    export = partial(export_study, tmp_path / "s.py", what=None, method=None, results=None, words=())
+    (out / "a.outline").write_text("an earlier export")
+    export(to=out / "a.outline")
+    assert (out / "a.outline").read_text() == "b"
+    with pytest.raises(StudyError, match="taken.outline cannot be written: Is a directory"):
+        export(to=out / "taken.outline")
+    (out / "a.outline").unlink()
+    assert seen(out, elsewhere) == before
+
+
+@pytest.mark.thorough
+def test_viewing_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    script = tmp_path / "s.py"
+    script.write_text(STUDY)
+    fill(tmp_path, random.Random(1), tmp_path)
+    before, sent = seen(tmp_path), []
+    monkeypatch.setattr(PageServer, "send", lambda server, answer: sent.append(answer["kind"]))
+    viewer = FileViewer(script, 20.0)
+    try:
+        for _ in range(1200):
+            if {"scene", "findings"} <= set(sent):
+                break
+            time.sleep(0.05)
+        else:
+            pytest.fail(f"the study was not drawn and checked: {sent}")
+    finally:
+        viewer.close()
+    assert seen(tmp_path) == before
 
 
 def _tried(command: str, seed: int, tmp_path: Path) -> tuple[int, int]:

@@ -323,6 +323,25 @@ def test_the_check_of_components_accepts_the_modes():
     check_component(uqmbd_flexible.FlexibleModes, spaces=(uqmbd.Planar,), given=given, propagators=())
 
 
+@pytest.mark.parametrize("text", ["ran.append(1) or 2", ("ran.append(1) or 2",), {"ran.append(1) or 2": 1}])
+def test_texts_in_place_of_numbers_are_refused_and_not_run(text, monkeypatch):
+    ran = []
+    monkeypatch.setattr("builtins.ran", ran, raising=False)
+    beam = uqmbd_flexible.Beam(**BEAM, modes=0)
+    for call, message in [
+        (
+            lambda: uqmbd_flexible.Beam(**{**BEAM, "youngs_modulus": text}),
+            "Beam: youngs_modulus is .*expected a number",
+        ),
+        (lambda: beam.scaled(stiffness=[text] * 3), "scaled: stiffness is .*expected 3 numbers"),
+        (lambda: beam.with_frequencies([text] * 3), "with_frequencies: frequencies is .*expected 3 numbers"),
+        (lambda: beam.damped([text] * 3), "damped: ratios is .*expected 3 numbers"),
+    ]:
+        with pytest.raises(uqmbd.StudyError, match=message):
+            call()
+    assert not ran
+
+
 def test_random_frequencies_are_those_of_the_mechanism():
     beam = uqmbd_flexible.Beam(**BEAM, modes=0)
     mechanism, rod = held(beam, uqmbd.Planar(), [], modes=1)

@@ -24,6 +24,7 @@ from .components import aligned as aligned
 from .components import counted_angle as counted_angle
 from .components import half_angle as half_angle
 from .components import joint_frames as joint_frames
+from .components import numbers as numbers
 from .components import perpendiculars as perpendiculars
 from .components import quaternion_product as quaternion_product
 from .components import relative_quaternion as relative_quaternion

@@ -19,6 +19,7 @@ from uqmbd.mechanism import aligned as aligned
 from uqmbd.mechanism import counted_angle as counted_angle
 from uqmbd.mechanism import half_angle as half_angle
 from uqmbd.mechanism import joint_frames as joint_frames
+from uqmbd.mechanism import numbers as numbers
 from uqmbd.mechanism import perpendiculars as perpendiculars
 from uqmbd.mechanism import quaternion_product as quaternion_product
 from uqmbd.mechanism import relative_quaternion as relative_quaternion

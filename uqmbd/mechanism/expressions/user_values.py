@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import sympy
 
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import UNEVALUATED, describe_foreign_part, foreign_part
 from uqmbd.randomness import RandomVariable
@@ -55,15 +56,54 @@ def flatten(value: Any) -> list[Any]:
     return [value] if parts is None else [leaf for part in parts for leaf in flatten(part)]
 
 
-def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scalar: bool = False) -> list[sympy.Expr]:
-    """Return `size` real numbers, or expressions that may be real.
+@typechecked
+def numbers(
+    where: str,
+    key: str,
+    value: Any,
+    size: Annotated[int, Bounds(0, 1_000_000)],
+    hint: str = "",
+    *,
+    scalar: bool = False,
+) -> list[sympy.Expr]:
+    """Convert numbers or expressions of a user to SymPy, after a check.
 
-    The function raises `uqmbd.StudyError` if the value is missing, not a number, not real, not finite, or does not
-    consist of `size` numbers.  The message contains `where`, `key` and the explanation `hint`.  With `scalar`, a
-    sequence of one number is an error; otherwise it is a vector of a one-dimensional space.
+    Use this function instead of ``sympy.sympify``, which executes texts as Python code.
 
-    >>> numbers("body 'rod'", "position", (1, 0.5), 2)
+    Parameters
+    ----------
+    where : str
+        Beginning of messages.
+    key : str
+        Name of the value in messages.
+    value : number, expression, or sequence, array or matrix of these
+        Value from the user.
+    size : int
+        Required number of entries.
+    hint : str
+        Explanation of the value for messages, such as its units.
+    scalar : bool
+        Whether a sequence of one number is an error. Otherwise it is a vector of a one-dimensional space.
+
+    Returns
+    -------
+    list of sympy.Expr
+        Numbers that are real and finite, and expressions that may be real.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the value is missing, is not a number, is not real, is not finite, or has another size.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.extend.numbers("body 'rod'", "position", (1, 0.5), 2)
     [1, 0.500000000000000]
+    >>> uqmbd.extend.numbers("body 'rod'", "mass", "2", 1, "kg")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: body 'rod': mass is the text '2'; expected a number (kg).
     """
     wanted = f"expected {'a number' if size == 1 else f'{size} numbers'}{f' ({hint})' if hint else ''}"
     if value is None:
