@@ -294,8 +294,8 @@ def _note(
             lost,
             Status.NOT_FINITE,
             "is not finite",
-            "is not a finite real number at t = {:.6g} s; check the expression for divisions by zero, and "
-            "for roots and logarithms outside their domain",
+            "is not a finite real number at t = {:.6g} s; check the expression for divisions by zero, for "
+            "roots and logarithms outside their domain, and for forces of redundant contacts, which are not unique",
         ),
         (
             rough,
