@@ -61,8 +61,12 @@ def rod_model(modulus=MODULUS, damped=False):
         linear=[[ROD * solid * np.array([0, 0, 1 / 3, 1 / 6])]],
         quadratic=[[mass]],
         nodes={
-            "middle": NodeShape((ROD / 2, 0), [[0, 0, 1, 0], [1, 0, 0, 0]]),
-            "end": NodeShape((ROD, 0), [[0, 0, 0, 1], [0, 0, 0, 0]], [[-PI / ROD, 2 * PI / ROD, 0, 0]]),
+            "middle": NodeShape(np.array([ROD / 2, 0]), np.array([[0, 0, 1, 0], [1, 0, 0, 0]])),
+            "end": NodeShape(
+                np.array([ROD, 0]),
+                np.array([[0, 0, 0, 1], [0, 0, 0, 0]]),
+                np.array([[-PI / ROD, 2 * PI / ROD, 0, 0]]),
+            ),
         },
         damping=damping if damped else None,
         length=ROD,

@@ -1,13 +1,15 @@
-"""Modes of a flexible body as coordinates of a component: what deformation adds to the energies of a rigid body."""
+"""Modes of a flexible body as coordinates of a component: the energies of deformation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
 import uqmbd
+from uqmbd.extend import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["FlexibleModes"]
 
@@ -56,6 +58,15 @@ class FlexibleModes(uqmbd.Component):
     initial = _numbers("m", "values of the coordinates in the drawn pose")
     rates = _numbers("m/s", "rates of the coordinates at the start")
     largest = _numbers("m", "largest valid values of the coordinates")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body: NamedFrame, modal_mass: Vector, stiffness: Vector, frequencies: Vector | None = None,
+            damping: Vector = (), translation: Vector = (), rotation: Vector = (), gyration: Vector = (),
+            linear: Vector = (), quadratic: Vector = (), initial: Vector = (), rates: Vector = (),
+            largest: Vector = (),
+        ) -> None: ...  # fmt: skip
 
     def prepare(self) -> Mapping[str, Any]:
         """Return the gravity of the space."""

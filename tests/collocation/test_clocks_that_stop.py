@@ -240,7 +240,7 @@ def test_report_and_table_of_a_run_say_which_clock_was_taken(tmp_path, capsys):
     assert "realisations are compared at equal phases of the angle 'disc'" in text
     assert f"with {least:.3g} to {most:.3g} turns until the last output time" in text
     assert f"integrated for {node.attrs['longer']:.3g} times the duration" in text
-    assert f"in about {node.attrs['standing']:.1%} of them it stands" in text
+    assert f"in about {node.attrs['standing']:.1%} of the realisations the clock stops" in text
 
 
 @pytest.mark.parametrize("clock", [None, "disc", "height"])

@@ -32,6 +32,9 @@ def test_samples_compile_nothing_twice(tmp_path, monkeypatch):
     first.model  # noqa: B018 - compiled when first needed
     compiled = compilations[0]
     node = first.propagate(MonteCarlo(samples=200, seed=1))
+    # an integrator may compile one kernel when it first needs it, for all samples
+    assert compilations[0] <= compiled + 1
+    compiled = compilations[0]
     assert int((node["samples"]["status"] != 0).sum()) == 0
     second = study()
     second.propagate(MonteCarlo(samples=10, seed=2))

@@ -49,7 +49,7 @@ def test_forces_on_a_disc_in_a_vee_satisfy_the_laws():
             [0, 1], 1e-6,
         )  # fmt: skip
         assert found is not None
-        (modes, headings, _), motion = found
+        (modes, headings, _), motion, _ = found
         force, rate, size = motion.force[0], rows @ motion.motion[0], np.abs(applied).max()
         # internal forces move nothing
         np.testing.assert_allclose(mass @ motion.motion[0] - applied, rows.T @ force, atol=1e-8 * size)

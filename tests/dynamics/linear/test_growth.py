@@ -112,7 +112,7 @@ def test_small_systems_by_blocks_as_in_one_piece(monkeypatch):
     assert model.system.fronts is None
     values = values_of(model)
     monkeypatch.setattr("uqmbd.dynamics.linear.system.ELIMINATION_LIMIT", 0)
-    blocks = index1.index1_system(model, values[:2])
+    blocks = index1.index1_system(model, model.system.poses)
     assert blocks.fronts is not None
     expected = model.system.solve(values)
     np.testing.assert_allclose(blocks.solve(values), expected, rtol=0, atol=1e-11 * np.abs(expected).max())

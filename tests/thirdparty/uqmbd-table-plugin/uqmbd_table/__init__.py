@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,9 +17,9 @@ __all__ = ["Table"]
 class Table:
     """Exporter of tables of text; `digits` and `spread` are options of the command."""
 
-    name = "table"
-    suffix = ".tab"
-    exports = ("surrogate", "mechanism")
+    name: ClassVar[str] = "table"
+    suffix: ClassVar[str] = ".tab"
+    exports: ClassVar[tuple[str, ...]] = ("surrogate", "mechanism")
 
     digits: int = 6
     spread: bool = False
