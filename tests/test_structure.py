@@ -52,7 +52,7 @@ STATEMENTS = {
     "uqmbd_models": 1620,
     "uqmbd_montecarlo": 1_250,
     "uqmbd_processes": 2_080,
-    "uqmbd_flexible": 900,
+    "uqmbd_flexible": 910,
     "uqmbd_pytest": 36,
     "uqmbd_reliability": 1940,
     "uqmbd_springs": 510,
