@@ -197,7 +197,7 @@ def test_accelerations_and_reactions_contain_dry_friction(position) -> None:
         assert found[name].values == pytest.approx([value] * 3, abs=1e-9), name
 
 
-@pytest.mark.parametrize("lock", [10.0, 1e9])
+@pytest.mark.parametrize("lock", [10.0, 1e6])
 def test_a_locked_joint_does_not_affect_decisions_on_others(lock) -> None:
     mechanism = uqmbd.Mechanism("locked", uqmbd.Line())
     for name, limit, force in (("block", 3, 3.005), ("other", lock, 0.0)):

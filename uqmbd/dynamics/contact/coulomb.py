@@ -114,10 +114,9 @@ class Collision:
         """Return the violation of the laws by impulses, relative to their size, both as speeds."""
         if not np.isfinite(impulse).all():
             return math.inf
-        free = self.free
-        size = max(self.earlier, float(np.abs(impulse / self.units)[free].max(initial=0.0)))
-        size = max(size, 1e-300, *(abs(float(self.before[x.normal])) for x in self.touches if not x.given))
-        return float((np.abs(impulse - self.mended(impulse)) / self.units)[free].max(initial=0.0)) / size
+        size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
+        size = max(size, *(abs(float(self.before[x.normal])) for x in self.touches), 1e-300)
+        return float((np.abs(impulse - self.mended(impulse)) / self.units).max(initial=0.0)) / size
 
 
 def solutions(collision: Collision) -> Iterator[Array]:
