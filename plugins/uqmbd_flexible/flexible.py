@@ -271,7 +271,7 @@ def _cleaned(values: Any) -> list[Any]:
     """Return rows of numbers, with exact zeros for rounding."""
     array = np.array(values, dtype=float)
     limit = NEGLIGIBLE * float(np.abs(array).max(initial=0.0))
-    return np.where(np.abs(array) <= limit, 0.0, array).tolist()  # type: ignore[no-any-return]
+    return list(np.where(np.abs(array) <= limit, 0.0, array).tolist())
 
 
 def _fitted(where: str, shapes: Sequence[NodeShape]) -> NodeShape:

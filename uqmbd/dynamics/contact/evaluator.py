@@ -11,7 +11,7 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import System, index1_system
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["ContactEvaluator", "ContactQuantities"]
+__all__ = ["ContactEvaluator", "ContactQuantities", "without_motion"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class ContactQuantities:
 
         Their forces are given limits, which state nothing about the size of the forces of contacts.
         """
-        return np.asarray(~self.slope[0].any(axis=1))
+        return without_motion(self.slope[0])
 
     def size_of(self, force: Array) -> float:
         """Return the largest of the forces (direction,) at the first state, N, without given limits of friction."""
@@ -93,10 +93,17 @@ class ContactEvaluator:
         answer = solved[:, :, 1:]
         delassus = found["slope"] @ answer[:, :n]
         # a direction without motion has the given normal force of dry friction: its response is one
-        given = ~found["slope"].any(axis=2)
-        which, directions = np.nonzero(given)
+        which, directions = np.nonzero(without_motion(found["slope"]))
         delassus[which, directions, directions] = 1.0
         return ContactQuantities(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
+
+
+def without_motion(slope: Array) -> Mask:
+    """Return a mask (..., direction) of directions whose speeds contain no velocity, from slopes (..., coordinate).
+
+    Only the normal directions of dry friction have no motion.
+    """
+    return np.asarray(~slope.any(axis=-1))
 
 
 def _solved(matrix: Array, right: Array) -> Array:

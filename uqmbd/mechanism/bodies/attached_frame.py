@@ -78,6 +78,7 @@ class AttachedFrame(NamedFrame):
         self.q = tuple(map(as_symbolic, _coordinates(space, body.q, self.offset, self.turned)))
         self._moving = flow_of([body, *owners_in(self.q)])
 
+    # the base class stores rates; here they are derived when they are first needed, which takes long for modal bodies
     @cached_property
     def v(self) -> tuple[sympy.Expr, ...]:  # type: ignore[override]
         """Time derivatives of the coordinates."""

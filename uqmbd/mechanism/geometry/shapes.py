@@ -6,6 +6,7 @@ Length: five public classes, whose docstrings list all their attributes.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -33,7 +34,7 @@ Faces = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BodyShape:
+class BodyShape(ABC):
     """Base class of the shapes of bodies.
 
     Attributes
@@ -131,8 +132,9 @@ class BodyShape:
         vertices, faces = self._surface(found[3:])
         return vertices @ self.rotation.T + found[:3], faces
 
+    @abstractmethod
     def _surface(self, lengths: Array) -> tuple[Array, Faces]:
-        raise NotImplementedError
+        """Return vertices (V, 3), m, and faces in the frame of the shape."""
 
     @property
     def bounds(self) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
@@ -148,7 +150,8 @@ class BodyShape:
         return tuple(-x for x in half), half
 
     def _half(self) -> tuple[sympy.Expr, ...]:
-        raise NotImplementedError
+        """Return half of the extent along each axis, m, of shapes that are symmetric about their centre."""
+        raise NotImplementedError(f"{type(self).__name__} has another extent")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{name}={_text(getattr(self, name))}' for name in self.lengths)})"
