@@ -36,7 +36,7 @@ RIGID = (0.45, -75.0, (0, 0, 0, 0), (0, 0, 0, 0))
 """Start of the test set as a rigid mechanism."""
 
 
-def rod_model(modulus=MODULUS, damped=False):
+def rod_model(modulus: float | uqmbd.RandomVariable = MODULUS, damped=False):
     """Return the elastic rod: lateral modes sin(pi x) and sin(2 pi x), and displacements along it at x = 1/2 and 1."""
     heavy, stiff, solid = DENSITY * WIDTH * HEIGHT * ROD, WIDTH * HEIGHT / ROD, DENSITY * WIDTH * HEIGHT * ROD
     slender = (HEIGHT / ROD) ** 2

@@ -130,13 +130,15 @@ def _of_run(mechanism: str, accuracy: float, sampling: str) -> list[Recommendati
     for name in names:
         advised = assess(tree).recommended if RULES[name].requested else by_limits(nodes)
         if not advised:
-            row = ("", np.nan, np.nan, 0, whole, least, seconds, "no method is recommended")
+            found.append(
+                Recommendation(*about, name, "", np.nan, np.nan, 0, whole, least, seconds, "no method is recommended")
+            )
         else:
             label = advised[0]
             claimed = stated_accuracy(nodes[label], rtol=study.rtol).value
             missed = "" if claimed <= accuracy else "the stated error is above the accuracy"
-            row = (label, errors[label], claimed, costs[label], whole, least, seconds, missed)
-        found.append(Recommendation(*about, name, *row))
+            counts = costs[label], whole, least
+            found.append(Recommendation(*about, name, label, errors[label], claimed, *counts, seconds, missed))
     return found
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from .cases import HERE
 from .diagram import diagram
@@ -60,7 +61,12 @@ def cost_table(rows: Sequence[Row]) -> xr.Dataset:
     kinds = {row.mechanism: row.kind for row in rows}
     questions = list(dict.fromkeys(row.question for row in rows if row.question))
     methods = list(dict.fromkeys(row.method for row in rows))
-    axes = {"mechanism": mechanisms, "question": questions, "accuracy": list(ACCURACIES), "method": methods}
+    axes: dict[str, Sequence[object]] = {
+        "mechanism": mechanisms,
+        "question": questions,
+        "accuracy": list(ACCURACIES),
+        "method": methods,
+    }
     shape = [len(values) for values in axes.values()]
     found = {name: np.full(shape, np.nan, dtype=np.float32) for name in ("realisations", "seconds", "error")}
     for (mechanism, question, accuracy), own in costs.items():
@@ -94,7 +100,7 @@ def best_table(rows: Sequence[Row], recommended: Sequence[Recommendation]) -> li
     return found
 
 
-def draw(rows: Sequence[Row], name: str) -> plt.Figure:
+def draw(rows: Sequence[Row], name: str) -> Figure:
     """Return error of the standard deviation against realisations, a panel for each mechanism of a class."""
     of_class = [row for row in rows if row.question == "std" and not row.failure and class_of(row.kind) == name]
     mechanisms = list(dict.fromkeys(row.mechanism for row in of_class))
