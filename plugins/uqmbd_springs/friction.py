@@ -30,7 +30,8 @@ class RotationalFriction(uqmbd.Component):
     The joint sticks up to Coulomb's moment; `event_time` accepts ``stick`` and ``slip``. The moment may be a function
     of time, as of a brake. With a transition speed, friction is smooth, ``friction w / sqrt(w^2 + transition^2)``, and
     has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
-    smooth friction. A random transition speed must be positive. Static equilibrium and modes ignore dry friction.
+    smooth friction. A random transition speed must be positive. Static equilibrium is that
+    without friction, with a warning that states its range; modes of a joint that sticks are refused.
 
     Examples
     --------
@@ -68,7 +69,8 @@ class SlidingFriction(uqmbd.Component):
     The joint sticks up to Coulomb's force; `event_time` accepts ``stick`` and ``slip``. The force may be a function
     of time, as of a brake. With a transition speed, friction is smooth, ``friction v / sqrt(v^2 + transition^2)``, and
     has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
-    smooth friction. A random transition speed must be positive. Static equilibrium and modes ignore dry friction.
+    smooth friction. A random transition speed must be positive. Static equilibrium is that
+    without friction, with a warning that states its range; modes of a joint that sticks are refused.
 
     Examples
     --------

@@ -322,6 +322,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
         digest=digest_of(mechanism, instances, [loop.digest for loop in controls]),
         evaluators=evaluators,
         events=events,
+        given_loads=tuple(e.dry for i in instances for e in i.type.events),
         prescribed=_prescribed(mechanism, model),
         timed=timed(instances, mechanism.inputs.variables),
         tables=timed_tables(instances, mechanism.inputs.variables),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "finding_attributes",
+    "friction_at_rest",
     "mechanism_attributes",
     "not_unique_attribute",
     "several_motions",
@@ -66,11 +67,54 @@ def build_observed_model(
             )
         built = model
         model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
-    if missing := _never_added(mechanism):
-        model = replace(model, findings=(*missing, *model.findings))
+    held = mechanism.remembered(("held at rest", time, start), lambda: friction_at_rest(model, means))
+    if further := (*_never_added(mechanism), *held):
+        model = replace(model, findings=(*further, *model.findings))
     if max_step != float("inf") or breaks:
         model = replace(model, max_step=max_step, added_breaks=breaks)
     return model
+
+
+def friction_at_rest(model: Model, values: Array, every: bool = False) -> tuple[Finding, ...]:
+    """Return findings on dry friction that makes the static equilibrium a set of poses, at values of the inputs.
+
+    The findings concern the start in equilibrium and outputs in equilibrium; with `every`, all outputs.
+    """
+    from uqmbd.dynamics import Ensemble, has_dry_friction, ranges_by_friction, static_equilibria
+
+    maps = [one for one in (model.scalars, None if model.margins is None else model.margins.still) if one is not None]
+    seen = [model.outputs] if every else [one.resting for one in maps if one.resting.names]
+    starts = model.start_at == "equilibrium" and not every
+    if not has_dry_friction(model) or not (seen or starts):
+        return ()
+    one = Ensemble(replace(model, start_at="drawn"), values[None, :])
+    found = static_equilibria(one)
+    if found.messages[0]:
+        return ()
+    texts = []
+    for outputs in seen:
+        for name, units, held in zip(
+            outputs.names, outputs.units, ranges_by_friction(one, found.q, found.s, outputs), strict=False
+        ):
+            what, size = name.replace("AtEquilibrium", "at_equilibrium"), abs(held.half_width)
+            if size > 0:
+                width = f"about ±{size:.3g} {units}".rstrip() if size < float("inf") else "any amount"
+                value = f"{held.value:.6g} {units}".rstrip()
+                texts.append((held.components, f"{what} is {value}, and may differ by {width}"))
+    if starts:
+        some = ranges_by_friction(one, found.q, found.s, None)
+        texts += [(held.components, "the motion starts in the pose without this friction") for held in some]
+    return tuple(
+        Finding(
+            Severity.WARNING,
+            f"dry friction of {components}",
+            f"the dry friction of {components} holds the mechanism at rest in a range of poses, so the static "
+            f"equilibrium is not unique; {text}",
+            "Use smooth friction (for example with a transition speed), which holds no pose, or simulate the motion "
+            "until it rests",
+        )
+        for components, text in texts
+    )
 
 
 def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:

@@ -330,7 +330,7 @@ def test_many_realisations_at_once():
     values = np.array([[0.0, 4.0], [1.0, 9.0], [20.0, 16.0]])
     ensemble = Ensemble(build(mechanism), values)
     rest = static_equilibria(ensemble)
-    modes = linearise(ensemble, rest.q, rest.s)
+    modes, _ = linearise(ensemble, rest.q, rest.s)
     np.testing.assert_allclose(modes.frequency[:2, 0] * TURN, [2, 3], rtol=1e-9)
     assert np.isnan(modes.frequency[:2, 1]).all()
     np.testing.assert_allclose(np.sort(modes.eigenvalues[2].real), np.sort(np.roots([1, 20, 16])), rtol=1e-9)

@@ -113,7 +113,7 @@ class BlockSymbols:
         self.gamma = [-flow(e, accelerate=False) for e in self.psi]
         self.bias = [[flow(w, accelerate=False) for w in directions] for _, directions, *_ in self.events]
         for bias, event in zip(self.bias, self.block.events, strict=True):
-            if event.load != 0:  # the driver gives a direction without motion a unit response
+            if event.dry:  # the driver gives a direction without motion a unit response
                 bias[0] = -self.converted(event.load)
 
     def constraint_force(self, multipliers: list[Any], k: int) -> Any:

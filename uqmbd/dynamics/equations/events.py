@@ -29,6 +29,7 @@ class EventType:
     restitution: sympy.Expr = sympy.S.Zero
     friction: sympy.Expr = sympy.S.Zero
     load: sympy.Expr = sympy.S.Zero  # given normal force of dry friction, whose first direction is zero
+    dry: bool = False  # whether the event is dry friction
 
     @property
     def expressions(self) -> tuple[sympy.Expr, ...]:
@@ -44,7 +45,7 @@ def friction_event(
     if still := [x for x in sliding if not x.free_symbols & velocities]:
         raise StudyError(f"{where}: the speed {still[0]} of a DryFriction contains no velocity.")
     gap = -GAP * load / sympy.sqrt(load**2 + LEAST**2)
-    return EventType("slip", gap, (sympy.S.Zero, *sliding), sympy.S.Zero, sympy.S.One, load)
+    return EventType("slip", gap, (sympy.S.Zero, *sliding), sympy.S.Zero, sympy.S.One, load, dry=True)
 
 
 def local_event(

@@ -75,6 +75,8 @@ class Model:
 
     The first direction is the normal; 0: velocities do not jump.
     """
+    given_loads: tuple[bool, ...] = ()
+    """Whether each event is dry friction, whose first direction is a given load instead of a motion."""
     rough: bool = False
     """Whether a force has corners in the state (contact, stops, friction), which long steps could miss."""
     findings: tuple[Finding, ...] = ()

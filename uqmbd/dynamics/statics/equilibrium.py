@@ -29,6 +29,7 @@ from uqmbd.dynamics.assembly import Start, named, velocities
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import Forces, RestEquations, apply, tangents
+from uqmbd.dynamics.statics.unilateral import has_dry_friction, overlaps
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
@@ -58,6 +59,9 @@ ELSEWHERE = 1e-5
 
 BALANCED = 1e-9
 """Force in a direction without stiffness, relative to the largest force of the search, that counts as zero."""
+
+
+OMITTED = " The search omits dry friction, which may hold the drawn pose; in this case, start as drawn."
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,8 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
         stable[members], steps[members] = search.stable, search.steps
         for member, message in zip(members, search.messages, strict=True):
             messages[member] = message
+    for k, reason in enumerate(overlaps(ensemble, q, s)):
+        messages[k] = messages[k] or reason
     return Equilibrium(q, s, tuple(messages), stable, steps)
 
 
@@ -303,4 +309,5 @@ class _EquilibriumSearch:
             f"{carrier} is the farthest from balance, by {what}. Perhaps no force holds the "
             f"{held} in some direction, or it was drawn far from its rest position. Hold it with a spring or a joint, "
             "or draw it closer to that position."
+            f"{OMITTED if has_dry_friction(self.model) else ''}"
         )

@@ -24,6 +24,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Instance, OutputMap, ParameterMap, excitations_of, state_arguments
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import tangents
+from uqmbd.dynamics.statics.unilateral import not_linear
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import ORDERS, LinearOutput, Output, t
 from uqmbd.randomness import RandomVariable
@@ -218,6 +219,9 @@ class LinearMap:
                 values[part, column] = found[0]
                 for member, reason in zip(part.tolist(), found[1], strict=True):
                     reasons[member] = reasons[member] or reason
+        lost = not_linear(ensemble, q, s)
+        values[[bool(x) for x in lost]] = np.nan
+        reasons = [first or second for first, second in zip(lost, reasons, strict=True)]
         return columns, values, reasons
 
     def _systems(self, ensemble: Batch, q: Array, s: Array) -> Callable[[int], LinearSystem] | list[str]:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.statics.rest_equations import RestEquations, apply, tangents
+from uqmbd.dynamics.statics.unilateral import not_linear
 from uqmbd.typing import Array
 
 __all__ = ["Modes", "Pairs", "Solved", "eigenpairs", "gathered", "linearise", "no_modes", "zeros_of"]
@@ -59,17 +60,19 @@ class Modes:
         return np.asarray(0.0 - self.eigenvalues.real / np.where(size == 0, 1.0, size))
 
 
-def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
+def linearise(ensemble: Batch, q: Array, s: Array) -> tuple[Modes, list[str]]:
     """Linearise K realisations about poses at rest (K, coordinate), which satisfy the constraints.
 
-    Each degree of freedom has one mode, or two if it is overdamped.  Modes are NaN if a pose is not finite or a mass is
-    not positive.
+    Return the modes, and reasons why a realisation has none; empty texts for the others.
+
+    Each degree of freedom has one mode, or two if it is overdamped.  Modes are NaN if a pose is not finite, a mass is
+    not positive, or small motions are not linear.
     """
     rest, every = RestEquations(ensemble), np.arange(len(ensemble))
     layout = ensemble.model.layout
-    nothing = no_modes(layout.coordinates)
+    nothing, reasons = no_modes(layout.coordinates), not_linear(ensemble, q, s)
     if not rest.n:
-        return gathered([nothing] * len(q))
+        return gathered([nothing] * len(q)), reasons
     free = rest.coordinates(q)
     bare = rest.derivatives(every, free, s)
     mass = rest.derivatives(every, free, s, c=1.0)["vv"] - bare["vv"]
@@ -78,12 +81,12 @@ def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
     found = rest.derivatives(every, free, s, multipliers)
     basis = tangents(np.ascontiguousarray(bare["vl"].transpose(0, 2, 1)))
     each = [nothing] * len(q)
-    for k in np.flatnonzero(np.isfinite(free).all(axis=1)).tolist():
+    for k in np.flatnonzero(np.isfinite(free).all(axis=1) & ~np.array([bool(x) for x in reasons])).tolist():
         values, within = _eigenvalues({name: block[k] for name, block in found.items()}, mass[k], basis[k])
         shapes = np.zeros((1, len(values), layout.coordinates), dtype=complex)
         shapes[0][:, layout.free] = within.T @ basis[k].T
         each[k] = values, shapes
-    return gathered(each)
+    return gathered(each), reasons
 
 
 Solved = tuple[NDArray[np.complex128], NDArray[np.complex128]]

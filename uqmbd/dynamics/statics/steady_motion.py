@@ -24,6 +24,7 @@ from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import apply
 from uqmbd.dynamics.statics.screws import Screws, screws_of
 from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, solve_steady_speeds
+from uqmbd.dynamics.statics.unilateral import not_steady
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["SteadyMotions", "steady_motions"]
@@ -159,6 +160,9 @@ def steady_motions(ensemble: Batch) -> SteadyMotions:
     for k, why in reasons.items():
         if screws[k] is None:
             messages[k] = f"no steady motion was found from the start pose: {uneven_driver(ensemble, k) or why}"
+    for k, why in enumerate(not_steady(ensemble, q, s, v)):
+        if why and screws[k] is not None:
+            screws[k], messages[k] = None, why
     return SteadyMotions(q, s, v, tuple(screws), tuple(messages))
 
 

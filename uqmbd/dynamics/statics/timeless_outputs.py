@@ -279,7 +279,8 @@ def scalars_of(
             seen_at = [_on_the_way(some, screws) for screws in stable.screws]
         else:
             q, s = (x[good] for x in poses[pose])
-            modes = linearise(some, q, s)
+            modes, reasons = linearise(some, q, s)
+            fail(good, reasons)
             seen_at = [(x[None], np.zeros(1)) for x in np.concatenate([q, s, np.zeros_like(q)], axis=1)]
         for column, value in enumerate(seen.modal.values):
             if value.pose == pose:

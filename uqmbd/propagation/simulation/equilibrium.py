@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 from uqmbd.arguments import fits, shown
 from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.names import checked
-from uqmbd.propagation.observed_model import build_observed_model, warn_of
+from uqmbd.propagation.observed_model import build_observed_model, friction_at_rest, warn_of
 from uqmbd.propagation.simulation.deterministic import input_point, variables_of
 
 if TYPE_CHECKING:
@@ -75,6 +76,8 @@ def static_equilibrium(
     warn_of(model, stacklevel=3)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     found = _found(mechanism, ensemble)
+    for finding in friction_at_rest(model, ensemble.values[0], every=True):
+        warnings.warn(f"{finding.text}.", finding.category, stacklevel=3)
     states = np.concatenate([found.q, found.s, np.zeros_like(found.q)], axis=1)
     response = ensemble.outputs(np.array([model.time]), states[:, None, :])[0, :, 0]
     attrs = {"mechanism": mechanism.name, "stable": int(found.stable[0]), "steps": int(found.iterations[0])}
@@ -138,16 +141,16 @@ def eigenfrequencies(
     ensemble = Ensemble(_any_model(mechanism, _moment(time, where)), np.array([list(point.values())]))
     if at == "equilibrium":
         found = _found(mechanism, ensemble)
-        modes = linearise(ensemble, found.q, found.s)
+        modes, reasons = linearise(ensemble, found.q, found.s)
     elif at == "steady":
-        modes, messages = linearise_steady(ensemble, steady_motions(ensemble))
-        if messages[0]:
-            raise AssemblyError(f"mechanism {mechanism.name!r}: {messages[0]}")
+        modes, reasons = linearise_steady(ensemble, steady_motions(ensemble))
     else:
         start = ensemble.start
         if start.messages[0]:
             raise AssemblyError(f"mechanism {mechanism.name!r}: {start.messages[0]}")
-        modes = linearise(ensemble, start.q, start.s)
+        modes, reasons = linearise(ensemble, start.q, start.s)
+    if reasons[0]:
+        raise AssemblyError(f"mechanism {mechanism.name!r}: {reasons[0]}")
     values_of = modes.eigenvalues[0]
     return xr.Dataset(
         {
