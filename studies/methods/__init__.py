@@ -1,1 +1,1 @@
-"""Which method when: error against cost of every method, for forty mechanisms with converged references."""
+"""Choice of a method: error against cost of every method, for forty mechanisms with converged references."""
