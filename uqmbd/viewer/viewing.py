@@ -41,7 +41,8 @@ def view_study(script: Path, *, seconds: float = 10.0, port: int = 0, opened: bo
     except OSError as error:
         raise StudyError(f"--port {port}: {error}; choose another port, or omit --port.") from None
     try:
-        print(f"{viewer.server.address}\nTo end: press Ctrl-C here or Escape on the page, or close the page.", flush=True)
+        print(viewer.server.address)
+        print("To end: press Ctrl-C here or Escape on the page, or close the page.", flush=True)
         if opened:
             webbrowser.open(viewer.server.address)
         viewer.wait()

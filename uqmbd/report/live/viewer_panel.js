@@ -11,7 +11,7 @@ export function findingRows(scene, facts) {
   const add = (kind, text, part = null) => rows.push({ kind, text, part });
   if (scene.note) add("bad", `Not assembled; the drawing shows the drawn pose. ${scene.note}`);
   for (const { component, distance, closed } of scene.gaps)
-    add(closed ? "note" : "bad", `${component}: its points are ${quantity(distance, "m")} apart as drawn${closed ? "; the assembly closed them" : ""}.`, { kind: "component", name: component });
+    add(closed ? "note" : "bad", `${component}: the points of the joint are ${quantity(distance, "m")} apart in the drawn pose${closed ? "; the assembly closed the joint" : ""}.`, { kind: "component", name: component });
   for (const { body, text } of scene.moved) add("note", `The assembly moved ${text}.`, { kind: "body", name: body });
   for (const { name, free } of scene.bodies) if (free) add("note", `${name}: no joint, spring or load is attached to this body.`, { kind: "body", name });
   if (facts) {
