@@ -1,14 +1,15 @@
 """Compare all methods on all mechanisms: ``python -m studies.methods [--quick]``.
 
-Rows go to ``errors.csv`` and ``recommendations.csv`` in the folder of ``--out``; a mechanism whose rows are there is
-not computed again, so that an interrupted comparison goes on.  The whole takes some hours,
-``--quick`` some ten minutes.
+Rows go to ``errors.csv`` and ``recommendations.csv`` in the folder of ``--out``.  An interrupted comparison continues:
+neither the errors of a mechanism nor a recommendation is computed again.  The whole takes some hours, ``--quick`` about
+ten minutes.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import itertools
 import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -19,7 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .cases import CASES, QUICK, console, table_of
-from .recommendations import ACCURACIES, RULES, Recommendation, recommendations_of
+from .recommendations import ACCURACIES, RULES, Recommendation, recommendation_of
 from .regret import best_methods, regrets
 from .runs import Row, rows_of
 from .tables import store_tables
@@ -53,9 +54,9 @@ def all_rows(mechanism: str, most_seconds: float) -> list[Row]:
     return list(rows_of(mechanism, most_seconds=most_seconds))
 
 
-def all_recommendations(mechanism: str) -> list[Recommendation]:
-    """Return what is recommended for a mechanism with each accuracy."""
-    return [one for accuracy in ACCURACIES for one in recommendations_of(mechanism, accuracy)]
+def title(task: Any) -> str:
+    """Return the name of a mechanism, or of a mechanism with an accuracy and rules."""
+    return task if isinstance(task, str) else f"{task[0]}, {task[1]:g}, rules: {task[2]}"
 
 
 def executor(workers: int, dask: str | None) -> Executor:
@@ -67,9 +68,11 @@ def executor(workers: int, dask: str | None) -> Executor:
     return ProcessPoolExecutor(workers)
 
 
-def computed(pool: Executor, names: Iterable[str], function: Any, *given: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the result of each mechanism as it is ready; what fails is reported and left for the next run."""
-    running = {pool.submit(function, name, *given): name for name in names}
+def computed(pool: Executor, tasks: Iterable[Any], function: Any, *given: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the result of each task as soon as it is ready; failed tasks are reported and left for the next run."""
+    running = {
+        pool.submit(function, *((task,) if isinstance(task, str) else task), *given): title(task) for task in tasks
+    }
     for future in as_completed(running):
         try:
             yield running[future], future.result()
@@ -114,6 +117,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0], prog="python -m studies.methods")
     parser.add_argument("--quick", action="store_true", help="six mechanisms, at most 2 s for each run")
     parser.add_argument("--only", nargs="*", choices=CASES, help="mechanisms")
+    parser.add_argument(
+        "--seconds", type=float, help="processor time, s, of a run after which larger sizes of its method are left out"
+    )
+    parser.add_argument("--rules", nargs="*", choices=RULES, default=list(RULES), help="rules of recommendation")
     parser.add_argument("--workers", type=int, default=1, help="number of processes")
     parser.add_argument("--dask", metavar="ADDRESS", help="address of a Dask scheduler whose workers compute")
     parser.add_argument("--out", type=Path, default=Path("methods"), help="folder of the tables")
@@ -130,14 +137,16 @@ def main() -> None:
         with executor(given.workers, given.dask) as pool:
             for name, _ in computed(pool, names, load_truth):
                 print(f"{name}: reference", flush=True)
-            known, most = {row.mechanism for row in stored(errors, Row)}, 2.0 if given.quick else 60.0
+            known = {row.mechanism for row in stored(errors, Row)}
+            most = given.seconds or (2.0 if given.quick else 60.0)
             for name, rows in computed(pool, [n for n in names if n not in known], all_rows, most):
                 append(errors, rows, Row)
                 print(f"{name}: {len(rows)} rows", flush=True)
-            done = {row.mechanism for row in stored(advised, Recommendation)}
-            for name, found in computed(pool, [n for n in names if n not in done], all_recommendations):
-                append(advised, found, Recommendation)
-                print(f"{name}: recommendations", flush=True)
+            done = {(row.mechanism, row.accuracy, row.rules) for row in stored(advised, Recommendation)}
+            tasks = [task for task in itertools.product(names, ACCURACIES, given.rules) if task not in done]
+            for name, found in computed(pool, sorted(tasks, key=lambda task: -task[1]), recommendation_of):
+                append(advised, [found], Recommendation)
+                print(f"{name}: {found.method or found.failure}", flush=True)
     show(stored(errors, Row), stored(advised, Recommendation))
 
 

@@ -21,7 +21,7 @@ from .cases import CASES, Reference
 from .runs import answers, first_line, largest
 from .truths import Truth, load_truth
 
-__all__ = ["ACCURACIES", "RULES", "Recommendation", "recommendations_of"]
+__all__ = ["ACCURACIES", "RULES", "Recommendation", "recommendation_of"]
 
 ACCURACIES = 0.1, 0.01, 0.001
 """Wanted errors of means and standard deviations, over the largest standard deviation of the output."""
@@ -100,46 +100,29 @@ def methods(mechanism: str, sampling: str = "sobol") -> list[Propagator]:
     return [MonteCarlo(samples=512, sampling=sampling, seed=1), chaos]
 
 
-def recommendations_of(mechanism: str, accuracy: float) -> list[Recommendation]:
-    """Run the first study of a mechanism with an accuracy, and return what each of the rules recommends."""
-    found = []
-    for sampling in dict.fromkeys(one.sampling for one in RULES.values()):
-        found += _of_run(mechanism, accuracy, sampling)
-    return found
-
-
-def _of_run(mechanism: str, accuracy: float, sampling: str) -> list[Recommendation]:
-    """Return what rules with a design recommend: they differ in the judgement of one run."""
+def recommendation_of(mechanism: str, accuracy: float, rules: str) -> Recommendation:
+    """Run the first study of a mechanism with an accuracy, and return the recommendation by some rules."""
     reference, truth = Reference(CASES[mechanism]), load_truth(mechanism)
-    study = reference.study().with_propagators(methods(mechanism, sampling))
-    names = [name for name, rules in RULES.items() if rules.sampling == sampling]
-    about, begin = (mechanism, reference.tested.kind, accuracy), time.process_time()
+    study = reference.study().with_propagators(methods(mechanism, RULES[rules].sampling))
+    about, begin = (mechanism, reference.tested.kind, accuracy, rules), time.process_time()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             tree = study.run(accuracy=accuracy, budget=MOST, planned=lambda sentence: None)
     except UqmbdError as raised:
-        spent = time.process_time() - begin
-        return [Recommendation(*about, n, "", np.nan, np.nan, 0, 0, 0, spent, first_line(raised)) for n in names]
+        return Recommendation(*about, "", np.nan, np.nan, 0, 0, 0, time.process_time() - begin, first_line(raised))
     seconds = time.process_time() - begin
     nodes = propagator_nodes(tree)
     errors = {label: _error(node, truth) for label, node in nodes.items()}
     costs = {label: int(node.attrs["realisations"]) for label, node in nodes.items()}
     whole, least = sum(costs.values()), min((costs[n] for n in nodes if errors[n] <= accuracy), default=0)
-    found = []
-    for name in names:
-        advised = assess(tree).recommended if RULES[name].requested else by_limits(nodes)
-        if not advised:
-            found.append(
-                Recommendation(*about, name, "", np.nan, np.nan, 0, whole, least, seconds, "no method is recommended")
-            )
-        else:
-            label = advised[0]
-            claimed = stated_accuracy(nodes[label], rtol=study.rtol).value
-            missed = "" if claimed <= accuracy else "the stated error is above the accuracy"
-            counts = costs[label], whole, least
-            found.append(Recommendation(*about, name, label, errors[label], claimed, *counts, seconds, missed))
-    return found
+    advised = assess(tree).recommended if RULES[rules].requested else by_limits(nodes)
+    if not advised:
+        return Recommendation(*about, "", np.nan, np.nan, 0, whole, least, seconds, "no method is recommended")
+    label = advised[0]
+    claimed = stated_accuracy(nodes[label], rtol=study.rtol).value
+    missed = "" if claimed <= accuracy else "the stated error is above the accuracy"
+    return Recommendation(*about, label, errors[label], claimed, costs[label], whole, least, seconds, missed)
 
 
 def _error(node: xr.DataTree, truth: Truth) -> float:

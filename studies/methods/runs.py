@@ -122,6 +122,8 @@ def errors(node: xr.DataTree, truth: Truth, one: Candidate) -> dict[str, tuple[f
         for k, level in enumerate(truth.levels):
             if level in data["requirement"].values:
                 own, true = data.sel(requirement=level), truth.values["probability"][k]
+                if not true:  # no relative error exists
+                    continue
                 low, high = own["interval"].transpose("bound", ...).values
                 found[level] = (
                     abs(float(own["violation_probability"]) - true) / true,

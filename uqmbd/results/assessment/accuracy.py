@@ -130,7 +130,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
     if not len(rows):
         return StatedAccuracy(0.0, "no output varies")
     noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
-    if not noisy and np.isnan(own.stated[rows]).any():
+    if not (noisy and (own.drawn or not own.surrogate)) and np.isnan(own.stated[rows]).any():
         name = names[rows[int(np.argmax(np.isnan(own.stated[rows])))]]
         return StatedAccuracy(np.inf, f"{name} has no stated error")
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None

@@ -131,7 +131,8 @@ class SurrogateContainer:
     @cached_property
     def _moments(self) -> Any:
         """Moments and Sobol' indices from samples; subclasses with exact moments override the property."""
-        return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without)
+        rms = None if self.verification_germs is None else self.verification_rms()
+        return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without, rms)
 
     def _without(self, terms: Mask, germs: Array) -> Array:
         """Evaluate at germ points (K, d) without the terms in a mask (P,)."""

@@ -381,9 +381,10 @@ class Surrogate(SurrogateContainer):
             Dataset as from :func:`uqmbd.extend.statistics_dataset`, with Sobol' indices of independent inputs. For
             dependent inputs it has `sobol_first_germ` and `sobol_total_germ` (germ, output, time). The dataset contains
             `verification_error` if this error is known, and `circular_mean` and `circular_std` if an output is an
-            angle. Skewness and kurtosis may be estimated from samples, and a surrogate of very many terms may allow
-            fewer samples than requested. The attribute ``samples`` of the variable then states the number of samples,
-            and its ``comment`` the reason.
+            angle. An aligned surrogate has moments from samples of the surrogate; `std_error_mean` and `std_error_std`
+            are their sampling errors. Skewness and kurtosis may be estimated from samples, and a surrogate of very many
+            terms may allow fewer samples than requested. The attribute ``samples`` of the variable then states the
+            number of samples, and its ``comment`` the reason.
 
         Examples
         --------
@@ -405,6 +406,8 @@ class Surrogate(SurrogateContainer):
         values["quantile"] = self.quantiles(probabilities, samples=samples, seed=seed)
         if independent:
             values |= {"sobol_first": self.sobol_first, "sobol_total": self.sobol_total}
+        if self._moments.sampling_errors is not None:
+            values["std_error_mean"], values["std_error_std"] = self._moments.sampling_errors
         known = self.verification_germs is not None
         found = surrogate_statistics(
             self.labels,

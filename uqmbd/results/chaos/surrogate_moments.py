@@ -13,6 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.sampling import affordable, sampled_shape, spread_germs
 from uqmbd.results.chaos.terms import (
+    PowerSums,
     closed_variance,
     constant_columns,
     first_order_masks,
@@ -36,13 +37,19 @@ FEWER = 8192
 """Number of surrogate samples for quantiles of all outputs and times, and for sampled skewness and kurtosis."""
 
 MOMENTS = 16_384
-"""Number of surrogate samples for mean and standard deviation."""
+"""Number of surrogate samples for mean and standard deviation; more are added where their sampling error is large."""
+MOST_MOMENTS = 131_072
+"""Maximum number of surrogate samples for mean and standard deviation."""
+MOST_VALUES = 2**26
+"""Maximum number of samples times outputs times instants: about half a second."""
+MOMENT_ERROR = 2.5e-4
+"""Sampling error of mean and standard deviation, over the largest standard deviation, that needs no more samples."""
+SMALL_SHARE = 0.3
+"""Sampling error over the root mean square error of the surrogate that needs no more samples."""
 FROZEN = 4_096
 """Number of pairs of samples for Sobol' indices."""
 TOPS = 256
 """Number of surrogate samples for the energy of the top order."""
-BLOCK = 2_048
-"""Number of samples that are evaluated at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +59,8 @@ class ExactMoments:
     space: GermSpace
     multi_index: Index
     coefficients: Array
+
+    sampling_errors: ClassVar[Array | None] = None
 
     @property
     def summands(self) -> int:
@@ -141,6 +150,7 @@ class MergedMoments:
     coefficients: Array
 
     summands: ClassVar[int] = 1
+    sampling_errors: ClassVar[Array | None] = None
 
     @cached_property
     def mean(self) -> Array:
@@ -226,9 +236,19 @@ class SampledMoments:
     size: tuple[int, ...]  # (O, T)
     evaluate: Callable[[Array], Array]
     without: Callable[[Mask, Array], Array]
+    rms: Array | None = None  # root mean square error of the surrogate (O, T); None: unknown
 
     summands: ClassVar[int] = 1
-    shape_samples: ClassVar[int] = MOMENTS
+
+    @property
+    def shape_samples(self) -> int:
+        """Number of surrogate samples for all moments."""
+        return self._sums.count
+
+    @property
+    def sampling_errors(self) -> Array:
+        """Standard errors (2, O, T) of mean and standard deviation due to the number of samples."""
+        return self._sums.errors
 
     @property
     def mean(self) -> Array:
@@ -261,36 +281,27 @@ class SampledMoments:
         groups = (edge, *(edge & (degrees > 0) for degrees in self.multi_index.T))
         return np.array([np.mean((whole - self.without(group, germs)) ** 2, axis=0) for group in groups])
 
-    @cached_property
+    @property
     def _moments(self) -> tuple[Array, Array, Array, Array]:
         """Mean, variance, skewness and kurtosis (O, T)."""
+        return self._sums.moments
+
+    @cached_property
+    def _sums(self) -> PowerSums:
+        """Sums of powers of the samples: as many samples as the sampling error needs, within the limits."""
         germs = spread_germs(self.space, MOMENTS, 0)
-        shift = self.evaluate(germs[:1])[0]
-        sums, size = np.zeros((4, *self.size)), np.zeros(self.size, dtype=np.int64)
-        for first in range(0, len(germs), BLOCK):
-            x = self.evaluate(germs[first : first + BLOCK]) - shift
-            if not first:
-                # scale by powers of two, without rounding, so that fourth powers of small numbers do not underflow
-                largest = np.abs(x).max(axis=0)
-                size = np.frexp(np.where(np.isfinite(largest), largest, 0.0))[1].astype(np.int64)
-            x = np.ldexp(x, -size)
-            power = x.copy()
-            for k in range(4):
-                sums[k] += power.sum(axis=0)
-                power *= x
-        one, two, three, four = sums / len(germs)
-        variance = np.maximum(two - one**2, 0.0)
-        mean = shift + np.ldexp(one, size)
-        constant = constant_columns(mean, np.ldexp(np.sqrt(variance), size)) | (variance == 0)
-        scale = np.where(constant, 1.0, np.sqrt(variance))
-        third = (three - 3 * one * two + 2 * one**3) / scale**3
-        fourth = (four - 4 * one * three + 6 * one**2 * two - 3 * one**4) / scale**4
-        return (
-            mean,
-            np.where(constant, 0.0, np.ldexp(variance, 2 * size)),
-            np.where(constant, 0.0, third),
-            np.where(constant, 3.0, fourth),
-        )
+        found = PowerSums.of(self.evaluate, germs, self.evaluate(germs[:1])[0])
+        small = 0.0 if self.rms is None else SMALL_SHARE * np.nan_to_num(self.rms)
+        while 2 * found.count <= MOST_MOMENTS and 2 * found.count * found.shift.size <= MOST_VALUES:
+            spread = np.sqrt(np.nan_to_num(found.moments[1])).max(axis=-1, keepdims=True)
+            if (np.nan_to_num(found.errors) <= np.maximum(small, MOMENT_ERROR * spread)).all():
+                break
+            further = spread_germs(self.space, 2 * found.count, 0)[found.count :]
+            more = found.joined(PowerSums.of(self.evaluate, further, found.shift, found.size))
+            if not np.array_equal(np.isnan(more.moments[0]), np.isnan(found.moments[0])):
+                break  # some of the further samples do not reach the last times
+            found = more
+        return found
 
     @cached_property
     def sobol(self) -> Array:
