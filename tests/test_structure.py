@@ -37,7 +37,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6_650,
     "uqmbd.randomness": 5_570,
     "uqmbd.report": 8_450,
-    "uqmbd.results": 9_550,
+    "uqmbd.results": 9_630,
     "uqmbd.testing": 2_690,
     "uqmbd.units": 285,
     "uqmbd.viewer": 710,
