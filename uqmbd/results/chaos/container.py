@@ -131,7 +131,8 @@ class SurrogateContainer:
     @cached_property
     def _moments(self) -> Any:
         """Moments and Sobol' indices from samples; subclasses with exact moments override the property."""
-        rms = None if self.verification_germs is None else self.verification_rms()
+        this: Any = self
+        rms = None if self.verification_germs is None else this.verification_rms()
         return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without, rms)
 
     def _without(self, terms: Mask, germs: Array) -> Array:
