@@ -6,7 +6,7 @@ from uqmbd.compiled.assembly import EquationPrograms, Gradients, RotationCoordin
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
-from uqmbd.compiled.encounters import ContactPrograms, Encounters, Touching
+from uqmbd.compiled.encounters import ContactPrograms, ControlLaws, Encounters, SampledControl, Touching
 from uqmbd.compiled.explicit import (
     ORDER,
     STAGES,
@@ -51,6 +51,7 @@ __all__ = [
     "ContactEntries",
     "Constraints",
     "ContactPrograms",
+    "ControlLaws",
     "CoupledSystems",
     "StepHistory",
     "Dynamics",
@@ -69,6 +70,7 @@ __all__ = [
     "RecordedSteps",
     "Program",
     "IntegrationState",
+    "SampledControl",
     "SegmentTable",
     "ExplicitStatus",
     "Store",

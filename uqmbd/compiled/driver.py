@@ -26,6 +26,7 @@ __all__ = [
     "RECORDED",
     "SOURCES",
     "ContactsStruct",
+    "ControlStruct",
     "CoupledStruct",
     "MotionStruct",
     "EncountersStruct",
@@ -104,7 +105,7 @@ class ProblemStruct(ctypes.Structure):
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
         ("times", _POINTER),
         *((name, _POINTER) for name in ("interval_ends", "interval_longest", "interval_jumps", "contacts", "places")),
-        *(("room", _INT), ("implicit", _POINTER)),
+        *(("room", _INT), ("implicit", _POINTER), ("control", _POINTER)),
     )
 
 
@@ -168,6 +169,18 @@ class EncountersStruct(ctypes.Structure):
     """``Encounters`` of events.h."""
 
     _fields_ = (*((name, _POINTER) for name in ENCOUNTERS), ("room", _INT), ("watched", _INT))
+
+
+class ControlStruct(ctypes.Structure):
+    """``Control`` of control.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("rows", "numbers", "loops", "entries")),
+        *((name, _POINTER) for name in ("laws", "first", "commands", "direct", "residual")),
+        ("poor", _DOUBLE),
+        *((name, _POINTER) for name in ("result", "held", "acting", "sampled", "instants", "values", "low", "high")),
+        *(("pending", _POINTER), ("places", _INT), ("instant", _POINTER)),
+    )
 
 
 class CoupledStruct(ctypes.Structure):
@@ -322,7 +335,7 @@ class _Driver:
                 EquationsStruct,
                 TurnsStruct,
             ),
-            *(SegmentsStruct, MotionStruct, RangeStruct, PartsStruct, FittedStruct, ImplicitStruct),
+            *(SegmentsStruct, MotionStruct, RangeStruct, PartsStruct, FittedStruct, ImplicitStruct, ControlStruct),
         )
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))

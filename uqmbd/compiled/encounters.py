@@ -1,7 +1,9 @@
-"""Events of an explicit integration: contacts for the driver, and events from it."""
+"""Events of an explicit integration: contacts and sampled controllers for the driver, and events from it."""
 
 from __future__ import annotations
 
+import ctypes
+from copy import copy
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -11,9 +13,9 @@ import numpy as np
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address
 from uqmbd.compiled.programs import Addressed, ProgramPart
-from uqmbd.typing import Index
+from uqmbd.typing import Array, Index
 
-__all__ = ["ContactPrograms", "Encounters", "Touching"]
+__all__ = ["ContactPrograms", "ControlLaws", "Encounters", "SampledControl", "Touching"]
 
 ROOM = 64
 """Number of stored marks of a realisation before they are read, in addition to the marks of one step."""
@@ -96,3 +98,85 @@ class Encounters:
         return c.EncountersStruct(
             *(address(getattr(self, name)) for name in c.ENCOUNTERS), self.room, int(self.watched)
         )
+
+
+@dataclass(frozen=True)
+class ControlLaws(Addressed):
+    """Laws of sampled controllers, as programs of (state, time, zero, numbers of a realisation) on one work array.
+
+    Held entries are the commands of each loop, then its states, loop by loop.
+    """
+
+    laws: tuple[ProgramPart, ...]  # (loop,): maps a state to commands and states
+    rows: int  # number of rows of the work array
+    first: Index  # (loop + 1,): first held entry of each loop, and the end
+    commands: Index  # (loop,): number of commands
+    residual: Index  # (loop,): row of the residual of measured accelerations; -1: no accelerations are measured
+    poor: float  # largest residual of accurate accelerations
+    result: Index  # (entry,): rows of the results
+    held: Index  # (entry,): indices in a state
+
+    @cached_property
+    def structure(self) -> ctypes.Array[c.ProgramStruct]:
+        """Return the C structures of the programs for the driver."""
+        parts = [law.structure for law in self.laws]
+        found = (c.ProgramStruct * len(parts))(*parts)
+        vars(found)["kept"] = parts
+        return found
+
+
+class SampledControl:
+    """Sampled controllers of M realisations: arrays that the driver and the decisions in Python share.
+
+    The `instants` (N,) are ascending times, s, at which integration intervals end; the first is due at the start.
+    `acting` and `sampled` (N, loop) are the places in `pending` of the commands that begin to act, and of those that a
+    sample computes; -1: none. Commands of loops that are `direct` (loop,) act at their sample. The numbers of each
+    realisation are `values` (M, number), and the limits of the commands `low` and `high` (M, entry).
+    """
+
+    def __init__(
+        self,
+        laws: ControlLaws,
+        instants: Array,
+        acting: Index,
+        sampled: Index,
+        direct: Index,
+        values: Array,
+        low: Array,
+        high: Array,
+        places: int,
+    ) -> None:
+        self.laws, self.instants, self.acting, self.sampled, self.direct = laws, instants, acting, sampled, direct
+        self.values, self.low, self.high = (np.ascontiguousarray(x, dtype=float) for x in (values, low, high))
+        # (M, place): commands that do not act yet; (M,): the instant that is due, or -1
+        self.pending, self.instant = np.zeros((len(values), places)), np.zeros(len(values), dtype=np.int64)
+        self.ends = np.zeros(0, dtype=np.int64)
+
+    def ending(self, ends: Array) -> Index:
+        """Set and return the instants at the ends (interval,) of integration intervals, s; -1 without an instant."""
+        at = np.minimum(np.searchsorted(self.instants, ends), len(self.instants) - 1)
+        self.ends = np.where(self.instants[at] == ends, at, -1).astype(np.int64)
+        return self.ends
+
+    def of(self, member: int) -> SampledControl:
+        """Return the controllers of one realisation that continues elsewhere."""
+        other = copy(self)
+        other.__dict__.pop("structure", None)
+        for name in ("values", "low", "high", "pending", "instant"):
+            setattr(other, name, getattr(self, name)[member : member + 1].copy())
+        return other
+
+    @cached_property
+    def structure(self) -> c.ControlStruct:
+        """Return the C structure that the driver reads and writes."""
+        laws, programs = self.laws, self.laws.structure
+        found = c.ControlStruct(
+            *(laws.rows, self.values.shape[1], len(laws.laws), len(laws.held), ctypes.addressof(programs)),
+            *map(address, (laws.first, laws.commands, self.direct, laws.residual)),
+            laws.poor,
+            *map(address, (laws.result, laws.held, self.acting, self.sampled, self.ends)),
+            *map(address, (self.values, self.low, self.high, self.pending)),
+            *(self.pending.shape[1], address(self.instant)),
+        )
+        found.kept = programs
+        return found

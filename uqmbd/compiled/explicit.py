@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, load_driver
-from uqmbd.compiled.encounters import ContactPrograms, Encounters
+from uqmbd.compiled.encounters import ContactPrograms, Encounters, SampledControl
 from uqmbd.compiled.programs import ProgramPart
 from uqmbd.compiled.radau import ImplicitEquations
 from uqmbd.compiled.recording import PLACES, StepRecorder
@@ -51,6 +51,7 @@ class ExplicitStatus(IntEnum):
     STEPPED = 8
     EVENT = 9
     NOTED = 10
+    UNSAMPLED = 11
 
 
 Interval = tuple[float, float, bool]
@@ -153,6 +154,7 @@ class IntegrationState:
     Output `times` (T,) begin with the start. `intervals` are the integration intervals of each realisation: (end,
     longest step, whether the driver returns for a decision at the end). If only the first realisation has intervals,
     they apply to all realisations; equal objects are stored once. If `recording`, all steps are recorded (`recorder`).
+    With `control`, the driver samples controllers at the ends of intervals.
     """
 
     def __init__(
@@ -168,8 +170,10 @@ class IntegrationState:
         encounters: Encounters | None = None,
         *,
         recording: bool = False,
+        control: SampledControl | None = None,
     ) -> None:
         count, width = z.shape
+        self.control = control
         self.contacts, self.encounters = contacts, encounters
         # number of evaluations so far, of eight states each
         self.dynamics, self.method, self.evaluations = dynamics, method, 0
@@ -195,6 +199,8 @@ class IntegrationState:
             np.array([interval[k] for interval in every], dtype=float) for k in (0, 1)
         )
         self.interval_jumps = np.array([interval[2] for interval in every], dtype=np.int64)
+        if control is not None:  # the driver takes the samples at the ends of intervals
+            self.interval_jumps[control.ending(self.interval_ends) >= 0] = 0
         self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
@@ -280,6 +286,7 @@ class IntegrationState:
         new.__dict__.pop("_problem", None)
         new.dynamics, new.evaluations = dynamics, 0
         new.recorder = self.recorder.of(member)
+        new.control = None if self.control is None else self.control.of(member)
         new.off = np.zeros((1, new._equations + 1))
         new.steps[:], new.first[:] = 0, new.column
         self.status[member] = ExplicitStatus.DONE
@@ -307,6 +314,7 @@ class IntegrationState:
         coefficients, firsts = tableau(), np.ascontiguousarray(d.turns[:, :1], dtype=np.int64)
         contacts = None if self.contacts is None else self.contacts.structure
         implicit = None if d.implicit is None else d.implicit.structure
+        control = None if self.control is None else self.control.structure
         found = c.ProblemStruct(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
             *(parts[0], address(d.rate), *d.turns.shape, address(firsts), *parts[1:]),
@@ -318,6 +326,7 @@ class IntegrationState:
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),
             0 if implicit is None else ctypes.addressof(implicit),
+            0 if control is None else ctypes.addressof(control),
         )
         found.kept = (
             parts,
@@ -325,5 +334,6 @@ class IntegrationState:
             firsts,
             contacts,
             implicit,
+            control,
         )  # targets of pointers, which another thread may replace
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from uqmbd.compiled import SampledControl
 from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.sampled_paths import SampledPaths
@@ -19,6 +20,12 @@ class Sampler(Protocol):
 
     def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
         """Return the states right after an instant, and reasons of failures."""
+
+    def control(self) -> SampledControl | None:
+        """Return the samples for the driver; None: call `after` at each instant."""
+
+    def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
+        """Take a sample that the driver left; return the state (width,), and the reason of a failure."""
 
     def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
         """Return the jumps of velocities due to commanded speeds, and reasons of failures."""

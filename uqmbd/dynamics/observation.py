@@ -21,6 +21,7 @@ __all__ = [
     "output_program",
     "prepare",
     "undetermined_contacts",
+    "write_outputs",
 ]
 
 
@@ -139,10 +140,16 @@ def _rows(columns: Columns, which: Index) -> Array:
 
 def _program(model: Model, outputs: OutputMap) -> Program:
     """Write outputs and the residual of accelerations as a program of (state, t, 0, parameters, inputs)."""
+    writer = ProgramWriter(model.layout.width + 2 + model.block_parameters + len(model.inputs))
+    results, residual = write_outputs(model, writer, outputs)
+    return writer.program(np.concatenate([results, residual]))
+
+
+def write_outputs(model: Model, writer: ProgramWriter, outputs: OutputMap) -> tuple[Index, Index]:
+    """Write outputs of (state, t, 0, parameters, inputs); return the rows of the results and of the residual."""
     layout, programs = model.layout, model.system.programs
     n, width = layout.coordinates, layout.width
     ends = np.cumsum([width + 2, model.block_parameters, len(model.inputs)])
-    writer = ProgramWriter(int(ends[-1]))
     arguments, parameters, inputs = np.split(np.arange(ends[-1]), ends[:-1])
     quaternions, zero, residual = model.quaternions(), width + 1, np.zeros(0, dtype=np.int64)
     if quaternions.size:
@@ -152,8 +159,7 @@ def _program(model: Model, outputs: OutputMap) -> Program:
         solution, residual = programs.write_motion(model, writer, arguments, parameters)
         accelerations, multipliers[layout.kept] = solution[:n], solution[n:]
     reads = (arguments[:width], accelerations, multipliers, [width], inputs, parameters[outputs.needed])
-    results = writer.call(outputs.kernel, np.concatenate(reads)[None])
-    return writer.program(np.concatenate([results.ravel(), residual]))
+    return writer.call(outputs.kernel, np.concatenate(reads)[None]).ravel(), residual
 
 
 def _unit(size: int) -> Kernel:

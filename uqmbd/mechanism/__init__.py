@@ -49,6 +49,7 @@ from uqmbd.mechanism.components import (
     motion_quantities,
     range_text,
 )
+from uqmbd.mechanism.control_law import ControlLaw
 from uqmbd.mechanism.controller import Controller, HeldStates, HeldSymbol
 from uqmbd.mechanism.declared import Output, Requirement, StartCondition, mode_shape, time_derivative
 from uqmbd.mechanism.expressions import (
@@ -167,6 +168,7 @@ __all__ = [
     "Capsule",
     "Component",
     "Constraint",
+    "ControlLaw",
     "Controller",
     "Coordinate",
     "CoordinateSet",

@@ -1,4 +1,4 @@
-"""Sampled controllers: functions that compute commands from measured numbers at sample times."""
+"""Sampled controllers: functions or laws that compute commands from measured numbers at sample times."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Auxiliary, Component, Local
+from uqmbd.mechanism.control_law import ControlLaw, traced_law
 from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.names import check_name, check_units, checked, did_you_mean
 from uqmbd.randomness import RandomVariable, Symbol, Symbolic
@@ -45,7 +46,7 @@ class HeldSymbol(Symbolic, Symbol):
 
 
 class Controller:
-    """Sampled controller: a Python function of measured outputs, called `rate` times a second.
+    """Sampled controller: a function or a law of measured outputs, evaluated `rate` times a second.
 
     Add a controller with `Mechanism.add`. The commands (`command`) of the controller are symbols for component
     parameters that accept laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``. Expressions and
@@ -74,6 +75,11 @@ class Controller:
     method with an error. In a group of one realisation, the second call is at the samples 0, 1, 2, 4, 8 and so on;
     otherwise it is at each sample.
 
+    A `law` states the same by expressions. uqmbd calls ``law(time, measured, state)`` once, with symbols: `measured`
+    and `state` are tuples of SymPy symbols. It returns one expression or a sequence of expressions for the commands,
+    and, with states, the pair (commands, new states). The expressions may contain `uqmbd.RandomVariable`. uqmbd
+    compiles a law and samples it without Python, so that it costs a fraction of a function.
+
     Parameters
     ----------
     name : str
@@ -85,9 +91,9 @@ class Controller:
         Names of the commands. A mapping from names to units also states the units, which `uqmbd check` shows.
     rate : float
         Sampling rate, Hz.
-    function : callable
-        Function that computes the commands, as described above. Worker processes must be able to import or unpickle it;
-        a function of a module or a script is suitable.
+    function : callable, optional
+        Function that computes the commands, as described above; required without a `law`. Worker processes must be able
+        to import or unpickle it; a function of a module or a script is suitable.
     state : sequence, or mapping of str to number, optional
         Initial values of the states, as numbers or expressions in random variables. A mapping also names the states.
     delay : float
@@ -98,6 +104,8 @@ class Controller:
     initial : number, or mapping of str to number
         Initial values of the commands, as numbers or expressions in random variables. Initial values apply until the
         first commands act, in static equilibrium, and in the linearisation about the equilibrium.
+    law : callable, optional
+        Law that returns the commands as expressions, as described above, instead of a `function`.
 
     Raises
     ------
@@ -135,6 +143,15 @@ class Controller:
     >>> found = uqmbd.simulate(mechanism, [0, 1, 5])
     >>> [round(float(value), 3) for value in found["x"]], float(found["force"][0])
     ([0.0, 0.584, 0.999], 5.0)
+
+    The same controller as a law, whose arguments are symbols:
+
+    >>> def pd(time, measured):
+    ...     position, speed = measured
+    ...     return 8 * (1 - position) - 8 * speed
+    >>> compiled = uqmbd.Controller(
+    ...     measured=[cart.position[0], cart.velocity[0]], commanded={"force": "N"}, rate=50, law=pd, limits=(-5, 5),
+    ... )
     """
 
     @checked
@@ -149,6 +166,7 @@ class Controller:
         delay: float = 0.0,
         limits: Any = None,
         initial: Number | Mapping[str, Number] = 0.0,
+        law: Callable[..., Any] | None = None,
     ) -> None:
         self.name = check_name(name, "Controller")
         where = self.where = f"Controller {name!r}"
@@ -170,22 +188,28 @@ class Controller:
         self.delay = _number(where, "delay", without_quantities(f"{where}: delay", delay, "s"), "s")
         if self.delay < 0:
             raise StudyError(f"{where}: delay is {self.delay:g}; expected a time of 0 s or more.")
-        if not callable(function) or isinstance(function, type):
+        if function is not None and law is not None:
+            raise StudyError(f"{where}: function and law are both given; expected one of them.")
+        key, given = ("function", function) if law is None else ("law", law)
+        if not callable(given) or isinstance(given, type):
             raise StudyError(
-                f"{where}: function is {shown(function)}; expected a function of (time, measured), or of (time, "
-                "measured, state), that returns the commands."
+                f"{where}: {key} is {shown(given)}; expected a function of (time, measured), or of (time, measured, "
+                "state), that returns the commands."
             )
-        self.function: Callable[..., Any] = function
+        self.function = function
         entries = dict(state) if isinstance(state, Mapping) else {str(k): x for k, x in enumerate(flatten_state(state))}
         self.states: dict[str, sympy.Expr] = {
             check_name(k, f"{where}: state"): _value(where, f"state {k!r}", x) for k, x in entries.items()
         }
+        self.law: ControlLaw | None = None
+        if law is not None:
+            self.law = traced_law(where, law, len(self.measured), tuple(self.commands), tuple(self.states))
         self.initial = {k: sympy.S.Zero for k in self.commands} | _by_command(
             where, "initial", initial, self.commands, lambda key, x: _value(where, key, x)
         )
         none = (-sympy.oo, sympy.oo)
-        given = {} if limits is None else _by_command(where, "limits", limits, self.commands, _pair(where))
-        self.limits = {k: given.get(k, none) for k in self.commands}
+        limited = {} if limits is None else _by_command(where, "limits", limits, self.commands, _pair(where))
+        self.limits = {k: limited.get(k, none) for k in self.commands}
         for key, (low, high) in self.limits.items():
             first = self.initial[key]
             if any(x.is_number and x.is_negative for x in (first - low, high - first)):
@@ -224,7 +248,8 @@ class Controller:
     @property
     def numbers(self) -> list[Any]:
         """All values that may contain random variables."""
-        return [*self.values, *flatten(list(self.limits.values())), *self.measured]
+        law = () if self.law is None else self.law.results
+        return [*self.values, *flatten(list(self.limits.values())), *self.measured, *law]
 
     def _symbol(self, name: str | None, names: list[str], first: int, what: str) -> sympy.Symbol:
         if not isinstance(name, str) or name not in names:

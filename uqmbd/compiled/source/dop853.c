@@ -67,7 +67,9 @@ static void accept(const Problem *p, Group *g, Mask taken, V now) {
         g->z[p->velocities + i] -= v;
         g->rates[i] -= v;
     }
-    if (!p->turning) return;
+    /* lanes at the ends of their intervals evaluate their rates when they start again */
+    taken &= now < g->end - (g->low - g->begin);
+    if (!p->turning || !any(taken)) return;
     copy(g->work, g->z, width);
     for (int64_t b = 0; b < p->turning; b++) {
         g->lengths[b] = length_of(p->turn, g->z + p->turns[b]);
@@ -144,6 +146,10 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
     int64_t leg = pool->leg[m]++;
     g->now[l] = g->begin[l] = g->end[l];
     pool->attempts[m] = 0;
+    if (p->control && p->control->instants[leg] >= 0) {
+        p->control->instant[m] = p->control->instants[leg];
+        g->due[l] = -1;
+    }
     if (leg == pool->last_leg[m]) return DONE;
     pool->known[m] = 1;
     g->fresh[l] = -1;
@@ -271,9 +277,14 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
                 if (g.member[l] >= 0) store_lane(p, pool, &g, l);
             return g.evaluations;
         }
-        if (any(g.fresh)) start(p, &g);
-        int64_t status[LANES];
-        step(p, pool, &g, status);
+        int64_t status[LANES] = {RUNNING}, lost = 0;
+        if (any(g.due)) sample(p, pool, &g, status); /* at the start */
+        for (int64_t l = 0; l < LANES; l++) lost += status[l] != RUNNING;
+        if (!lost) {
+            if (any(g.fresh)) start(p, &g);
+            step(p, pool, &g, status);
+            if (any(g.due)) sample(p, pool, &g, status);
+        }
         for (int64_t l = 0; l < LANES; l++) {
             if (status[l] == RUNNING) continue;
             pool->status[g.member[l]] = status[l];

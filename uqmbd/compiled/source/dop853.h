@@ -9,6 +9,7 @@
 #ifndef UQMBD_DOP853_H
 #define UQMBD_DOP853_H
 
+#include "control.h"
 #include "events.h"
 #include "radau.h"
 
@@ -43,7 +44,8 @@ enum {
     SMALL,   /* the step size has become too small */
     STEPPED, /* a step was taken, and the caller asked for each */
     EVENT,   /* a guard has fallen through zero */
-    NOTED    /* there might not be room for the marks of another step */
+    NOTED,   /* there might not be room for the marks of another step */
+    UNSAMPLED /* a sample of a controller is invalid; it was not applied */
 };
 
 /* Why the last attempt was refused: its error, or its interpolant.  Steps that the latter shortens do not look stiff, so
@@ -85,6 +87,7 @@ typedef struct {
     const double *places;    /* parts of a step (PLACES) at which its states are recorded */
     int64_t room;            /* steps that can be recorded until somebody takes them; 0: none is */
     const Implicit *implicit; /* null: steps are explicit */
+    const Control *control;  /* null: no controller is sampled here */
 } Problem;
 
 /* All realisations: rows of arrays. */

@@ -3,6 +3,7 @@
 #include "contacts.c"
 #include "events.c"
 #include "lanes.c"
+#include "control.c"
 #include "turning.c"
 #include "attempt.c"
 #include "radau.c"
@@ -37,4 +38,5 @@ void sizes(int64_t *found) {
     found[14] = sizeof(Parts);
     found[15] = sizeof(Fitted);
     found[16] = sizeof(Implicit);
+    found[17] = sizeof(Control);
 }

@@ -19,6 +19,8 @@ typedef struct {
     V *stages, *history, *changes, *slope, *matrices, *inertia, *stiffness, *factors, *right, *solution, *shift;
     V before, contraction, growth;  /* size of the step before, of its iterations; a factor of the next size */
     double *numbers;    /* of one lane at a time */
+    V *control;         /* work array of the laws of controllers */
+    Mask due;           /* lanes that have reached an instant of controllers */
 } Group;
 
 /* State at a part of the last attempt. */

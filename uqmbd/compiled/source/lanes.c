@@ -4,10 +4,12 @@
 /* Rows of the workspace for implicit steps. */
 int64_t implicit_rows(const Problem *p);
 static void place_implicit(const Problem *p, Group *g, V *at);
+static void load_control(const Problem *p, Group *g, int64_t l, int64_t m);
 
 int64_t advance_workspace(const Problem *p) {
     int64_t rows = p->rows + (5 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES + 2 * p->turning;
     if (p->implicit) rows += implicit_rows(p);
+    if (p->control) rows += p->control->rows;
     return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
 }
 
@@ -43,6 +45,10 @@ static void place(const Problem *p, Group *g, double *workspace) {
     if (p->implicit) {
         place_implicit(p, g, at);
         at += implicit_rows(p);
+    }
+    if (p->control) {
+        g->control = at;
+        at += p->control->rows;
     }
     if (p->contacts) place_contacts(p->contacts, g, at);
     g->evaluations = 0;
@@ -104,6 +110,8 @@ static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, i
     g->limit[l] = pool->limit[m];
     g->fresh[l] = running && pool->fresh[m] ? -1 : 0;
     g->touching[l] = running && p->contacts && touches(p->contacts, pool->encounters, m) ? -1 : 0;
+    g->due[l] = running && p->control && p->control->instant[m] >= 0 ? -1 : 0;
+    if (p->control) load_control(p, g, l, m);
     bounds(p, g, l, pool->leg[m] <= pool->last_leg[m] ? pool->leg[m] : pool->last_leg[m]);
 }
 
@@ -126,5 +134,5 @@ static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) 
     pool->tried[m] = g->size[l];
     pool->fresh[m] = g->fresh[l] ? 1 : 0;
     g->member[l] = -1;
-    g->running[l] = g->touching[l] = 0;
+    g->running[l] = g->touching[l] = g->due[l] = 0;
 }

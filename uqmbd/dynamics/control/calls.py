@@ -27,6 +27,7 @@ def called(loop: ControlLoop, time: float, measured: Array, state: Array, about:
     """
     count, where = len(measured), f"Controller {loop.name!r}"
     given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())
+    assert loop.shipped is not None
     try:
         found = loop.shipped.function(*given)
     except Exception as error:

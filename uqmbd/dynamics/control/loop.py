@@ -22,9 +22,10 @@ import cloudpickle
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.equations import Instance, OutputMap, ParameterMap, Placement, output_map
+from uqmbd.compiled import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations import Instance, OutputMap, ParameterMap, Placement, Tables, output_map, plain
 from uqmbd.errors import Finding, Severity, StudyError
-from uqmbd.mechanism import Controller, HeldStates, HeldSymbol, Mechanism, Output, flatten
+from uqmbd.mechanism import ControlLaw, Controller, HeldStates, HeldSymbol, Mechanism, Output, flatten, t
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
@@ -271,7 +272,8 @@ class ControlLoop:
     states: tuple[str, ...]  # names of states
     held: Index  # indices of the commands, then of the states, among the auxiliary states of the model
     limits: ParameterMap  # from inputs to the smallest values of the commands, then the largest
-    shipped: Shipped = field(repr=False)
+    shipped: Shipped | None = field(repr=False)  # the function; None: the controller has a law
+    law: Kernel | None = field(repr=False)  # of (time, measured, states, inputs), to commands, then new states
     digest: str = field(default="", repr=False)
     """Hash of all data that affect the controller."""
 
@@ -297,6 +299,7 @@ def loops_of(
         controller = instance.component.controller
         measured = [_output(mechanism, controller, k, x) for k, x in enumerate(controller.measured)]
         low, high = zip(*controller.limits.values(), strict=True)
+        shipped = None if controller.function is None else Shipped(controller.function, controller.where)
         bounds = [sympy.Float(np.sign(float(x)) * UNLIMITED) if x.is_infinite else x for x in (*low, *high)]
         found.append(
             ControlLoop(
@@ -308,18 +311,37 @@ def loops_of(
                 tuple(controller.states),
                 np.asarray(place.letters["s"], dtype=np.int64),
                 ParameterMap.of(bounds, inputs),
-                shipped := Shipped(controller.function, controller.where),
+                shipped,
+                None if controller.law is None else _kernel(controller.law, inputs),
                 _digest(controller, measured, shipped),
             )
         )
     return tuple(found)
 
 
-def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped) -> str:
+def _kernel(law: ControlLaw, inputs: Sequence[RandomVariable]) -> Kernel:
+    """Compile a law of (time, measured, states, inputs) to commands, then new states."""
+    arguments = (t, *law.arguments, *inputs)
+    symbols = {x: sympy.Symbol(f"_x{k}", real=True) for k, x in enumerate(arguments)}
+    local = [plain(x).xreplace(symbols) for x in law.results]
+
+    def make() -> Kernel:
+        import symengine as se
+
+        tables = Tables()
+        expressions = tables.applied([tables.converted(x) for x in local])
+        return compile_kernel([se.Symbol(f"_x{k}") for k in range(len(arguments))], expressions, tables=tables.known)
+
+    kernel: Kernel = cached(("control law", len(arguments), sympy.srepr(sympy.Tuple(*local))), make)
+    return kernel
+
+
+def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped | None) -> str:
     about = (controller.name, controller.rate, controller.delay, list(controller.commands), list(controller.states))
     # readable texts omit tables and digits of numbers
     said = sympy.srepr((controller.values, tuple(controller.limits.values()), tuple(x.expression for x in measured)))
-    return hashlib.sha256(f"{about} {said} {shipped.digest()}".encode()).hexdigest()
+    law = sympy.srepr(controller.law.results) if shipped is None and controller.law is not None else ""
+    return hashlib.sha256(f"{about} {said} {law if shipped is None else shipped.digest()}".encode()).hexdigest()
 
 
 def require_controllers(mechanism: Mechanism) -> None:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from uqmbd.compiled import SampledControl
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.control.calls import called, failures, require_same
+from uqmbd.dynamics.control.laws import driver_laws
 from uqmbd.dynamics.control.loop import ControlLoop
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.integration import instant
 from uqmbd.dynamics.linear import impulses
 from uqmbd.dynamics.observation import observe
 from uqmbd.errors import StudyError
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Sampling"]
 
@@ -30,15 +31,6 @@ CONTRADICTION = 1e-6
 """Residual speed after an impulse, relative to the jump, that indicates contradictory equations."""
 ROUNDING = 1e-10
 """Residual speed after an impulse, relative to the largest speed, that counts as rounding."""
-
-
-@dataclass
-class _SamplingInstant:
-    """Actions at one time: commands to apply (loop, number of the sample), and loops to sample."""
-
-    time: float
-    acting: list[tuple[int, int]] = field(default_factory=list)
-    sampled: list[tuple[int, int]] = field(default_factory=list)
 
 
 class Sampling:
@@ -87,8 +79,7 @@ class Sampling:
         self.batch, self.loops = batch, batch.model.controls
         self.bounds = [loop.bounds(batch.values) for loop in self.loops]
         self.near = NEAR * max(1.0, float(np.abs(times).max()))
-        self.instants = _instants(self.loops, times, self.near)
-        self.times = np.array([instant.time for instant in self.instants])
+        self.times, self.acting, self.sampled = _instants(self.loops, times, self.near)
         self.waiting: dict[tuple[int, int], tuple[Array, Index]] = {}
 
     def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
@@ -114,22 +105,68 @@ class Sampling:
         uqmbd.StudyError
             If a function raises, returns a wrong shape, or depends on other realisations of the group.
         """
-        instant, held = self.instants[number], self.batch.model.layout.coordinates
+        time, held = float(self.times[number]), self.batch.model.layout.coordinates
         before, states, reasons = states, states.copy(), dict[int, str]()
-        measured = [self._measured(self.loops[k], instant.time, before, members) for k, _ in instant.sampled]
-        self._act(instant.acting, states, members)
-        for (k, sample), seen in zip(instant.sampled, measured, strict=True):
+        sampled = self._numbered(self.sampled[number])
+        measured = [self._measured(self.loops[k], time, before, members) for k, _ in sampled]
+        self._act(self._numbered(self.acting[number]), states, members)
+        for (k, sample), seen in zip(sampled, measured, strict=True):
             loop = self.loops[k]
             memory = held + loop.held[len(loop.commands) :]
-            commands, state = self._called(loop, sample, instant.time, seen, before[:, memory])
+            commands, state = self._called(loop, sample, time, seen, before[:, memory], members)
             states[:, memory] = state
             low, high = (bound[members] for bound in self.bounds[k])
-            told = failures(loop, instant.time, seen, commands, state, low, high)
+            told = failures(loop, time, seen, commands, state, low, high)
             reasons = told | reasons
             self.waiting[k, sample] = np.clip(commands, low, high), members
             if loop.delay <= self.near:
                 self._act([(k, sample)], states, members)
         return states, reasons
+
+    def control(self) -> SampledControl | None:
+        """Return the samples for the driver, if it can take them; None: call `after` at each instant."""
+        laws = driver_laws(self.batch.model, self.loops)
+        if laws is None:
+            return None
+        # commands of samples that wait for the end of the delay have separate places
+        counts = np.array([len(loop.commands) for loop in self.loops])
+        waiting = np.array([int(loop.delay * loop.rate) + 2 for loop in self.loops])
+        first = np.cumsum([0, *(counts * waiting)])
+        acting, sampled = (
+            np.where(number >= 0, first[:-1] + counts * (number % waiting), -1).astype(np.int64)
+            for number in (self.acting, self.sampled)
+        )
+        direct = np.array([loop.delay <= self.near for loop in self.loops], dtype=np.int64)
+        low, high = (
+            np.concatenate([_widened(bounds[side], len(loop.states)) for loop, bounds in self._limited()], axis=1)
+            for side in (0, 1)
+        )
+        numbers = np.concatenate([self.batch.block, self.batch.values], axis=1)
+        return SampledControl(laws, self.times, acting, sampled, direct, numbers, low, high, int(first[-1]))
+
+    def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
+        """Take a sample that the driver left, for its realisation `row`; return its state and the reason of a failure.
+
+        The `state` (width,) is that right before the instant.
+        """
+        number, members = int(control.instant[row]), np.array([member])
+        for k, sample in self._numbered(self.acting[number]):
+            first = control.acting[number, k]
+            self.waiting[k, sample] = control.pending[row, None, first : first + len(self.loops[k].commands)], members
+        states, reasons = self.after(number, state[None], members)
+        for k, sample in self._numbered(self.sampled[number]):
+            first = control.sampled[number, k]
+            if not control.direct[k]:
+                control.pending[row, first : first + len(self.loops[k].commands)] = self.waiting.pop((k, sample))[0]
+        control.instant[row] = -1
+        return states[0], reasons.get(0, "")
+
+    def _limited(self) -> Iterable[tuple[ControlLoop, tuple[Array, Array]]]:
+        return zip(self.loops, self.bounds, strict=True)
+
+    def _numbered(self, samples: Index) -> list[tuple[int, int]]:
+        """Return the loops with a sample in a row of `acting` or `sampled`, and their samples."""
+        return [(k, sample) for k, sample in enumerate(samples.tolist()) if sample >= 0]
 
     def _act(self, acting: Sequence[tuple[int, int]], states: Array, members: Index) -> None:
         """Apply commands after their delay."""
@@ -144,9 +181,13 @@ class Sampling:
         return observe(self.batch, loop.measure, states, np.full(len(states), time), members)
 
     def _called(
-        self, loop: ControlLoop, sample: int, time: float, measured: Array, state: Array
+        self, loop: ControlLoop, sample: int, time: float, measured: Array, state: Array, members: Index
     ) -> tuple[Array, Array]:
-        """Call the function of a controller; return commands (M, command) and new states (M, state)."""
+        """Evaluate the law or function of a controller; return commands (M, command) and new states (M, state)."""
+        if loop.law is not None:
+            about = np.full((len(measured), 1), time), measured, state, self.batch.values[members]
+            results = loop.law(np.concatenate(about, axis=1))
+            return results[:, : len(loop.commands)], results[:, len(loop.commands) :]
         found, count = called(loop, time, measured, state), len(measured)
         for part in _parts(sample, measured):
             again = called(loop, time, measured[part], state[part], f", called again for {len(part)} of {count}")
@@ -206,6 +247,11 @@ class Sampling:
         return np.asarray(np.abs(found).max(axis=1, initial=0.0))
 
 
+def _widened(bounds: Array, states: int) -> Array:
+    """Append columns for controller states, which have no limits."""
+    return np.concatenate([bounds, np.zeros((len(bounds), states))], axis=1)
+
+
 def _parts(sample: int, measured: Array) -> list[Index]:
     """Return rows for a second call of a function, which test the independence of its results from other rows.
 
@@ -221,10 +267,13 @@ def _parts(sample: int, measured: Array) -> list[Index]:
     return parts
 
 
-def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> list[_SamplingInstant]:
-    """Return all instants of samples and commands, in the order of time."""
+def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> tuple[Array, Index, Index]:
+    """Return the times (N,) of all instants, s, and numbers of samples (N, loop): acting, and taken; -1: none.
+
+    The commands of an acting sample change at the instant; they are those of an earlier sample after its delay.
+    """
     begin, end = float(times[0]), float(times[-1])
-    happening: list[tuple[float, bool, int, int]] = []
+    found: list[tuple[Array, Index, Mask, Index]] = []
     for k, loop in enumerate(loops):
         count = (end - begin) * loop.rate
         if count > MOST:
@@ -232,22 +281,33 @@ def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> list[_
                 f"Controller {loop.name!r}: a rate of {loop.rate:g} Hz over {end - begin:g} s needs {count:.3g} "
                 f"samples; expected at most {MOST:g}. The units are samples per second for the rate, and s for times."
             )
-        for sample in range(int(np.floor(count * (1 + NEAR) + NEAR)) + 1):
-            at = begin + sample / loop.rate
-            happening.append((at, False, k, sample))
-            if loop.delay > near and at + loop.delay <= end + near:
-                happening.append((at + loop.delay, True, k, sample))
-    found: list[_SamplingInstant] = []
-    for at, acts, k, sample in sorted(happening):
-        nearest = float(times[np.argmin(np.abs(times - at))]) if len(times) < 2 else _nearest(times, at)
-        at = nearest if abs(nearest - at) <= near else at
-        if not found or at - found[-1].time > near:
-            found.append(_SamplingInstant(at))
-        (found[-1].acting if acts else found[-1].sampled).append((k, sample))
-    return found
+        if 1 / loop.rate <= 2 * near:
+            raise StudyError(
+                f"Controller {loop.name!r}: a rate of {loop.rate:g} Hz is too high, because samples at t = {end:g} s "
+                "differ by rounding only. The units are samples per second for the rate, and s for times."
+            )
+        sample = np.arange(int(np.floor(count * (1 + NEAR) + NEAR)) + 1)
+        at = begin + sample / loop.rate
+        found.append((at, np.full(len(at), k), np.zeros(len(at), dtype=bool), sample))
+        if loop.delay > near:
+            late = at + loop.delay
+            some = late <= end + near
+            found.append((late[some], np.full(int(some.sum()), k), np.ones(int(some.sum()), dtype=bool), sample[some]))
+    at, loop_of, acts, sample = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(at, kind="stable")
+    at, loop_of, acts, sample = at[order], loop_of[order], acts[order], sample[order]
+    nearest = _nearest(times, at)
+    at = np.where(np.abs(nearest - at) <= near, nearest, at)
+    new = np.diff(at, prepend=-np.inf) > near
+    place = np.cumsum(new) - 1
+    acting, sampled = np.full((2, int(new.sum()), len(loops)), -1, dtype=np.int64)
+    acting[place[acts], loop_of[acts]] = sample[acts]
+    sampled[place[~acts], loop_of[~acts]] = sample[~acts]
+    return at[new], acting, sampled
 
 
-def _nearest(times: Array, at: float) -> float:
-    right = int(np.clip(np.searchsorted(times, at), 1, len(times) - 1))
-    pair = times[right - 1 : right + 1]
-    return float(pair[np.argmin(np.abs(pair - at))])
+def _nearest(times: Array, at: Array) -> Array:
+    """Return the nearest of the times (T,) to each of `at`."""
+    right = np.clip(np.searchsorted(times, at), min(1, len(times) - 1), len(times) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.where(np.abs(times[left] - at) <= np.abs(times[right] - at), times[left], times[right])

@@ -136,6 +136,8 @@ class Integration:
         self.sampling = batch.sampling(times)
         samples = np.zeros(0) if self.sampling is None else self.sampling.times
         self.sampled = {time: k for k, time in enumerate(samples.tolist())}
+        # jumps of prescribed speeds precede samples, so that Python takes both
+        self.control = None if self.sampling is None or self.jumping else self.sampling.control()
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
         if patient:
             method = replace(method, attempts=MOST, patience=2**62)
@@ -151,6 +153,7 @@ class Integration:
             self.layouts,
             rtol * length,
             recording=recording,
+            control=self.control,
         )
         if allowed is not None:
             self.main.allowed[:] = allowed
@@ -196,7 +199,7 @@ class Integration:
                 self._stop(members[jump & (now == time)], time)
             for m, what in zip(members[~jump].tolist(), status[~jump].tolist(), strict=True):
                 self._decide(m, what)
-        if end in self.sampled and end > begin:
+        if end in self.sampled and end > begin and self.control is None:
             self._stop(every[[not message for message in self.messages]], end)
         for pool in self._pools:
             pool.project()
@@ -255,7 +258,7 @@ class Integration:
     # -- stops at given times ----------------------------------------------------------------------------------------
     def _stop(self, members: Index, time: float) -> None:
         """Apply jumps of prescribed speeds, then sample controllers; store the results after the jumps and samples."""
-        if not len(members) or not (self.jumping or self.sampled):
+        if not len(members) or not (self.jumping or self.sampled) or self.control is not None:
             return
         before = np.empty((len(members), self.model.layout.width))
         for pool, k, rows in self._parted(members):
@@ -281,6 +284,18 @@ class Integration:
             pool.z[k] = pool.nodes[k, -1] = after[rows]
             pool.result[np.ix_(k, at)] = after[rows, None]
 
+    def _sample(self, member: int) -> None:
+        """Take a sample that the driver left, because it fails or needs other equations."""
+        pool, k = self._place(member)
+        assert self.sampling is not None and pool.control is not None
+        state, reason = self.sampling.alone(pool.control, k, member, pool.z[k])
+        pool.status[k] = ExplicitStatus.DONE if pool.interval[k] > pool.last_interval[k] else ExplicitStatus.RUNNING
+        pool.z[k] = pool.nodes[k, -1] = state
+        pool.result[k, self.times == pool.now[k]] = state
+        pool.stiff[k] = 0
+        if reason:
+            self._fail(member, reason, final=True)
+
     def _record_reasons(self, members: Index, reasons: dict[int, str]) -> None:
         """Mark members as failed, for reasons that apply to every method."""
         for row, reason in reasons.items():
@@ -291,6 +306,9 @@ class Integration:
         """Decide how to continue a waiting member."""
         pool, k = self._place(member)
         now, size = float(pool.now[k]), float(pool.tried[k])
+        if status == ExplicitStatus.UNSAMPLED:
+            self._sample(member)
+            return
         if self.comparing:
             if self.comparison is None:
                 self.comparison = Comparison(self.batch, self.times, self.rtol, self.dynamics, self._rival())

@@ -24,6 +24,7 @@ PARTS = (
     "contacts",
     "events",
     "lanes",
+    "control",
     "turning",
     "attempt",
     "radau",
@@ -34,7 +35,7 @@ PARTS = (
 )
 """Sources of the driver that an integration needs, in the order of their inclusion."""
 
-HEADERS = ("program", "events", "radau", "dop853", "group", "assembly")
+HEADERS = ("program", "control", "events", "radau", "dop853", "group", "assembly")
 """Headers of these sources, without the one of vectors, which ``single_lane.h`` replaces."""
 
 _BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}
