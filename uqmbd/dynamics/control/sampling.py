@@ -145,9 +145,24 @@ class Sampling:
         return SampledControl(laws, self.times, acting, sampled, direct, numbers, low, high, int(first[-1]))
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
-        """Take a sample that the driver left, for its realisation `row`; return its state and the reason of a failure.
+        """Take a sample that the driver left; return the state and the reason of a failure.
 
-        The `state` (width,) is that right before the instant.
+        Parameters
+        ----------
+        control : SampledControl
+            Samples of the driver.
+        row : int
+            Row of the realisation in `control`.
+        member : int
+            Index of the realisation in the batch.
+        state : array, shape (width,)
+            State right before the instant.
+
+        Returns
+        -------
+        state : array, shape (width,)
+        reason : str
+            Why the realisation cannot continue; empty if it can.
         """
         number, members = int(control.instant[row]), np.array([member])
         for k, sample in self._numbered(self.acting[number]):
