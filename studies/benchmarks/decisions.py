@@ -70,7 +70,7 @@ def pendula(controller: dict[str, Any] | None = None, floor: dict[str, float] | 
 
 def main() -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Time decisions.")
     parser.add_argument("--repeat", type=int, default=9)
     parser.add_argument("--quick", action="store_true", help="one round")
     options = parser.parse_args()
