@@ -35,6 +35,10 @@ AHEAD = 1e-7
 """Time difference for rates of forces, relative to the duration of the motion."""
 AT_ONCE = 1e-14
 """Time between two events, relative to the larger of the time and 1 s, that counts as zero."""
+TOGETHER = 1e-9
+"""Time between decisions on friction at its limit, relative to the duration of the motion, that counts as zero.
+
+Reserves below `AT_LIMIT` are used up in this time: feet of one body that come to their limits together differ by it."""
 START = 10.0
 """Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant."""
 HELD = 1e-6
@@ -202,7 +206,7 @@ class Decisions:
     def _again(self, member: int, time: float) -> bool:
         """Return whether the last decision about contacts at their limit was at this time."""
         earlier = self.at_limit.get(member)
-        return earlier is not None and time - earlier.time <= AT_ONCE * max(1.0, abs(time))
+        return earlier is not None and time - earlier.time <= max(TOGETHER * self.duration, AT_ONCE * abs(time))
 
     def _span(self, member: int, time: float) -> float:
         """Return the time difference for rates of forces, s."""
