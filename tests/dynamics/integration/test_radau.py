@@ -15,6 +15,7 @@ from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.integration import explicit_method, integrate_by_dop853
 from uqmbd.dynamics.linear import implicit_dynamics
 from uqmbd_contact import PlaneImpact
+from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import Bushing, PointForce, SpringDamper
@@ -248,6 +249,44 @@ def test_impacts_on_a_stiff_suspension():
     np.testing.assert_allclose(data.t1, fall, rtol=1e-6)
     np.testing.assert_allclose(data.t2, 2 * fall, rtol=2e-3)  # the core takes a thousandth of the momentum
     assert abs(float(data.height[-1])) < 1e-9  # it has come to rest
+
+
+@pytest.mark.parametrize("inertia", [1.0, 1e9, 1e12])
+def test_a_heavy_turntable_takes_the_same_steps(inertia):
+    """Where an entry of the quaternion vanishes, the step fell to nothing with an inertia of 1e9 kg m^2."""
+    mechanism = uqmbd.Mechanism("turntable", uqmbd.Spatial(gravity=(0, 0, -G)))
+    inertias = (inertia / 2, inertia / 2, inertia)
+    disc = mechanism.body("disc", mass=1.0, inertia=inertias, angular_velocity=(0, 0, 2.0))
+    mechanism.add(Revolute("axle", mechanism.ground, disc, at=(0, 0, 0), axis=(0, 0, 1)))
+    times = np.linspace(0, 10, 21)
+    found = integrate(Ensemble(build(mechanism), np.zeros((1, 0))), times, 1e-6, "radau")
+    assert found.messages == ("",) and found.counters.steps < 50
+    half = found.states[0, :, [3, 6]]  # cos and sin of half the angle
+    np.testing.assert_allclose(half, [np.cos(times), np.sin(times)], atol=2e-6)
+
+
+@pytest.mark.parametrize("heavy", [1e-6, 1e6, 1e9])
+def test_a_pendulum_on_a_heavy_turntable(heavy):
+    """Its hinge turns at a constant speed: y'' = (speed^2 cos y - g / l) sin y, by SciPy; or the table is light."""
+    speed, length = 3.0, 0.5
+    mechanism = uqmbd.Mechanism("turntable", uqmbd.Spatial(gravity=(0, 0, -G)))
+    disc = mechanism.body("disc", mass=heavy, inertia=(heavy,) * 3, angular_velocity=(0, 0, speed))
+    mechanism.add(Revolute("axle", mechanism.ground, disc, at=(0, 0, 0), axis=(0, 0, 1)))
+    if heavy < 1:
+        mechanism.add(RotationDriver("motor", mechanism.ground, disc, angle=speed * uqmbd.t, axis=(0, 0, 1)))
+    place = (length * np.sin(0.8), 0, -length * np.cos(0.8))
+    bob = mechanism.body("bob", mass=1.0, inertia=(0, 0, 0), position=place, velocity=(0, speed * place[0], 0),
+                         angular_velocity=(0, 0, speed))  # fmt: skip
+    mechanism.add(Revolute("hinge", disc, bob, at=(0, 0, 0), axis=(0, 1, 0)))
+    mechanism.output("height", bob.position[2], units="m")
+    times = np.linspace(0, 4, 21)
+    found = uqmbd.simulate(mechanism, times, rtol=1e-8, integrator="radau", check=False)["height"].values
+
+    def rate(_, y):
+        return [y[1], (speed**2 * np.cos(y[0]) - G / length) * np.sin(y[0])]
+
+    angle = solve_ivp(rate, (0, 4), [0.8, 0.0], "DOP853", times, rtol=1e-12, atol=1e-13).y[0]
+    np.testing.assert_allclose(found, -length * np.cos(angle), atol=1e-6 if heavy < 1 else 3 / heavy + 1e-7)
 
 
 @pytest.mark.parametrize("mode", ["slip", "stick"])

@@ -111,6 +111,14 @@ def test_a_free_spin_keeps_its_speed_and_its_phase_grows_as_the_number_of_turns(
     assert found["x"] < 1000
 
 
+@pytest.mark.parametrize("rtol", TOLERANCES)
+@pytest.mark.parametrize("space", ["plane", "space"])
+def test_implicit_steps_keep_the_speed_of_a_free_spin_within_half_a_tolerance(space, rtol):
+    """After 160 turns; before, the speed was off by up to one tolerance."""
+    times = np.linspace(0, 10, 101)
+    assert errors(free(space, 100.0, times), times, rtol, "radau")["speed"] < 0.5
+
+
 @pytest.mark.thorough
 def test_errors_fall_with_the_tolerance():
     """By at least five for each ten, over all tolerances."""

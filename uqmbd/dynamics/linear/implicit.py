@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.compiled import ContactEntries, Dynamics, ImplicitEquations, ProgramWriter
+from uqmbd.compiled import ContactEntries, Dynamics, ImplicitEquations, ProgramWriter, compile_kernel
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.index1 import solve_directly
@@ -25,6 +25,9 @@ IMPLICIT_LIMIT = 400
 
 RATES = (1e1, 1e3, 1e5)
 """Eigenvalues over step sizes, 1/s, at which the order of elimination is chosen."""
+
+UNEVEN = 2.0**10
+"""Ratio of the masses to the derivatives of a constraint, or its inverse, above which the constraint is scaled."""
 
 Entry = tuple[int, int]
 
@@ -63,10 +66,11 @@ def _written(model: Model, system: System, stages: int) -> Dynamics:
     given = np.concatenate([arguments[:width], multipliers, solution[:n], [width, zero]])
     derivatives = model.evaluators["tangent"].write(writer, given, parameters)
     inertia, plain, stiffness = _placed(model, values, derivatives)
-    summed = [_summed(writer, part) for part in (inertia, plain, stiffness)]
+    scales = _constraint_scales(model, system)
+    summed = [_scaled(writer, _summed(writer, part), scales) for part in (inertia, plain, stiffness)]
     contacts = _ContactUnknowns.of(model, system.size + layout.states)
     entries = sorted(set().union(*summed, contacts.entries))
-    order = _EliminationTables(entries, _typical(model, system, contacts))
+    order = _EliminationTables(entries, _typical(model, system, contacts, scales))
     one = {(n + k, n + k): -1 for k in range(layout.states)}
     table = [np.array([part.get(e, zero) for e in entries], dtype=np.int64) for part in (summed[0] | one, *summed[1:])]
     implicit = ImplicitEquations(
@@ -192,7 +196,44 @@ def _summed(writer: ProgramWriter, part: dict[Entry, list[int]]) -> dict[Entry, 
     return found | dict(zip(several, writer.sums([part[e] for e in several]).tolist(), strict=True))
 
 
-def _typical(model: Model, system: System, contacts: _ContactUnknowns) -> Array:
+def _constraint_scales(model: Model, system: System) -> Array:
+    """Return factors (unknown,) on the rows and columns of the systems: powers of two for constraints, else one.
+
+    A pivot that vanishes is replaced by a small part of its row (radau.c). Next to an inertia of 1e9, this part would be
+    as large as the derivatives of the constraints. The factors make them as large as the masses of their coordinates,
+    by a geometric mean.
+    """
+    assert system.poses is not None
+    n, states = model.layout.coordinates, model.layout.states
+    matrices = np.abs(system.matrix(model.evaluators["acceleration"](*system.poses)))
+    matrix = np.nan_to_num(matrices, posinf=0.0).max(axis=0)
+    masses, scales = matrix[:n, :n].max(axis=1, initial=0.0), np.ones(system.size + states)
+    for k in range(n, system.size):
+        row = matrix[k, :n]
+        used = (row > 0.1 * row.max(initial=0.0)) & (masses > 0)
+        ratio = np.exp(np.log(masses[used] / row[used]).mean()) if used.any() else 1.0
+        if not 1 / UNEVEN <= ratio <= UNEVEN:
+            scales[states + k] = 2.0 ** np.round(np.log2(ratio))
+    return scales
+
+
+def _scaled(writer: ProgramWriter, part: dict[Entry, int], scales: Array) -> dict[Entry, int]:
+    """Return the rows of entries, after multiplication by the factors of their row and column."""
+    import symengine as se
+
+    groups: dict[float, list[Entry]] = {}
+    for i, j in part:
+        if (factor := float(scales[i] * scales[j])) != 1.0:
+            groups.setdefault(factor, []).append((i, j))
+    found, x = dict(part), se.Symbol("x")
+    for factor, entries in groups.items():
+        reads = np.array([[part[entry]] for entry in entries], dtype=np.int64)
+        rows = writer.call(compile_kernel([x], [factor * x]), reads)
+        found |= dict(zip(entries, rows[:, 0].tolist(), strict=True))
+    return found
+
+
+def _typical(model: Model, system: System, contacts: _ContactUnknowns, scales: Array) -> Array:
     """Return dense systems at typical poses for short and long steps."""
     assert system.poses is not None
     layout, (arguments, parameters) = model.layout, system.poses
@@ -214,6 +255,7 @@ def _typical(model: Model, system: System, contacts: _ContactUnknowns) -> Array:
             for (i, j), terms in part.items():
                 matrix[:, i, j] += factor * both[:, terms].sum(axis=1)
         matrix[:, np.arange(n, n + states), np.arange(n, n + states)] += eta
+        matrix *= scales[:, None] * scales
         found.append(contacts.bordered(matrix, eta) if contacts.directions else matrix)
     every = np.concatenate(found)
     return every[np.isfinite(every).all(axis=(1, 2))]
