@@ -199,9 +199,9 @@ def _summed(writer: ProgramWriter, part: dict[Entry, list[int]]) -> dict[Entry, 
 def _constraint_scales(model: Model, system: System) -> Array:
     """Return factors (unknown,) on the rows and columns of the systems: powers of two for constraints, else one.
 
-    A pivot that vanishes is replaced by a small part of its row (radau.c). Next to an inertia of 1e9, this part would be
-    as large as the derivatives of the constraints. The factors make them as large as the masses of their coordinates,
-    by a geometric mean.
+    A pivot that vanishes is replaced by a small part of its row (radau.c). Next to an inertia of 1e9, this part would
+    be as large as the derivatives of the constraints. The factors make them as large as the masses of their
+    coordinates, by a geometric mean.
     """
     assert system.poses is not None
     n, states = model.layout.coordinates, model.layout.states
