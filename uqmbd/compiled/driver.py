@@ -176,10 +176,11 @@ class ControlStruct(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("rows", "numbers", "loops", "entries")),
-        *((name, _POINTER) for name in ("laws", "first", "commands", "direct", "residual")),
+        *((name, _POINTER) for name in ("laws", "asked", "seen", "first", "commands", "direct", "residual")),
         ("poor", _DOUBLE),
         *((name, _POINTER) for name in ("result", "held", "acting", "sampled", "instants", "values", "low", "high")),
-        *(("pending", _POINTER), ("places", _INT), ("instant", _POINTER)),
+        *(("pending", _POINTER), ("places", _INT)),
+        *((name, _POINTER) for name in ("instant", "measured", "answers", "answered")),
     )
 
 

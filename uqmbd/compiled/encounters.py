@@ -102,18 +102,21 @@ class Encounters:
 
 @dataclass(frozen=True)
 class ControlLaws(Addressed):
-    """Laws of sampled controllers, as programs of (state, time, zero, numbers of a realisation) on one work array.
+    """Sampled controllers, as programs of (state, time, zero, numbers of a realisation) on one work array.
 
+    The program of a law computes commands and states; that of a function, which the caller evaluates, measured values.
     Held entries are the commands of each loop, then its states, loop by loop.
     """
 
-    laws: tuple[ProgramPart, ...]  # (loop,): maps a state to commands and states
+    laws: tuple[ProgramPart, ...]  # (loop,): maps a state to commands and states, or to measured values
     rows: int  # number of rows of the work array
+    asked: Index  # (loop + 1,): first measured value of each function, and the end; laws have none
+    seen: Index  # (measured,): rows of the measured values of functions
     first: Index  # (loop + 1,): first held entry of each loop, and the end
     commands: Index  # (loop,): number of commands
     residual: Index  # (loop,): row of the residual of measured accelerations; -1: no accelerations are measured
     poor: float  # largest residual of accurate accelerations
-    result: Index  # (entry,): rows of the results
+    result: Index  # (entry,): rows of the results; any row for functions
     held: Index  # (entry,): indices in a state
 
     @cached_property
@@ -150,6 +153,9 @@ class SampledControl:
         self.values, self.low, self.high = (np.ascontiguousarray(x, dtype=float) for x in (values, low, high))
         # (M, place): commands that do not act yet; (M,): the instant that is due, or -1
         self.pending, self.instant = np.zeros((len(values), places)), np.zeros(len(values), dtype=np.int64)
+        # (M, measured): measured values for functions; (M, entry): their commands and states, valid if `answered` (M,)
+        self.measured, self.answers = np.zeros((len(values), len(laws.seen))), np.zeros(self.low.shape)
+        self.answered = np.zeros(len(values), dtype=np.int64)
         self.ends = np.zeros(0, dtype=np.int64)
 
     def ending(self, ends: Array) -> Index:
@@ -162,7 +168,7 @@ class SampledControl:
         """Return the controllers of one realisation that continues elsewhere."""
         other = copy(self)
         other.__dict__.pop("structure", None)
-        for name in ("values", "low", "high", "pending", "instant"):
+        for name in ("values", "low", "high", "pending", "instant", "measured", "answers", "answered"):
             setattr(other, name, getattr(self, name)[member : member + 1].copy())
         return other
 
@@ -172,11 +178,12 @@ class SampledControl:
         laws, programs = self.laws, self.laws.structure
         found = c.ControlStruct(
             *(laws.rows, self.values.shape[1], len(laws.laws), len(laws.held), ctypes.addressof(programs)),
-            *map(address, (laws.first, laws.commands, self.direct, laws.residual)),
+            *map(address, (laws.asked, laws.seen, laws.first, laws.commands, self.direct, laws.residual)),
             laws.poor,
             *map(address, (laws.result, laws.held, self.acting, self.sampled, self.ends)),
             *map(address, (self.values, self.low, self.high, self.pending)),
-            *(self.pending.shape[1], address(self.instant)),
+            self.pending.shape[1],
+            *map(address, (self.instant, self.measured, self.answers, self.answered)),
         )
         found.kept = programs
         return found

@@ -52,6 +52,7 @@ class ExplicitStatus(IntEnum):
     EVENT = 9
     NOTED = 10
     UNSAMPLED = 11
+    ASKED = 12
 
 
 Interval = tuple[float, float, bool]
@@ -224,22 +225,15 @@ class IntegrationState:
         """
         if self.dynamics.terms:
             members = np.arange(min(len(self.z), LANES))
-        queue = np.arange(len(self.z)) if members is None else np.ascontiguousarray(members, dtype=np.int64)
-        problem, pool = self._problem, self._pool
-        functions = load_driver()
-        workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
-        while np.any(self.status[queue] == ExplicitStatus.RUNNING):
-            self.evaluations += functions.advance(
-                ctypes.addressof(problem),
-                ctypes.addressof(pool),
-                address(queue),
-                len(queue),
-                address(workspace),
-                max(1, BUDGET // self.dynamics.cost),
-            )
-            self.recorder.take()
-            for name in c.RECORDED:
-                setattr(pool, name, address(getattr(self.recorder, name)))
+        queue = self._every if members is None else np.ascontiguousarray(members, dtype=np.int64)
+        call, recorder = self._call, self.recorder
+        running = int(ExplicitStatus.RUNNING)
+        while running in (self.status if members is None else self.status[queue]):
+            self.evaluations += call(address(queue), len(queue))
+            if recorder.room:
+                recorder.take()
+                for name in c.RECORDED:
+                    setattr(self._pool, name, address(getattr(recorder, name)))
             if watch is not None:
                 watch(self)
 
@@ -282,8 +276,8 @@ class IntegrationState:
         for name in c.POOL:
             rows = getattr(self, name)[one]
             setattr(new, name, rows if name in ("result", "poor") else rows.copy())
-        new.__dict__.pop("_pool", None)
-        new.__dict__.pop("_problem", None)
+        for name in ("_pool", "_problem", "_every", "_call"):
+            new.__dict__.pop(name, None)
         new.dynamics, new.evaluations = dynamics, 0
         new.recorder = self.recorder.of(member)
         new.control = None if self.control is None else self.control.of(member)
@@ -291,6 +285,26 @@ class IntegrationState:
         new.steps[:], new.first[:] = 0, new.column
         self.status[member] = ExplicitStatus.DONE
         return new
+
+    @cached_property
+    def _every(self) -> Index:
+        """All realisations."""
+        return np.arange(len(self.z))
+
+    @cached_property
+    def _call(self) -> Callable[[int, int], int]:
+        """Function of the address and length of a queue that runs these realisations."""
+        functions, problem, pool = load_driver(), self._problem, self._pool
+        workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
+        places = ctypes.addressof(problem), ctypes.addressof(pool), address(workspace)
+        budget = max(1, BUDGET // self.dynamics.cost)
+
+        def call(queue: int, count: int) -> int:
+            found: int = functions.advance(*places[:2], queue, count, places[2], budget)
+            return found
+
+        vars(call)["kept"] = workspace
+        return call
 
     @property
     def _equations(self) -> int:

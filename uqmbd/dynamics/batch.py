@@ -24,6 +24,9 @@ class Sampler(Protocol):
     def control(self) -> SampledControl | None:
         """Return the samples for the driver; None: call `after` at each instant."""
 
+    def answers(self, number: int, measured: Array, states: Array, members: Index) -> Array:
+        """Call the functions of controllers; return their commands and states."""
+
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
         """Take a sample that the driver left; return the state (width,), and the reason of a failure."""
 

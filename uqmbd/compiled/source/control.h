@@ -1,4 +1,4 @@
-/* Sampled controllers whose laws are programs: commands and states change at instants that end integration intervals. */
+/* Sampled controllers, whose laws are programs or functions of the caller: commands and states change at instants that end integration intervals. */
 #ifndef UQMBD_CONTROL_H
 #define UQMBD_CONTROL_H
 
@@ -9,7 +9,9 @@
 typedef struct {
     int64_t rows, numbers;  /* of the work array; numbers of a realisation */
     int64_t loops, entries; /* controllers, and held entries of all */
-    const Program *laws;    /* (loop): a state -> commands and states */
+    const Program *laws;    /* (loop): a state -> commands and states, or what the function of the caller measures */
+    const int64_t *asked;   /* (loop + 1): first measured value of each function, and the end; laws have none */
+    const int64_t *seen;    /* (measured): rows of the measured values of functions */
     const int64_t *first;   /* (loop + 1): first held entry of each loop, and the end */
     const int64_t *commands; /* (loop): number of commands */
     const int64_t *direct;  /* (loop): whether commands act at their sample */
@@ -25,6 +27,9 @@ typedef struct {
     double *pending;        /* (member, places): commands that do not act yet */
     int64_t places;
     int64_t *instant;       /* (member): the instant that is due; -1: there is none */
+    double *measured;       /* (member, measured): for functions */
+    double *answers;        /* (member, entry): commands and states from functions */
+    int64_t *answered;      /* (member): whether they are those of the instant */
 } Control;
 
 #endif

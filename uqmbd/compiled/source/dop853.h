@@ -45,7 +45,8 @@ enum {
     STEPPED, /* a step was taken, and the caller asked for each */
     EVENT,   /* a guard has fallen through zero */
     NOTED,   /* there might not be room for the marks of another step */
-    UNSAMPLED /* a sample of a controller is invalid; it was not applied */
+    UNSAMPLED, /* a sample of a controller is invalid; it was not applied */
+    ASKED     /* a sample needs functions of the caller */
 };
 
 /* Why the last attempt was refused: its error, or its interpolant.  Steps that the latter shortens do not look stiff, so

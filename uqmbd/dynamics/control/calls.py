@@ -75,6 +75,8 @@ def failures(
 def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: int) -> None:
     """Raise unless a function returned equal results for a part of a group and for the group."""
     for what, one, other in zip(("commands", "state"), whole, part, strict=True):
+        if one.tobytes() == other.tobytes():
+            continue
         scale = np.maximum(np.abs(one), np.abs(other)).max(initial=0.0)
         with np.errstate(invalid="ignore"):
             differs = np.abs(one - other) > SAME * scale
@@ -97,6 +99,10 @@ def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: i
 def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: int, time: float, about: str) -> Array:
     """Return a result as an array (count, names)."""
     width = len(names)
+    plain = type(value) is np.ndarray and value.dtype == np.float64
+    if plain and (value.shape == (count, width) or (width == 1 and value.shape == (count,))):
+        found: Array = value.reshape(count, width).copy()
+        return found
     expected = f"expected an array of shape {(count, width)}, (realisation, {', '.join(names)})"
     if width == 1:
         expected += f", or of shape {(count,)}, or a number"

@@ -1,4 +1,4 @@
-"""Laws of controllers as programs that the driver samples."""
+"""Controllers as programs that the driver samples."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ __all__ = ["driver_laws"]
 
 
 def driver_laws(model: Model, loops: Sequence[ControlLoop]) -> ControlLaws | None:
-    """Return all controllers as programs for the driver; None if Python samples them.
+    """Return all controllers as programs for the driver; None if Python takes the samples.
 
-    Python samples functions, and controllers whose measurements or commands need decisions at a sample: during
-    contact, or if a commanded speed causes an impulse.
+    Python takes samples that need decisions: during contact, or if a commanded speed causes an impulse.
     """
-    if model.speeds_commanded or any(loop.law is None or output_program(model, loop.measure) is None for loop in loops):
+    if model.speeds_commanded or any(output_program(model, loop.measure) is None for loop in loops):
         return None
     others = model.system.programs.others
     key = ("laws", tuple(loop.digest for loop in loops))
@@ -36,20 +35,25 @@ def _written(model: Model, loops: Sequence[ControlLoop]) -> ControlLaws:
     width, states = model.layout.width, model.layout.coordinates
     inputs = width + 2 + model.block_parameters + np.arange(len(model.inputs))
     writer = ProgramWriter(width + 2 + model.block_parameters + len(model.inputs))
-    ends, rows, residuals = [0], list[Index](), list[int]()
+    ends, rows, residuals, seen = [0], list[Index](), list[int](), list[Index]()
     for loop in loops:
-        assert loop.law is not None
         measured, residual = write_outputs(model, writer, loop.measure)
         memory = states + loop.held[len(loop.commands) :]
-        rows.append(writer.call(loop.law, np.concatenate([[width], measured, memory, inputs])[None]).ravel())
+        if loop.law is None:
+            rows.append(np.zeros(len(loop.held), dtype=np.int64))
+            seen.append(measured)
+        else:
+            rows.append(writer.call(loop.law, np.concatenate([[width], measured, memory, inputs])[None]).ravel())
+            seen.append(measured[:0])
         residuals.append(int(residual[0]) if len(residual) else -1)
         ends.append(len(writer.steps))
     laws = tuple(writer.part(begin, end) for begin, end in zip(ends[:-1], ends[1:], strict=True))
-    counts = [len(loop.held) for loop in loops]
     return ControlLaws(
         laws,
         writer.size,
-        np.cumsum([0, *counts]).astype(np.int64),
+        np.cumsum([0, *map(len, seen)]).astype(np.int64),
+        np.concatenate(seen).astype(np.int64),
+        np.cumsum([0, *(len(loop.held) for loop in loops)]).astype(np.int64),
         np.array([len(loop.commands) for loop in loops], dtype=np.int64),
         np.array(residuals, dtype=np.int64),
         RESIDUAL**2,

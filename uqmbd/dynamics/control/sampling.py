@@ -81,6 +81,7 @@ class Sampling:
         self.near = NEAR * max(1.0, float(np.abs(times).max()))
         self.times, self.acting, self.sampled = _instants(self.loops, times, self.near)
         self.waiting: dict[tuple[int, int], tuple[Array, Index]] = {}
+        self.functions, self.entries = _functions(self.loops, batch.model.layout.coordinates)
 
     def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
         """Return states right after an instant; call the method in the order of the instants.
@@ -144,6 +145,31 @@ class Sampling:
         numbers = np.concatenate([self.batch.block, self.batch.values], axis=1)
         return SampledControl(laws, self.times, acting, sampled, direct, numbers, low, high, int(first[-1]))
 
+    def answers(self, number: int, measured: Array, states: Array, members: Index) -> Array:
+        """Call the functions that are sampled at an instant; return their commands and states (M, entry).
+
+        Parameters
+        ----------
+        number : int
+            Index of the instant in `times`.
+        measured : array, shape (M, measured)
+            Measured values of all functions.
+        states : array, shape (M, width)
+            States right before the instant.
+        members : array of int, shape (M,)
+            Indices of these realisations in the batch.
+        """
+        time, found = float(self.times[number]), np.empty((len(members), self.entries))
+        sampled = self.sampled[number].tolist()
+        for k, seen, memory, commands, kept in self.functions:
+            if sampled[k] < 0:
+                continue
+            state = states[:, memory] if len(memory) else found[:, :0]
+            found[:, commands], found[:, kept] = self._called(
+                self.loops[k], sampled[k], time, measured[:, seen], state, members
+            )
+        return found
+
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
         """Take a sample that the driver left; return the state and the reason of a failure.
 
@@ -173,7 +199,7 @@ class Sampling:
             first = control.sampled[number, k]
             if not control.direct[k]:
                 control.pending[row, first : first + len(self.loops[k].commands)] = self.waiting.pop((k, sample))[0]
-        control.instant[row] = -1
+        control.instant[row], control.answered[row] = -1, 0
         return states[0], reasons.get(0, "")
 
     def _limited(self) -> Iterable[tuple[ControlLoop, tuple[Array, Array]]]:
@@ -205,7 +231,8 @@ class Sampling:
             return results[:, : len(loop.commands)], results[:, len(loop.commands) :]
         found, count = called(loop, time, measured, state), len(measured)
         for part in _parts(sample, measured):
-            again = called(loop, time, measured[part], state[part], f", called again for {len(part)} of {count}")
+            some = measured[part]
+            again = called(loop, time, some, state[part], f", called again for {len(some)} of {count}")
             require_same(loop, time, [x[part] for x in found], again, count)
         return found
 
@@ -262,12 +289,33 @@ class Sampling:
         return np.asarray(np.abs(found).max(axis=1, initial=0.0))
 
 
+def _functions(
+    loops: Sequence[ControlLoop], coordinates: int
+) -> tuple[list[tuple[int, slice, Index, slice, slice]], int]:
+    """Return each function, its measured values, states, commands and new states; and the number of entries.
+
+    Measured values are columns of those of all functions, states are indices in a state, and commands and new states
+    are columns of the entries of all loops.
+    """
+    found: list[tuple[int, slice, Index, slice, slice]] = []
+    first, entry = 0, 0
+    for k, loop in enumerate(loops):
+        commands, end = entry + len(loop.commands), entry + len(loop.held)
+        if loop.law is None:
+            seen = slice(first, first + len(loop.measure.names))
+            memory = coordinates + loop.held[len(loop.commands) :]
+            found.append((k, seen, memory, slice(entry, commands), slice(commands, end)))
+            first = seen.stop
+        entry = end
+    return found, entry
+
+
 def _widened(bounds: Array, states: int) -> Array:
     """Append columns for controller states, which have no limits."""
     return np.concatenate([bounds, np.zeros((len(bounds), states))], axis=1)
 
 
-def _parts(sample: int, measured: Array) -> list[Index]:
+def _parts(sample: int, measured: Array) -> list[slice]:
     """Return rows for a second call of a function, which test the independence of its results from other rows.
 
     The samples 0, 1, 2, 4, 8, ... use every second row. Every sample also uses, one by one, the rows with the least and
@@ -275,10 +323,10 @@ def _parts(sample: int, measured: Array) -> list[Index]:
     them.
     """
     count = len(measured)
-    parts = [np.arange(count)[:: -2 if count > 1 else 1]] if count and sample & (sample - 1) == 0 else []
+    parts = [slice(None, None, -2 if count > 1 else 1)] if count and sample & (sample - 1) == 0 else []
     if count > 1:
         column = measured[:, sample % measured.shape[1]]
-        parts += [np.array([k]) for k in dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))]
+        parts += [slice(k, k + 1) for k in {int(column.argmin()): 0, int(column.argmax()): 0}]
     return parts
 
 

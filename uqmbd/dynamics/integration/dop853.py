@@ -57,6 +57,11 @@ FAR = 1000.0
 """Residual of an interpolated state, in tolerances, above which the state is computed by integration."""
 FARTHEST = 3e-3
 """Absolute limit of the residual of an interpolated state, for loose tolerances."""
+RUNNING, DONE, JUMP, ASKED = (
+    int(status)
+    for status in (ExplicitStatus.RUNNING, ExplicitStatus.DONE, ExplicitStatus.JUMP, ExplicitStatus.ASKED)
+)
+"""Plain integers, whose attributes need no look-up in each step."""
 POOR = 50
 """Largest number of states of a realisation that are computed by integration instead of interpolation."""
 
@@ -196,11 +201,16 @@ class Integration:
             for member, other in self.others.items():
                 other.advance(watch=self.pace.watch)
                 status[member], now[member] = other.status[0], other.now[0]
-            members = np.flatnonzero(status != ExplicitStatus.DONE)  # members that wait for a decision
+            members = np.flatnonzero(status != DONE)  # members that wait for a decision
             if not len(members):
                 break
             status, now = status[members], now[members]
-            jump = status == ExplicitStatus.JUMP
+            asked = status == ASKED
+            if asked.all():
+                self._answer(members, now)
+                continue
+            members, status, now = members[~asked], status[~asked], now[~asked]
+            jump = status == JUMP
             stops = np.unique(now[jump]).tolist()
             # controllers are called when all members without failure have reached the sample
             there = bool(jump.all()) and self.sampled.keys() >= set(stops)
@@ -292,6 +302,26 @@ class Integration:
             k, rows = k[changed[rows]], rows[changed[rows]]
             pool.z[k] = pool.nodes[k, -1] = after[rows]
             pool.result[np.ix_(k, at)] = after[rows, None]
+
+    def _answer(self, members: Index, now: Array) -> None:
+        """Call the functions of controllers for the members that wait at the earliest sample."""
+        time = float(now.min())
+        members = members[now == time]
+        assert self.sampling is not None and self.control is not None
+        if not self.others and len(members) == len(self.batch):  # a function is called often: without copies
+            found = self.sampling.answers(self.sampled[time], self.control.measured, self.main.z, members)
+            self.control.answers[:], self.control.answered[:], self.main.status[:] = found, 1, RUNNING
+            return
+        states, parts = np.empty((len(members), self.model.layout.width)), list(self._parted(members))
+        measured = np.empty((len(members), self.control.measured.shape[1]))
+        for pool, k, rows in parts:
+            assert pool.control is not None
+            states[rows], measured[rows] = pool.z[k], pool.control.measured[k]
+        answers = self.sampling.answers(self.sampled[time], measured, states, members)
+        for pool, k, rows in parts:
+            assert pool.control is not None
+            pool.control.answers[k], pool.control.answered[k] = answers[rows], 1
+            pool.status[k] = ExplicitStatus.RUNNING
 
     def _sample(self, member: int) -> None:
         """Take a sample that the driver left, because it fails or needs other equations."""
