@@ -96,11 +96,12 @@ def in_python(ensemble, times, rtol, method="dop853"):
 
 
 @pytest.mark.parametrize(
-    ("delay", "method"), [(0.013, "dop853"), pytest.param(0.09, "radau", marks=pytest.mark.thorough)]
+    ("law", "delay", "method"),
+    [(True, 0.013, "dop853"), (False, 0.09, "dop853"), pytest.param(True, 0.09, "radau", marks=pytest.mark.thorough)],
 )
-def test_the_driver_and_python_take_the_same_samples_to_the_bit(delay, method):
+def test_the_driver_and_python_take_the_same_samples_to_the_bit(law, delay, method):
     """The delay of 0.09 s is longer than a period, so that two commands wait."""
-    ensemble = some(arm(law=True, delays=(delay, 0.004)), 11)
+    ensemble = some(arm(law, delays=(delay, 0.004)), 11)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Sampling, "after", lambda *given: pytest.fail("Python took a sample"))
         found = integrate(ensemble, TIMES, 1e-6, method)
@@ -124,6 +125,7 @@ def test_random_rates_and_delays(rates, delays, acceleration, seed):
     assert np.array_equal(found.states, in_python(laws, TIMES, 1e-9).states)
     other = integrate(functions, TIMES, 1e-9, "dop853")
     assert found.messages == other.messages
+    assert np.array_equal(other.states, in_python(functions, TIMES, 1e-9).states)
     # a comparison in the law may turn out differently by rounding, so that only one sample may differ
     same = np.abs(found.states - other.states).max(axis=(1, 2)) < 1e-7
     assert same.mean() > 0.7

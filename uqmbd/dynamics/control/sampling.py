@@ -146,7 +146,7 @@ class Sampling:
         return SampledControl(laws, self.times, acting, sampled, direct, numbers, low, high, int(first[-1]))
 
     def answers(self, number: int, measured: Array, states: Array, members: Index) -> Array:
-        """Call the functions that are sampled at an instant; return their commands and states (M, entry).
+        """Call the functions that are sampled at an instant.
 
         Parameters
         ----------
@@ -158,6 +158,11 @@ class Sampling:
             States right before the instant.
         members : array of int, shape (M,)
             Indices of these realisations in the batch.
+
+        Returns
+        -------
+        array, shape (M, entry)
+            Commands and new states of each controller, one after the other.
         """
         time, found = float(self.times[number]), np.empty((len(members), self.entries))
         sampled = self.sampled[number].tolist()
@@ -294,7 +299,7 @@ def _functions(
 ) -> tuple[list[tuple[int, slice, Index, slice, slice]], int]:
     """Return each function, its measured values, states, commands and new states; and the number of entries.
 
-    Measured values are columns of those of all functions, states are indices in a state, and commands and new states
+    Measured values are columns of those of all functions, and states are indices in a state. Commands and new states
     are columns of the entries of all loops.
     """
     found: list[tuple[int, slice, Index, slice, slice]] = []

@@ -58,8 +58,7 @@ FAR = 1000.0
 FARTHEST = 3e-3
 """Absolute limit of the residual of an interpolated state, for loose tolerances."""
 RUNNING, DONE, JUMP, ASKED = (
-    int(status)
-    for status in (ExplicitStatus.RUNNING, ExplicitStatus.DONE, ExplicitStatus.JUMP, ExplicitStatus.ASKED)
+    int(status) for status in (ExplicitStatus.RUNNING, ExplicitStatus.DONE, ExplicitStatus.JUMP, ExplicitStatus.ASKED)
 )
 """Plain integers, whose attributes need no look-up in each step."""
 POOR = 50
