@@ -49,8 +49,8 @@ def calibrate(
         earlier calibration of this process with records at the same times, its surrogate is reused. The realisations of
         this surrogate count again.
     realisations : int, optional
-        Largest number of realisations of the mechanism for each operating point and machine, including those of the
-        surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum with more than
+        Largest number of realisations of the mechanism for each operating point and machine, including realisations for
+        the surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum with more than
         1 % of the probability may add half of this number.
     draws, chains : int
         Number of stored draws of the posterior, and of independent ensembles of walkers.

@@ -68,7 +68,7 @@ def _shares(
 def with_gap(
     points: uqmbd.extend.VerificationPoints, shares: Array, among: uqmbd.extend.VerificationPoints
 ) -> uqmbd.extend.VerificationPoints | None:
-    """Return the points and the candidate with most of the error, if its error is that of the nearest point.
+    """Return the points and the candidate with most of the error, if each candidate has the error of the nearest point.
 
     A candidate takes weight from the points whose surroundings are nearer to it, at most the weight of a drawn point. A
     candidate is between two points: beyond the outermost points errors grow outwards, where weights are small. Return

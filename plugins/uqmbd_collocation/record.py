@@ -26,7 +26,7 @@ def nodes_of(
     data = {
         "inputs": (("node", "input"), inputs),
         "germs": (("node", "germ"), germs),
-        "status": ("node", status.astype(np.int32), {"comment": "0: fine; others as of samples"}),
+        "status": ("node", status.astype(np.int32), {"comment": "0 for a success; other values as for samples"}),
         "message": ("node", np.array(messages, dtype=str)),
         "purpose": ("node", purpose),
     }
@@ -77,7 +77,7 @@ def warn_of_failures(verification: uqmbd.extend.Verification, label: str) -> Non
     if verification.failures:
         warnings.warn(
             f"{label}: {verification.failures} of {verification.asked} verification realisations failed; the stated "
-            "error is based on the successful ones. The failed ones represent about "
+            "error is based on the successful realisations. The failed realisations represent about "
             f"{max(verification.lost, 1e-6):.1g} of the probability. Reason of the failure: {verification.reason}",
             stacklevel=3,
         )

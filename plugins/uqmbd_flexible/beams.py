@@ -41,7 +41,7 @@ def Beam(
 
     The beam follows Timoshenko's theory with rotary inertia. Finite elements that are exact for static loads at their
     ends are reduced by constraint modes and fixed-interface modes, as in `craig_bampton`. Deflections are small:
-    geometric stiffening, such as that of a fast rotation, and the shortening by bending are not included.
+    geometric stiffening, for example by a fast rotation, and the shortening by bending are not included.
 
     Parameters
     ----------

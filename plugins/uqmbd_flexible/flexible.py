@@ -345,7 +345,7 @@ def flexible_body(
     Raises
     ------
     uqmbd.StudyError
-        If the dimension of the model differs from that of the space, or a value is invalid.
+        If model and space have different dimensions, or a value is invalid.
 
     Examples
     --------

@@ -317,7 +317,7 @@ class ModalModel:
         ----------
         ratios : number or sequence
             Damping ratio of each mode, ascending by frequency, or one for all modes; may contain random variables. The
-            frequencies are those of the means.
+            frequencies are computed at the means.
 
         Returns
         -------

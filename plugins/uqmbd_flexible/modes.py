@@ -92,7 +92,7 @@ class FlexibleModes(uqmbd.Component):
         }
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[Any]:
-        """Yield what deformation adds to the kinetic energy, the weight, the elastic energy and the damping forces."""
+        """Yield the terms of deformation: kinetic energy, weight, elastic energy and damping forces."""
         m = _side(len(p.modal_mass))
         q, dq = (sympy.Matrix([p.coordinate(f"mode {k + 1}", order) for k in range(m)]) for order in (0, 1))
         d, r = p.space.dimension, 1 if p.space.dimension == 2 else 3

@@ -76,7 +76,7 @@ def craig_bampton(
     Raises
     ------
     uqmbd.StudyError
-        If a matrix is not symmetric, does not fit the nodes, is not that of a free body, or no mode remains.
+        If a matrix is not symmetric, does not fit the nodes, is not the matrix of a free body, or no mode remains.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def craig_bampton(
         )
     unknown = [x for x in interfaces if x not in known]
     if unknown or not len(interfaces):
-        what = f"contain {unknown[0]!r}, which is no node" if unknown else "are empty; give at least one node"
+        what = f"contain {unknown[0]!r}, which is not a node" if unknown else "are empty; give at least one node"
         raise uqmbd.StudyError(f"{where}: interfaces {what}.")
     _require_free(where, fields, stiff)
     fixed = np.concatenate([known.index(x) * fields.width + np.arange(fields.width) for x in dict.fromkeys(interfaces)])

@@ -155,7 +155,7 @@ def from_mesh(
     Notes
     -----
     The integrals over the polyhedron are exact (D. Eberly, Polyhedral mass properties, 2002; in trimesh).
-    The error is therefore that of the mesh: of second order in the length of the edges, for curved surfaces.
+    The error is therefore the error of the mesh: of second order in the length of the edges, for curved surfaces.
 
     Examples
     --------

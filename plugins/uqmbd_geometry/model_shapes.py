@@ -107,7 +107,7 @@ def _in_body(mechanism: Any, one: ModelShape) -> tuple[str, BodyShape] | None:
 
 
 def _moved(shape: BodyShape, position: Array, rotation: Array) -> BodyShape:
-    """Return a shape in another frame; `position` and `rotation` are those of its present frame."""
+    """Return a shape in another frame; `position` and `rotation` refer to its present frame."""
     own = np.array([float(x) for x in shape.position])
     place = {"position": tuple((rotation @ own + position).tolist()), "rotation": rotation @ shape.rotation}
     if isinstance(shape, Mesh):

@@ -1,4 +1,4 @@
-"""Poses and velocities of links at the start, from those of their joints."""
+"""Poses and velocities of links at the start, from positions and velocities of their joints."""
 
 from __future__ import annotations
 

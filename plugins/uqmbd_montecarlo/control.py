@@ -92,8 +92,8 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
     The variance of the means over `further` is added to the variance of the estimate.
 
     If samples fail, the expectations of responses and of successes are estimated in the same way. The estimate is the
-    expectation of the responses divided by the expectation of the successes. As without a control, the statistics are
-    then those of the inputs whose realisations succeed. The expectation of the surrogate is known only over all inputs.
+    expectation of the responses divided by the expectation of the successes. As without a control, the statistics then
+    refer to the inputs whose realisations succeed. The expectation of the surrogate is known only over all inputs.
     """
     used = [fold for fold in folds if fold.count]
     others = _others(used)

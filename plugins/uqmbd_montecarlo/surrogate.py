@@ -76,8 +76,8 @@ class ChaosControl:
     """Polynomial chaos at the uniform numbers (S, input) of samples, as a control variate.
 
     The chaos maps uniform numbers to its own germs. The expectation of the chaos therefore follows exactly from its
-    coefficients, for any distribution. If the distributions of the chaos differ from those of the inputs, the variance
-    is reduced less, but there is no bias.
+    coefficients, for any distribution. If the distributions of the chaos differ from the distributions of the inputs,
+    the variance is reduced less, but there is no bias.
     """
 
     words = "a polynomial chaos"

@@ -132,7 +132,7 @@ def exponential_covariance(deviation: float, length: float) -> ExponentialCovari
 
     Notes
     -----
-    The process is that of Ornstein and Uhlenbeck [1]_, with the two-sided spectrum
+    This is the process of Ornstein and Uhlenbeck [1]_, with the two-sided spectrum
     ``s^2 length / (pi (1 + (w length)^2))`` per rad. The rate of the process has no finite variance.
 
     References

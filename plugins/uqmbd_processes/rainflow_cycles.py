@@ -58,7 +58,7 @@ def rainflow_damage(expression: Any, *, exponent: float, coefficient: float, ski
     """Return Miner's damage sum of the rainflow cycles of a motion, for use in an output.
 
     A cycle of the range r takes the share ``r^exponent / coefficient`` of the life, and a half cycle half of it, as for
-    `fatigue_damage`. The ranges are those of local extremes between integration steps, too.
+    `fatigue_damage`. Ranges include local extremes between integration steps.
 
     Parameters
     ----------

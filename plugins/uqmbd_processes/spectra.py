@@ -85,7 +85,7 @@ def iso8608(road_class: str, band: tuple[float, float] = UNBOUNDED) -> PowerSpec
 
     Notes
     -----
-    The classes and their geometric means are those of ISO 8608 [1]_, annex C, table C.1.
+    The classes and their geometric means are from ISO 8608 [1]_, annex C, table C.1.
 
     References
     ----------
@@ -173,7 +173,7 @@ def von_karman(deviation: float, length: float, speed: float) -> PowerSpectralDe
 
     Notes
     -----
-    See von Karman [1]_; the number 70.8 is that of ESDU 85020 [2]_.
+    See von Karman [1]_; the number 70.8 is from ESDU 85020 [2]_.
 
     References
     ----------

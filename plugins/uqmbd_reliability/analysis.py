@@ -28,8 +28,8 @@ MOST_LEVELS = 14
 def cloud(dimension: int, count: int, reach: float, generator: np.random.Generator, *, axes: bool = True) -> Array:
     """Return the origin, points on the axes, and `count` points farther from the origin than standard normal points.
 
-    The `count` points have random directions; their distances exceed those of standard normal points by 0 to `reach`.
-    The points on the axes are at 0.6 times `reach`; with `axes` false they are omitted.
+    The `count` points have random directions; their distances exceed the distances of standard normal points by 0 to
+    `reach`. The points on the axes are at 0.6 times `reach`; with `axes` false they are omitted.
     """
     z = generator.standard_normal((count, dimension))
     distance = np.linalg.norm(z, axis=1, keepdims=True)

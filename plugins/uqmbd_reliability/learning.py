@@ -8,7 +8,7 @@ surrogate, and both steps repeat. Then the surrogate is frozen, and the probabil
     P = P of the surrogate + P(violation, not predicted) - P(predicted, no violation).
 
 Realisations drawn from the population give estimates of the last two terms. Points with an uncertain sign are drawn
-more often. The estimator is that of Hansen and Hurwitz, unbiased for every surrogate. Half of the points are drawn from
+more often. The estimator of Hansen and Hurwitz is unbiased for every surrogate. Half of the points are drawn from
 the unchanged proposal, so that no weight is larger than twice the weight in importance sampling.
 """
 

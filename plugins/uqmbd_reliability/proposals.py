@@ -23,9 +23,9 @@ For more inputs, one direction and the common variance of all others are adapted
 STANDARD, ROUND, LEAST, BLUNT = 0.05, 0.08, 0.12, 0.18
 """Share of the standard normal distribution in the mixture, and least shares of regions of a requirement.
 
-`ROUND` is the least share of the round region, and `LEAST` that of all other regions together. `BLUNT` is the share of
-the fixed distribution of a region. These shares bound the weights by 1 / `STANDARD`, and near a region by some
-multiples of the probability of the region."""
+`ROUND` is the least share of the round region, and `LEAST` the least share of all other regions together. `BLUNT` is
+the share of the fixed distribution of a region. These shares bound the weights by 1 / `STANDARD`, and near a region by
+some multiples of the probability of the region."""
 
 PRIOR = 6.0
 """Weight of the previous proposal in an adaptation, in violations.

@@ -35,7 +35,7 @@ class StandardSpace:
         return self.space.to_inputs(self.to_germs(points))
 
     def own(self) -> tuple[Array, Array]:
-        """Return the factor (d, d) from standard normal variables to those of the inputs, and its transposed inverse.
+        """Return the factor (d, d) from independent to correlated normal variables, and its transposed inverse.
 
         Inputs with a Gaussian copula are increasing functions of correlated normal variables ``z = factor u``. The
         score of their density by the mean of z_i is ``(factor^-T u)_i``. Rows of inputs with another dependence are

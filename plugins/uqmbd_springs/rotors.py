@@ -15,7 +15,7 @@ __all__ = ["RotorInertia", "SlidingInertia"]
 class RotorInertia(uqmbd.Component):
     """Inertia of a rotor about the common axis of two bodies, reduced to the joint: energy ``inertia w^2 / 2``.
 
-    The angular velocity ``w`` of the joint is that of body j relative to body i, about `axis_i`. If the gear ratio is
+    ``w`` is the angular velocity of body j relative to body i, about `axis_i`. If the gear ratio is
     ``n = rotor speed / w``, `inertia` is n^2 times the inertia of the rotor about its own axis. The sign of n has no
     effect.
 

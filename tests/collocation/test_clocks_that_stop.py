@@ -266,7 +266,7 @@ def test_check_says_that_there_is_no_clock():
         lambda body: -0.8 * sympy.cos(body.angle) - 1.0 * body.angular_velocity,
     )
     (text,) = Collocation(order=2, alignment="phase", clock="height").remarks(study)
-    assert text.startswith("no clock at the means of the inputs: ") and "neither does 'height'" in text
+    assert text.startswith("no clock at the means of the inputs: ") and "'height' does not" in text
 
 
 def test_verification_realisations_in_the_tails_count_by_their_weights():

@@ -62,7 +62,7 @@ def test_arguments_from_several_arrays(members, times, seed):
 
 
 def test_wrong_number_of_arguments():
-    with pytest.raises(ValueError, match="a program of 3 arguments was given 2"):
+    with pytest.raises(ValueError, match="the program has 3 arguments, but 2 are given"):
         program()(np.zeros((4, 2)))
 
 
@@ -72,9 +72,9 @@ def test_arguments_of_another_length_are_refused(rows):
     x, y = se.symbols("x y")
     writer = ProgramWriter(2)
     program = writer.program(writer.call(compile_kernel([x, y], [x * y]), np.array([[0, 1]])))
-    with pytest.raises(ValueError, match=f"for 5 states was given {rows} rows"):
+    with pytest.raises(ValueError, match=f"for 5 states, but {rows} rows"):
         program(np.ones((5, 1)), np.ones((rows, 1)))
-    with pytest.raises(ValueError, match="for 5 states was given 2 rows of arguments, each for 2 states in a row"):
+    with pytest.raises(ValueError, match="for 5 states, but 2 rows of arguments are given, each for 2 states in a row"):
         program(np.ones((5, 1)), Columns(np.ones((2, 1)), 2))
     found = program(np.arange(6.0)[:, None], Columns(np.array([[1.0], [2.0], [3.0]]), 2))
     assert found.ravel().tolist() == [0, 1, 4, 6, 12, 15]

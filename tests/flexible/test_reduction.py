@@ -302,7 +302,7 @@ def test_invalid_matrices_are_refused(change, message):
 
 def test_invalid_interfaces_and_spaces_are_refused():
     nodes, masses, stiffness = lattice((3, 2))
-    for interfaces, message in (([], "are empty"), ([7], "contain 7, which is no node")):
+    for interfaces, message in (([], "are empty"), ([7], "contain 7, which is not a node")):
         with pytest.raises(uqmbd.StudyError, match=message):
             craig_bampton(np.diag(masses), stiffness, nodes, interfaces)
     model = craig_bampton(np.diag(masses), stiffness, nodes, [0, 4], modes=1)

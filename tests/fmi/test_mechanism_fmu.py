@@ -205,7 +205,7 @@ def jumping(speed):
 REFUSED = {
     "impact": (bouncing, {}, "component 'floor' has the event"),
     "controller": (controlled, {}, "controller.*use an input"),
-    "unknown input": (rotor, {"held": ("force",)}, "'force' is no input; the inputs are"),
+    "unknown input": (rotor, {"held": ("force",)}, "'force' is not an input; the inputs are"),
     "input of a constraint": (
         lambda: driven(lambda w: w * uqmbd.t),
         {"held": ("speed",)},

@@ -46,7 +46,7 @@ def test_a_component_that_was_made_and_never_added_is_reported():
     (said,) = told(mechanism)
     assert said == (
         "SpringDamper 'spring' of body 'ball' was created but not added to the mechanism, so it has no effect. "
-        "Call mechanism.add(...) with it."
+        "Add the SpringDamper by mechanism.add(...)."
     )
     mechanism.add(spring)
     quiet(mechanism)

@@ -84,7 +84,7 @@ class Workers:
             return "waiting for the processes of MPI"
         if self.dask in STARTED_HERE:
             return f"starting the Dask cluster {self.dask}"
-        return f"connecting with the Dask scheduler {self.dask}" if self.dask else ""
+        return f"connecting to the Dask scheduler {self.dask}" if self.dask else ""
 
     @contextmanager
     def start(self, *files: str | Path) -> Iterator[int | Executor]:

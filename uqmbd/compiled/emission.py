@@ -125,7 +125,7 @@ def expressions_text(
             if parts is None:
                 if e.is_Symbol and e not in meaning:
                     if e not in rows:
-                        raise NotCompiled(f"the symbol {e}, which is no argument")
+                        raise NotCompiled(f"the symbol {e}, which is not an argument")
                     known[e] = w.load(rows[e])
                     continue
                 if e.is_Symbol:
@@ -221,7 +221,7 @@ def _real(e: Any) -> float:
     try:
         return float(e)
     except (TypeError, ValueError, RuntimeError):
-        raise NotCompiled(f"{e}, which is no real number") from None
+        raise NotCompiled(f"{e}, which is not a real number") from None
 
 
 def _written(w: FunctionWriter, masks: Masks, e: Any, values: list[str]) -> str:

@@ -224,11 +224,11 @@ class Program:
                 continue
             if count % max(1, length * divisor) if isinstance(source, Columns) else length not in (1, count):
                 each = f", each for {divisor} states in a row" if isinstance(source, Columns) else ""
-                raise ValueError(f"a program for {count} states was given {length} rows of arguments{each}")
+                raise ValueError(f"the program runs for {count} states, but {length} rows of arguments are given{each}")
             # the fields of a `SourceStruct` as a table of integers, which takes half the time of structures
             rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
             to += width
         assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"
         if to != self.inputs:
-            raise ValueError(f"a program of {self.inputs} arguments was given {to}")
+            raise ValueError(f"the program has {self.inputs} arguments, but {to} are given")
         return np.array(rows, dtype=np.int64), kept, count or 0

@@ -1,7 +1,7 @@
-"""The names that authors of plugins need, in addition to those of `uqmbd` that authors of studies need.
+"""Names for authors of plugins; authors of studies need the names of `uqmbd` only.
 
 Components, integrators, propagators, sampling designs, readers of models, checks, report sections and commands are
-written with them; uqmbd's own plugins use nothing else.  Everything is loaded when it is first used.
+written with them; the plugins of uqmbd use no other names.  Everything is loaded when it is first used.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ import lazy_loader
 _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 _RENAMED = {"Doubt": "Exceedance", "Landmarks": "Markers", "doubts": "find_exceedances"}
-"""New names by old ones."""
+"""New names by old names."""
 
 
 def __getattr__(name: str) -> Any:

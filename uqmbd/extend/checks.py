@@ -1,4 +1,4 @@
-"""What a check of a study returns, for plugins that add checks."""
+"""Return values of checks of studies, for plugins that add checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What plugins need that add a command or an exporter; nothing heavy is imported here."""
+"""Names for plugins that add a command or an exporter; nothing heavy is imported here."""
 
 from __future__ import annotations
 

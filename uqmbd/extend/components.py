@@ -1,4 +1,4 @@
-"""What plugins need that add joints, drivers, springs, loads and contacts: frames, rotations, declared terms."""
+"""Names for plugins that add joints, drivers, springs, loads and contacts: frames, rotations, declared terms."""
 
 from __future__ import annotations
 

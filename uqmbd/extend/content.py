@@ -1,4 +1,4 @@
-"""What plugins need that identify functions of users."""
+"""Names for plugins that identify functions of users."""
 
 from __future__ import annotations
 

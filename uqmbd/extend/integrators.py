@@ -1,4 +1,4 @@
-"""What plugins need that add an integrator: ensembles, trajectories, capabilities, counters."""
+"""Names for plugins that add an integrator: ensembles, trajectories, capabilities, counters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What plugins need that add excitations, such as random processes, and outputs of the linearised mechanism."""
+"""Names for plugins that add excitations, such as random processes, and outputs of the linearised mechanism."""
 
 from __future__ import annotations
 

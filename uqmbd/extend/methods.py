@@ -1,4 +1,4 @@
-"""What plugins need that add a propagator: the problem, options, verification, alignment, costs."""
+"""Names for plugins that add a propagator: the problem, options, verification, alignment, costs."""
 
 from __future__ import annotations
 

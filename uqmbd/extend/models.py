@@ -1,4 +1,4 @@
-"""What a reader of model files returns."""
+"""Return values of readers of model files."""
 
 from __future__ import annotations
 

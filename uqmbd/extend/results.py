@@ -1,4 +1,4 @@
-"""What plugins need that fill, fit or read results: datasets, labels, moments, surrogates."""
+"""Names for plugins that fill, fit or read results: datasets, labels, moments, surrogates."""
 
 from __future__ import annotations
 

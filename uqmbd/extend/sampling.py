@@ -1,4 +1,4 @@
-"""What plugins need that work with random inputs: germs, quadrature rules, index sets, sampling designs."""
+"""Names for plugins that work with random inputs: germs, quadrature rules, index sets, sampling designs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What plugins need that add summaries of motions."""
+"""Names for plugins that add summaries of motions."""
 
 from __future__ import annotations
 

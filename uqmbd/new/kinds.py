@@ -53,8 +53,8 @@ PLUGIN_KINDS = {
     ),
     "law": PluginKind(
         title="A component with a user-defined law",
-        what="a component with an expression or a table from the user",
-        example="two bodies that attract each other by a law from the user",
+        what="a component whose law the user supplies, as an expression or a table",
+        example="two bodies that attract each other by a law that the user supplies",
         module="component",
         page="how-to/plugins/law.md",
         registry="components",

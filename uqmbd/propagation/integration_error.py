@@ -107,7 +107,7 @@ def stated_errors(wrong: Array, population: float, sensitive: int = 0) -> tuple[
 
     The root mean square of a `population` of realisations differs from the returned one by at most this factor, with
     95 % confidence. Mean squares are approximated as multiples of chi-square (Box).
-    The factor is 1 if the errors are those of the complete population. The limit is an upper limit of the 99 % quantile
+    The factor is 1 if the errors belong to the complete population. The limit is an upper limit of the 99 % quantile
     of the errors, and at least the largest of them. Few realisations do not determine quantiles at single times. Ratios
     of errors to their root mean square are therefore pooled over time.
 

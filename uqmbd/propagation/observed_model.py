@@ -133,7 +133,7 @@ def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:
             f"{kind} {name!r}",
             f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was created but "
             "not added to the mechanism, so it has no effect",
-            "Call mechanism.add(...) with it",
+            f"Add the {kind} by mechanism.add(...)",
         )
         for (name, kind), bodies in sorted(touched.items())
     )

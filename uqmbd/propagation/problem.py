@@ -228,7 +228,7 @@ class Problem(ProblemData):
         Returns
         -------
         context manager
-            Context that records its duration, without that of contexts within it.
+            Context that records its duration, without the duration of contexts within it.
 
         Raises
         ------

@@ -71,7 +71,7 @@ def check_excitation(source: Any, *others: Any, interval: tuple[float, float] = 
     - Paths are finite, reach the whole interval, and have knots at multiples of the step.
     - The bits of a path depend neither on the interval nor on other keys; paths of different keys differ.
     - Sources with the same key are sampled together, and have different paths.
-    - The mean over paths is zero, and the variance is that of ``source.variance``, if it has one.
+    - The mean over paths is zero, and the variance is ``source.variance``, if the source states it.
     - A mechanism reads the values of the path.
 
     Parameters
@@ -176,7 +176,7 @@ def _check_differences(title: str, source: Any, others: tuple[Any, ...]) -> None
 
 
 def _sampled(title: str, sources: list[Any], keys: Array, begin: float, end: float) -> SplinePaths:
-    """Return paths, after a check of what the method returns."""
+    """Return paths, after a check of the return value of the method."""
     where = f"{title}: sample_paths from {begin:g} to {end:g}"
     try:
         first, step, found = sources[0].sample_paths(sources, keys.copy(), begin, end)

@@ -1,4 +1,4 @@
-"""Data of the viewer's page: the pose of a mechanism, its parts, its inputs, and what assembly changed."""
+"""Data of the viewer's page: the pose of a mechanism, its parts, its inputs, and the changes by the assembly."""
 
 from __future__ import annotations
 

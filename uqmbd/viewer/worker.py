@@ -51,7 +51,7 @@ def _read(source: TextIO, requests: queue.Queue[str]) -> None:
 
 
 def _prepare() -> None:
-    """Import what every script needs, while the process waits for its script: draw and check one body."""
+    """Import the modules that every script needs, while the process waits for its script: draw and check one body."""
     import uqmbd
     from uqmbd import plugins
 

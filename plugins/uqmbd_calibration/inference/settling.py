@@ -163,7 +163,7 @@ def _computed(work: CalibrationState, vector: Array) -> _Computed:
 
 
 def _differences(work: CalibrationState, at: _Computed, hessian: Array) -> bool:
-    """Set the slopes of the predictions to those of the mechanism at a point; return whether this succeeded.
+    """Set the slopes of the predictions to the slopes of the mechanism at a point; return whether this succeeded.
 
     Separate inputs of several machines are moved at the same time.
     """

@@ -225,8 +225,8 @@ class Record:
 
         if not isinstance(path, (str, os.PathLike)) or Path(path).suffix != ".nc":
             raise uqmbd.StudyError(
-                f"record {self.name!r}: the path for writing is {short(path)}; expected a path that ends in .nc, "
-                "because a CSV file cannot contain noise, known inputs and the machine."
+                f"record {self.name!r}: write: path is {short(path)}; expected a path that ends in .nc. A CSV file "
+                "cannot contain noise, known inputs and the machine."
             )
         return save(xr.DataTree(self.to_dataset()), path)
 

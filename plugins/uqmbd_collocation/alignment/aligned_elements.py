@@ -77,7 +77,7 @@ class _AlignedElements(ElementFits):
                 return found
 
     def _fitted_once(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
-        """Fit an element to those of its nodes that have the most frequent sequence, and verify the fit at `points`."""
+        """Fit an element to its nodes with the most frequent sequence, and verify the fit at `points`."""
         paths, problem, plans, local = self.source, self.problem, self.plans, box.local
         nodes = plans.first_nodes(local)
         sequences = paths.sequences(local.to_inputs(nodes))
@@ -227,9 +227,9 @@ def align(
     mixed = sum(one.lost * e.box.probability for one, e in zip(kept, chaos.elements, strict=True))
     if mixed > 0:
         warnings.warn(
-            f"{problem.label}: the sequence of {paths.what} differs within some of the {len(kept)} elements. About "
-            f"{max(mixed, 1e-3):.1%} of the probability is represented by realisations with another sequence. "
-            f"{_remedy(limits, len(kept))}.",
+            f"{problem.label}: the sequence of {paths.what} differs within some of the {len(kept)} elements. "
+            "Realisations whose sequence differs from the sequence of their element have a probability "
+            f"of about {max(mixed, 1e-3):.1%}. {_remedy(limits, len(kept))}.",
             stacklevel=3,
         )
     standing = sum(e.box.probability for one, e in zip(kept, chaos.elements, strict=True) if one.sequence == STANDS)

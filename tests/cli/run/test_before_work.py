@@ -30,4 +30,4 @@ def test_who_is_waited_for_is_the_stage(command_line, tmp_path):
     (tmp_path / "fall.py").write_text(STUDY)
     status, _, said = command_line("run", "fall.py", "--no-report", "--dask", "nobody.json")
     assert status == 2
-    assert said.index("connecting with the Dask scheduler nobody.json ...\n") < said.index("Error: --dask nobody.json:")
+    assert said.index("connecting to the Dask scheduler nobody.json ...\n") < said.index("Error: --dask nobody.json:")

@@ -95,8 +95,8 @@ def test_results_say_so(results, tmp_path):
     names = [axes.get_xlabel() for axes in scalar_densities(results).axes]
     assert names == ["fastest [m/s]", "reached [s]", "middle [s]"]
     assert "reached does not occur in" in text
-    assert "its statistics use the others" in text
-    assert "a surrogate of the others would extrapolate" in text
+    assert "its statistics use the other realisations" in text
+    assert "a surrogate would be an extrapolation" in text
 
 
 @pytest.mark.thorough

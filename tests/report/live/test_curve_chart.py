@@ -69,7 +69,7 @@ def test_peaks_of_each_of_many_times_are_kept():
         ([0.0, 1.0], [], "expected a sequence of one or more uqmbd.report.Curve"),
         ([0.0, 1.0], Curve("a", [1.0, 2.0]), "expected a sequence"),
         ([0.0, 1.0], [[1.0, 2.0]], "expected a sequence"),
-        ([0.0, 1.0], [Curve("a", [1.0])], "curve 'a' has the shape (1,); expected (2,), that of times"),
+        ([0.0, 1.0], [Curve("a", [1.0])], "curve 'a' has the shape (1,); expected (2,), as for times"),
         ([0.0, 1.0], [Curve("a", [1.0, np.inf])], "curve 'a' contains an infinity; expected numbers"),
         ([0.0, 1.0], [Curve("a", ["x", "y"])], "expected real numbers"),
         (
@@ -79,7 +79,7 @@ def test_peaks_of_each_of_many_times_are_kept():
         ),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0])] * 2, "a different name for each"),
         ([0.0, 1.0], [Curve(3, [1.0, 2.0])], "expected texts"),
-        ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0, 0], [1, 1]),) * 3)], "3 bands; expected two at most"),
+        ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0, 0], [1, 1]),) * 3)], "3 bands; expected at most two"),
     ],
 )
 def test_what_does_not_fit_together_is_reported(times, curves, told):
@@ -247,9 +247,9 @@ def test_several_charts_have_axes_of_their_own():
     [
         (Chart("y", [1.0, 0.0], [Curve("a", [1, 2])], "t", across="x"), "do not decrease"),
         (Chart("y", [0.0, 0.0], [Curve("a", [1, 2])], "t"), "increasing, in s"),
-        (Chart("y", ["a", "b"], [Curve("a", [1, 2, 3])], "t"), "that of times"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2, 3])], "t"), "as for times"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2], drawn="pie")], "t"), "line, points or bars"),
-        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", log=True), "two above zero"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", log=True), "two ends above zero"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(2.0, 1.0)), "two finite numbers that increase"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(1.0, 2.0, 3.0)), "two finite numbers"),
         (Chart("y", [0.0, 0.1], [Curve("a", [1, 2], drawn="bars")], "t"), "bars along numbers; expected names"),

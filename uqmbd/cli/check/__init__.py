@@ -1,4 +1,4 @@
-"""`uqmbd check`: describe what a study would compute, in words and as a picture."""
+"""`uqmbd check`: describe the computations of a study, in words and as a picture."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def _require_integrator(study: Study) -> None:
 
 
 def _mobility(found: Any) -> str:
-    """Count the degrees of freedom, and separately those of velocities if velocity constraints reduce them.
+    """Count the degrees of freedom; list degrees of freedom of velocities if velocity constraints reduce them.
 
     >>> from types import SimpleNamespace
     >>> _mobility(SimpleNamespace(mobility=3, velocity_mobility=2))
@@ -259,7 +259,7 @@ def _show_propagators(screen: Console, study: Study) -> None:
 
 
 def _show_exporters(screen: Console, study: Study) -> None:
-    """Print what the installed exporters can export."""
+    """Print the objects that the installed exporters can export."""
     for name, kind in plugins.exporters().items():
         exporter: Any = kind
         for what in exporter.exports:

@@ -220,10 +220,10 @@ class _ConditionSearch:
                     "the latter case, draw the bodies on the intended side."
                 )
             else:
-                other = f"Does the condition {' or '.join(others)} hold it elsewhere, or is it" if others else "Is it"
+                other = f", or contradicts the start condition {' or '.join(others)}" if others else ""
                 why = (
-                    f"{other} out of reach? Draw the bodies closer to it; the assembly follows angles "
-                    "over about 150 turns."
+                    f"The stated value may be out of reach{other}. Draw the bodies closer to the stated value; the "
+                    "assembly follows angles over about 150 turns."
                 )
             found.append(
                 f"start condition {self.conditions.names[self.which[worst]]} is not met: left minus right is "

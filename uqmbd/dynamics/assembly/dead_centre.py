@@ -274,4 +274,4 @@ def _driven_otherwise(model: Model) -> str:
     owners = dict.fromkeys(
         model.owners[target[1]] for target in model.evaluators["velocity"].targets if target[0] == "phi_t"
     )
-    return f", or drive another joint than {_listed([repr(x) for x in owners])} does" if owners else ""
+    return f", or drive a joint other than the joint of {_listed([repr(x) for x in owners])}" if owners else ""

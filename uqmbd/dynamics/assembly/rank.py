@@ -149,8 +149,8 @@ def violated(
         texts[k] = (
             first,
             f"the equations {names}, omitted as redundant at the start, are violated from t = {times[first]:.6g} s "
-            "on: other equations do not imply them. The constraints may contradict each other (as two drivers of one "
-            "motion, or lengths that do not fit). Or several motions are possible, because the drawn pose is "
+            "on: other equations do not imply them. The constraints may contradict each other (such as two drivers of "
+            "one motion, or lengths that do not fit). Or several motions are possible, because the drawn pose is "
             "singular: draw the mechanism slightly farther along the motion",
         )
     return texts
@@ -165,7 +165,7 @@ def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str
         f"the integration stopped at t = {time:.6g} s: the mechanism {what}; there the equations "
         f"{named(model, rank.equations)} become dependent{end}. "
         f"Check lengths and drivers at the joints {joints(model, rank.equations)}, "
-        "or end before"
+        "or choose an earlier end time"
     )
 
 

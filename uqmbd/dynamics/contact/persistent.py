@@ -143,7 +143,7 @@ def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: floa
     """Return modes and motion of the contacts in `near` that persist at one state; None if no forces exist.
 
     The contacts `near` have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws
-    of accelerations and forces equal those of speeds and impulses without restitution. However, the direction of
+    of accelerations and forces equal the laws of speeds and impulses without restitution. However, the direction of
     friction in a sliding contact is known. No forces satisfy the laws if friction wedges a sliding body. If several
     motions satisfy them (Painleve's paradox), the result is the limit of compliant contacts with growing stiffness.
     """

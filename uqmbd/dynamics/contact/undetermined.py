@@ -26,7 +26,7 @@ MOVED = 1e-9
 def undetermined_forces(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> Array:
     """Return combinations of forces (direction, N), N, that may be added to the forces of one state.
 
-    The largest force of each combination equals that of the state. N is zero if the forces are determined.
+    The largest force of each combination equals the largest force of the state. N is zero if the forces are determined.
     """
     force = motion.force[0]
     # without any load, the limits of dry friction are the scale of its forces

@@ -91,8 +91,8 @@ def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: i
             )
             raise StudyError(
                 f"Controller {loop.name!r}: for the same realisation at t = {time:.6g} s its function returns the "
-                f"{what} {one[row, k]:.6g} {group}. Each row of the result may depend on that row of measured and "
-                "state alone: no means over realisations, no random numbers, and no memory except the state."
+                f"{what} {one[row, k]:.6g} {group}. Each row of the result may depend on the same row of measured "
+                "and state only: no means over realisations, no random numbers, and no memory except the state."
             )
 
 

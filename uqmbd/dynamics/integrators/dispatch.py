@@ -41,7 +41,7 @@ def built_in_names() -> tuple[str, ...]:
 
 
 def integrators() -> dict[str, type[Integrator]]:
-    """Return all available integrators by name, with those of the core first."""
+    """Return all available integrators by name; integrators of the core come first."""
     return {**_offered(), **integrators_of_plugins()}
 
 

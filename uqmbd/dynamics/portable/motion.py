@@ -137,7 +137,7 @@ def motion_source(
         try:
             unknown = sorted(set(held) - set(model.inputs))
             if unknown:
-                raise StudyError(f"{unknown[0]!r} is no input; the inputs are {', '.join(model.inputs) or 'none'}")
+                raise StudyError(f"{unknown[0]!r} is not an input; the inputs are {', '.join(model.inputs) or 'none'}")
             _check_held(model, ensemble, held)
             return _written(model, ensemble, grid, rtol)
         except StudyError as error:
@@ -149,7 +149,7 @@ def _obstacle(model: Model) -> str:
     """Return why the driver alone does not integrate a model, or an empty text."""
     if model.events:
         component, label, _ = model.events[0]
-        return f"component {component!r} has the event {label!r}, and events are decided in Python"
+        return f"component {component!r} has the event {label!r}, and Python code processes events"
     if model.controls:
         return "it has a controller, which is a function in Python; use an input of the motion as the command"
     if model.paths or model.excitations:
@@ -177,7 +177,7 @@ def _obstacle_of_time(model: Model, ensemble: Ensemble, times: Array, rtol: floa
     near = 1e-9 * float(np.abs(times).max())
     for interval in ensemble.pace(times, rtol)[:-1]:
         if interval.jumps and not np.any(np.abs(breaks - interval.end) <= near):
-            return f"a function of time jumps at {interval.end:g} s, which no formula states"
+            return f"a function of time jumps at {interval.end:g} s, which is not the limit of a piece of a formula"
     return _obstacle_of_speeds(model, ensemble, breaks, near) if model.rheonomic and model.layout.rank else ""
 
 
@@ -191,8 +191,8 @@ def _obstacle_of_speeds(model: Model, ensemble: Ensemble, breaks: Array, near: f
         jump = np.abs(speeds[-1] - speeds[-2])
         if jump.max(initial=0.0) > 1e-6 * max(1.0, float(np.abs(speeds[-1]).max())):
             return (
-                f"the speed that {model.owners[int(jump.argmax())]!r} prescribes jumps at {moment:g} s, and velocities "
-                "after a jump are decided in Python"
+                f"the speed that {model.owners[int(jump.argmax())]!r} prescribes jumps at {moment:g} s, and Python "
+                "code computes velocities after a jump"
             )
     return ""
 

@@ -6,7 +6,7 @@ finds the pose of this set without friction. Its other poses are, to first order
     |dq| <= N (N^T K N)^-1 N^T J^T f
 
 of this pose, with the stiffness ``K``, the free directions ``N``, the sliding directions ``J`` and the limit ``f``.
-Small motions of joints that stick are locked, and those of joints that slide are not linear. Equations of rigid
+Small motions of sticking joints are locked, and small motions of sliding joints are not linear. Equations of rigid
 contacts are inequalities, which statics omits. Therefore no function of this package returns a value without this
 module: an equilibrium that overlaps a contact fails, and so does a linearisation in which friction or contact acts.
 """

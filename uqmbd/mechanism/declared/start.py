@@ -82,9 +82,9 @@ def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Ex
     if isinstance(condition, (bool, sympy.logic.boolalg.BooleanAtom)):
         given = "" if value is None else f" and {shown(value)}"
         raise StudyError(
-            f"{where} was given {bool(condition)}{given}: Python compares the two sides of == at once, and sympy.Eq is "
-            f"{bool(condition)} where its sides are {'the same' if condition else 'never the same'} (as x and "
-            f"{'x' if condition else 'x + 1'}); neither leaves an equation; {USAGE}."
+            f"{where}: the condition is {bool(condition)}{given}; expected an equation: {USAGE}. Python evaluates == "
+            f"at once, and sympy.Eq is {bool(condition)} if its sides are {'equal' if condition else 'never equal'}, "
+            f"such as x and {'x' if condition else 'x + 1'}."
         )
     if isinstance(condition, sympy.Equality):
         if value is not None:

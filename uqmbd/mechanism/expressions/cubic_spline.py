@@ -179,7 +179,7 @@ def spline(
 
     The coefficients of a spline are linear in its values, so random values are little more expensive than numbers.
 
-    Between the end knots, the spline is that of `scipy.interpolate.CubicSpline` [1]_ with the same end condition. The
+    Between the end knots, the spline equals `scipy.interpolate.CubicSpline` [1]_ with the same end condition. The
     ends ``flat`` are called ``clamped`` there. Beyond the end knots both differ: SciPy continues the cubics of the
     first and the last interval.
 

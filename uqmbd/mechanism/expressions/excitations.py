@@ -201,7 +201,7 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
         ``name`` and ``units``, can be pickled, and has a different ``repr`` than other sources.  A source with sampled
         paths also has the attribute ``key``, from `uqmbd.extend.path_key`, and the method ``sample_paths(sources, keys,
         begin, end)``: it returns ``(first, step, coefficients)`` for keys (K,) and arguments from `begin` to `end`.
-        ``coefficients`` (K, source, n) are those of cubic B-splines: the value at the knot ``first + i step``, a
+        ``coefficients`` (K, source, n) are coefficients of cubic B-splines: the value at the knot ``first + i step``, a
         multiple of ``step``, is ``(c[i] + 4 c[i+1] + c[i+2]) / 6``.  Sources with the same key are sampled together.
         A path must depend on its key and the sources only, not on the interval or on other keys.
     argument : expression

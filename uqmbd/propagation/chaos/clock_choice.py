@@ -115,11 +115,7 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
         return best.clock, ""
     others = [] if wanted is None else [_Fitness.of(clock, seen, end) for clock in known if clock.name != wanted]
     whole = [fit.clock for fit in others if fit.share == 1.0]
-    said = (
-        f"neither does {wanted!r}"
-        if wanted
-        else f"none of the quantities {', '.join(repr(c.name) for c in known)} does"
-    )
+    said = f"{wanted!r} does not" if wanted else f"these quantities do not: {', '.join(repr(c.name) for c in known)}"
     why = f"a clock must turn or oscillate for at least one turn, without stopping or turning back; {said}"
     if len(seen.values) > 1 and best.share:
         count = round(best.share * len(seen.values))

@@ -118,12 +118,12 @@ def fit_nodes(
     found = regress_on_nodes(response[good], psi[good], multi_index, counted)
     if found is None:
         raise IntegrationError(
-            f"{label}: {failed} of {count} nodes failed; the {left} successful ones cannot determine the {terms} "
+            f"{label}: {failed} of {count} nodes failed; the {left} successful nodes cannot determine the {terms} "
             "terms of the basis, or fewer terms. Use more nodes, or truncate the distributions to exclude failures. "
             f"Reason of the failure: {reason}"
         )
     kept = found.multi_index
-    fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, as many as they determine"
+    fewer = "" if len(kept) == terms else f", which determine {len(kept)} of the {terms} terms"
     warning = (
         f"{label}: {failed} of {count} nodes failed, so the method replaced the quadrature by a regression on the "
         f"{left} successful nodes{fewer}. In the region of failure the chaos is an extrapolation. Reason of the "

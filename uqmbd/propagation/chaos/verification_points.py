@@ -45,7 +45,7 @@ class VerificationPoints:
     germs : array, shape (V, d)
         Germ points; none of them is a node.
     weights : array, shape (V,)
-        Density of the germs relative to that of the points; their mean is about 1.
+        Density of the germs, divided by the density of the points; their mean is about 1.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class VerificationPoints:
         count, seed : int
             Number of points and seed of the random numbers.
         stream : int
-            Number of the random stream, which separates these points from those of the designs of the method.
+            Number of the random stream, which separates these points from the points of the designs of the method.
 
         Returns
         -------

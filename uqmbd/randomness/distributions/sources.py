@@ -114,12 +114,14 @@ class Frozen:
         kind = type(family)
         if kind._ppf is not rv_continuous._ppf or kind._pdf is rv_continuous._pdf:
             return None
-        logs.methods.info("quantiles of scipy.stats.%s: no formula; a table is made of its density", family.name)
+        logs.methods.info("quantiles of scipy.stats.%s: no formula; a table is computed from the density", family.name)
         with np.errstate(all="ignore"):
             quartiles = np.asarray(self.given.ppf([0.25, 0.5, 0.75]), dtype=float)
             found = invert_distribution(self.density, self.cdf, TURNS.get(family.name, self.support), quartiles)
         if found is None:
-            logs.methods.info("quantiles of scipy.stats.%s: no table is accurate; each is searched for", family.name)
+            logs.methods.info(
+                "quantiles of scipy.stats.%s: no table is accurate; a root search computes each", family.name
+            )
         return found
 
 

@@ -159,7 +159,7 @@ Group = CorrelatedTransform | Rosenblatt
 def _not_stored(direction: str) -> StudyError:
     return StudyError(
         f"This polynomial chaos does not contain the map {direction} of dependent inputs (Rosenblatt's transform of "
-        "a general joint distribution). The distribution may contain user functions, as chaospy.UserDistribution, "
+        "a general joint distribution). The distribution may contain user functions (chaospy.UserDistribution), "
         "or arithmetic that only chaospy evaluates, or an earlier version wrote the results. Evaluate the chaos at "
         "germs, or build the GermSpace from the study again."
     )

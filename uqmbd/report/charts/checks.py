@@ -52,7 +52,7 @@ def checked(
         if found.shape != moments.shape or np.isinf(found).any():
             if found.shape == moments.shape:
                 raise StudyError(f"{where}: {what} contains an infinity; expected numbers, or NaN for unknown values.")
-            raise StudyError(f"{where}: {what} has the shape {found.shape}; expected {moments.shape}, that of times.")
+            raise StudyError(f"{where}: {what} has the shape {found.shape}; expected {moments.shape}, as for times.")
         return found
 
     made = []
@@ -71,7 +71,7 @@ def checked(
                 "uqmbd.report.Chart, or a curve of points."
             )
         if len(curve.bands) > 2:
-            raise StudyError(f"{where}: curve {curve.name!r} has {len(curve.bands)} bands; expected two at most.")
+            raise StudyError(f"{where}: curve {curve.name!r} has {len(curve.bands)} bands; expected at most two.")
         bands = tuple(
             replace(
                 band,
@@ -133,7 +133,7 @@ def checked_chart(chart: Chart) -> Chart:
     if ends is not None and not (len(ends) == 2 and all(map(_finite, ends)) and ends[0] < ends[1]):
         raise StudyError(f"{where}: ends is {ends!r}; expected two finite numbers that increase.")
     if chart.log and (ends is None or ends[0] <= 0):
-        raise StudyError(f"{where}: a logarithmic axis has ends {ends}; expected two above zero.")
+        raise StudyError(f"{where}: a logarithmic axis has ends {ends}; expected two ends above zero.")
     along = chart.along
     units = typeset_units(chart.across_units)
     if names:

@@ -215,8 +215,8 @@ def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
     stated = stated_error_of(node)
     if stated is None:
         raise StudyError(
-            f"The propagator {label_of(node)!r} states no error of its surrogate. Give it verification realisations, "
-            "such as verify=16."
+            f"The propagator {label_of(node)!r} states no error of its surrogate. Use verification realisations, such "
+            "as verify=16."
         )
     times = np.asarray(stated["time"].values, dtype=float)
     errors = np.asarray(stated.values, dtype=float)

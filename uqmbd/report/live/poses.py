@@ -211,7 +211,8 @@ def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dic
     if node.attrs.get("method") != method:
         return (
             None,
-            f"The surrogates of the poses belong to {node.attrs.get('method')}; the page contains that of {method}.",
+            f"The surrogates of the poses belong to {node.attrs.get('method')}; the page contains the surrogate of "
+            f"{method}.",
         )
     try:
         data = packed_poses(node)

@@ -161,7 +161,7 @@ def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
             if loss <= MARGIN:
                 break
         else:
-            raise StudyError(f"The compression error of the surrogate is {loss:.3g} times the allowed one.")
+            raise StudyError(f"The compression error of the surrogate is {loss:.3g} times the allowed error.")
         parts.append(data if used.all() else {**data, "used": packed(used.astype(float), "int32")})
         worst = max(worst, loss)
     times = chaos.labels.times

@@ -49,8 +49,8 @@ GRID = 8.0
 """Largest standard normal value in the sum for means of tables."""
 
 UNKNOWN = (
-    "It depends on other inputs by a joint distribution that this page does not evaluate. Its slider shows the "
-    "probability of lower values, given the inputs before it."
+    "This input depends on other inputs by a joint distribution that this page does not evaluate. Its slider shows "
+    "the probability of lower values, given the preceding inputs."
 )
 """Reason why an input has no values."""
 

@@ -88,7 +88,7 @@ def of_history(result: StudyResult, name: str, *, correlations: bool = False) ->
         node = node_with_indices(nodes)
         found = indices_of(node, name)
         if found.meaningful.any():
-            kind = "Total Sobol’ indices: share of the variance, over all times, to which each contributes"
+            kind = "Total Sobol’ indices: share of the variance, over all times, to which each input contributes"
             alone, total = found.weighted
             said = f"{kind} ({label_of(node)})." + _of_poor_surrogate(node, name)
             return _sorted(found.names, total, said, alone=alone)
@@ -126,7 +126,7 @@ def of_requirement(result: StudyResult, name: str) -> Influences | None:
         if "importance" in data and name in data["requirement"].values:
             row = data.sel(requirement=name)
             if np.isfinite(row["importance"].values).all():
-                kind = "Importance factors: share of each in the squared reliability index"
+                kind = "Importance factors: share of each input in the squared reliability index"
                 return _sorted(row["input"].values, row["importance"].values, f"{kind} ({label}).")
     for label, node in nodes.items():
         inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None
@@ -152,7 +152,7 @@ def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None
         values = _over_time(data[f"sobol_total{end}"].values, std)
         if not np.isfinite(values).all() or not np.nanmax(std) > 0:
             continue
-        kind = f"Total Sobol’ indices: share of the variance {of_what}to which each contributes ({label})."
+        kind = f"Total Sobol’ indices: share of the variance {of_what}to which each input contributes ({label})."
         first = _over_time(data[f"sobol_first{end}"].values, std) if f"sobol_first{end}" in data else None
         return _sorted(data[dim].values, values, kind, alone=first)
     return None

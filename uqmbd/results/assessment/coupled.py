@@ -33,5 +33,5 @@ def coupled_systems(nodes: Mapping[str, xr.DataTree]) -> str:
     )
     return (
         f"{', '.join(found)} {many[0]} of {', '.join(map(format_integer, found.values()))} unknowns instead of single "
-        f"realisations. {many[1]} realisations are the nodes of {many[2]}, and separate ones that verify the result."
+        f"realisations. {many[1]} realisations are the nodes of {many[2]}, and separate verification realisations."
     )

@@ -145,9 +145,10 @@ def _verdict(
 def _of_few(few: tuple[int, str], names: tuple[str, str], within: float) -> Verdict:
     """Return the verdict for too few samples of the method (0), or of the reference (1), which verifies nothing."""
     which, text = few
-    kind, words = ((FEW, "too few samples to tell"), (UNVERIFIED, "not verified, too few samples of the reference"))[
-        which
-    ]
+    kind, words = (
+        (FEW, "too few samples for a verdict"),
+        (UNVERIFIED, "not verified, too few samples of the reference"),
+    )[which]
     return Verdict(kind, f"{words}: {names[which]} has {text}", within)
 
 
@@ -320,5 +321,5 @@ def _size(relative: float) -> str:
     return (
         f"{word} by {format_percent(abs(relative))}"
         if np.isfinite(relative)
-        else "large: that of the reference is zero"
+        else "large: the standard deviation of the reference is zero"
     )

@@ -12,7 +12,7 @@ from uqmbd.plugins import owner, surrogates
 __all__ = ["absent_model", "made_model", "model_class", "source_of_model", "warn_of_absent_models"]
 
 _made: dict[str, list[type]] = {}
-"""Model classes that this process defined, such as those of a script, by name, with the newest last."""
+"""Model classes that this process defined, such as classes of a script, by name, with the newest last."""
 
 
 def made_model(name: str, kind: type) -> None:

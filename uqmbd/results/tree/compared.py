@@ -49,7 +49,7 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: Reference = None, 
 
     `nodes`: propagator nodes by label; `reference`: label of the reference, or several labels. Of these labels, or of
     all, :func:`uqmbd.results.choose_reference` chooses the reference for outputs over time, and that for scalar
-    outputs; `rtol`: relative tolerance of the integration. The result for outputs over time is that of
+    outputs; `rtol`: relative tolerance of the integration. The result for outputs over time is the return value of
     :func:`uqmbd.results.compare`. With scalar outputs, it also contains ``scalar_mean_difference`` and
     ``scalar_std_difference (method, scalar)``, absolute, in the units of the outputs, NaN for methods without them. The
     scale of these is ``scalar_reference_std (scalar)``. ``scalar_verdict`` and ``scalar_verdict_kind (method, scalar)``

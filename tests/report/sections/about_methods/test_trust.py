@@ -108,7 +108,7 @@ def test_both_methods_together(source: str) -> None:
     """Bands and differences hold Monte Carlo and the highest order; the caption says that others are left out."""
     words = _text(source)
     assert "Only the highest order of a surrogate is shown." in words
-    assert "Difference of the mean of each method from that of monte-carlo." in words
+    assert "Difference of the mean between each method and monte-carlo." in words
 
 
 @pytest.mark.thorough

@@ -66,7 +66,7 @@ def _populations(result: StudyResult) -> list[str]:
     found = {label: method.population for label, method in result.methods.items()}
     beside = "; it is not compared with the other methods" if len(set(found.values())) > 1 else ""
     return [
-        f"The inputs of {label} have other distributions than those of the study, {population}{beside}."
+        f"The distributions of the inputs of {label} differ from the study: {population}{beside}."
         for label, population in found.items()
         if population
     ]

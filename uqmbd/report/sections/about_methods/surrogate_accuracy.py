@@ -150,7 +150,7 @@ def _verification(method: Method, said: Assessment) -> Content:
         f"Stated error of the surrogate of {label} over time, for each output. "
         + "; ".join(_verdicts(method, said)["verdicts"]),
         f"Stated error of {label}, measured at {where} that were not used for the fit. The denominator is the standard "
-        "deviation, taken as at least 1 % of its maximum. A dot marks the first time at which it exceeds 1 %.",
+        "deviation, taken as at least 1 % of its maximum. A dot marks the first time with an error above 1 %.",
         f"{label}-stated-error",
     )
 
@@ -188,7 +188,7 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
                 "of realisations. " + " ".join(words),
                 "Convergence with the order and the cost: largest difference over time from the surrogate of the "
                 "highest order. Exponential convergence is a straight line by order. The error does not "
-                "decrease below that of the time integration.",
+                "decrease below the error of the time integration.",
                 f"{name}-orders",
             )
         )
@@ -208,8 +208,8 @@ def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]
         first, last = (format_percent(float(row.std[k]), _UNKNOWN) for k in (0, -1))
         words.append(
             f"{row.name}, from order {row.orders[0]} ({format_count(int(row.realisations[0]), 'realisation')}) to "
-            f"order {row.orders[-1]} ({row.realisations[-1]}): the difference of the standard deviation from that of "
-            f"{reference} {goes} from {first} to {last} of its maximum."
+            f"order {row.orders[-1]} ({row.realisations[-1]}): the difference of the standard deviation from "
+            f"{reference} {goes} from {first} to {last} of the maximum."
         )
     return words
 

@@ -211,7 +211,7 @@ def _nearest(result: StudyResult) -> Content | None:
         with contextlib.suppress(StudyError, ValueError):
             if found := live.collect_nearest_data(method.node, label, names, result.limits):
                 rest = len(method.names) - len(names)
-                missing = [f"the page stores the {len(names)} most uncertain ones."] if rest > 0 else []
+                missing = [f"the page stores the {len(names)} most uncertain outputs."] if rest > 0 else []
                 return found | {"missing": missing}
     return None
 

@@ -206,7 +206,7 @@ def _differences(result: StudyResult, holders: Mapping[str, xr.DataTree], name: 
         charted(
             chart,
             f"Difference of the {words} of {name} between methods, over time.",
-            f"Difference of the {words} of each method from that of {reference}. A shaded band is ± two standard "
+            f"Difference of the {words} between each method and {reference}. A shaded band is ± two standard "
             "errors of this difference, where they are known.",
             f"{name}-differences" if words == "mean" else "",
             on_paper=lambda: Views(charts, columns=1, shared=True, heights=(1.15, 1.15)),
@@ -225,10 +225,10 @@ def over_chart(result: StudyResult, name: str) -> Content | None:
         return None
     functions = all(figures.is_function(node, name, over) for node in holders.values())
     caption = (
-        f"Curve over {over}: the mean, and the bands that contain 50 % and 95 % of the realisations, at each of "
-        "its values."
+        f"Curve over {over}: the mean, and the bands that contain 50 % and 95 % of the realisations, at each value "
+        f"of {over}."
         if functions
-        else f"Curve over {over}: the means of both at each time, and single realisations as curves in time."
+        else f"Curve over {over}: the means of both outputs at each time, and single realisations."
     )
     described = f"{name} over {over}."
     return charted(
@@ -256,7 +256,7 @@ def _densities(result: StudyResult, labels: Sequence[str], name: str) -> Content
     sampled = any(result.methods[label].sampled for label in dense)
     surrogates = bool(surrogate_nodes(dense))
     bars = "bars are the histogram, curves a kernel density estimate" if sampled else "kernel density estimates"
-    of_surrogates = " (for a surrogate, of samples of it)" if surrogates else ""
+    of_surrogates = " (for a surrogate, of its samples)" if surrogates else ""
     return charted(
         lambda: figures.densities_chart(dense, name, result.report_times),
         f"Probability densities of {name} at chosen times.",
@@ -273,8 +273,8 @@ def _convergence_caption(method: Method) -> str:
             "the first samples, and their 95 % confidence band"
         )
     return (
-        f"Convergence with the number of independent replicates of the {design.name} design, whose points count only "
-        "as a whole: estimates and their 95 % confidence band, at the time of the largest standard deviation"
+        f"Convergence with the number of independent replicates of the {design.name} design: estimates and their 95 % "
+        "confidence band, at the time of the largest standard deviation"
     )
 
 

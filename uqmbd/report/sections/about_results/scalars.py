@@ -37,7 +37,7 @@ def describe_scalars(result: StudyResult) -> Content | None:
                 lambda: figures.scalars_chart(result.nodes),
                 f"Probability densities of {', '.join(names[:MOST_SCALARS])}.",
                 "Probability densities. Bars: histogram of the first method with samples. Curves: kernel density "
-                "estimates (for a surrogate, of samples of it).",
+                "estimates (for a surrogate, of its samples).",
                 "outputs-without-time",
             )
         ]
@@ -120,7 +120,8 @@ def _bounds(methods: Iterable[Method]) -> list[str]:
             happen = ("occurs", "it") if len(names) == 1 else ("occur", "they")
             said.append(
                 f"With {method.label}, {', '.join(names)} {happen[0]} in all computed realisations; {happen[1]} may "
-                f"be absent in at most {format_share(float(bounds[certain].max()))} of others (95 % confidence)."
+                f"be absent in at most {format_share(float(bounds[certain].max()))} of all realisations (95 % "
+                "confidence)."
             )
     return said
 
@@ -156,9 +157,9 @@ def _words(method: Method) -> list[str]:
             words.append(
                 f"With {label}, {name} does not occur in {part} of the realisations by the last time;  "
                 + (
-                    "its statistics use the others."
+                    "its statistics use the other realisations."
                     if known
-                    else "it has no statistics here, because a surrogate of the others would extrapolate."
+                    else "it has no statistics here, because a surrogate would be an extrapolation."
                 )
             )
     if method.failures:
