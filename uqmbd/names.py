@@ -183,8 +183,8 @@ def check_units(units: object, where: str) -> str:
         raise StudyError(f"{where}: units is {units!r}; units cannot contain tabs or ends of lines.")
     from uqmbd.units import spelling, warn  # imported here, because `uqmbd --help` does not need them
 
-    if told := spelling(where, units):
-        warn(told)
+    if words := spelling(where, units):
+        warn(words)
     return units
 
 

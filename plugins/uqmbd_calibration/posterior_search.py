@@ -105,11 +105,11 @@ def find(
         if not chosen:
             about: dict[str, Any] = {"moving": bool(outputs), "known": list(point.known), "most": point.most}
             chosen = default_methods(point.study, **about)
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             nodes[id(point)] = point.surrogates(chosen, outputs)
         methods += [_described(node) for node in nodes[id(point)]]
-        notes += [str(one.message) for one in told]
+        notes += [str(one.message) for one in caught]
 
     def build(cases: tuple[MachineRecords, ...], *, with_errors: bool = True) -> Posterior:
         """Return the posterior by the surrogates over the prior, with their stated errors added to the noise."""
@@ -190,7 +190,7 @@ def _check_reach(prior: Posterior, seed: int) -> None:
 
 def _described(node: xr.DataTree) -> str:
     """Return the method of a surrogate with the options that matter to the reader."""
-    said = [str(node.attrs["propagator"])]
+    sentences = [str(node.attrs["propagator"])]
     options = json.loads(node.attrs.get("options", "{}"))
-    said += [f"{name} {options[name]}" for name in ("order", "alignment") if options.get(name) is not None]
-    return ", ".join(said)
+    sentences += [f"{name} {options[name]}" for name in ("order", "alignment") if options.get(name) is not None]
+    return ", ".join(sentences)

@@ -72,8 +72,8 @@ class _ElementSplitting:
                 warnings.simplefilter("always")
                 fit = plan.fit(runs)
             verification = runs.verification(where)
-            told = tuple(str(w.message) for w in caught)
-            self.done.append(_BoxResult(box.probability, runs, fit, verification, told))
+            warned = tuple(str(w.message) for w in caught)
+            self.done.append(_BoxResult(box.probability, runs, fit, verification, warned))
             chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 
@@ -132,10 +132,10 @@ def collocate_elements(
     for text in dict.fromkeys(text for one in kept for text in one.warned):
         warnings.warn(text, stacklevel=3)
     if failed := sum(one.verification.failures for one in kept):
-        asked, empty = sum(one.verification.asked for one in kept), sum(not len(one.verification) for one in kept)
+        requested, empty = sum(one.verification.asked for one in kept), sum(not len(one.verification) for one in kept)
         all_of = f", including all of them in {empty} of {len(kept)} elements" if empty else ""
         warnings.warn(
-            f"{problem.label}: {failed} of {asked} verification realisations failed{all_of}; the stated error is "
+            f"{problem.label}: {failed} of {requested} verification realisations failed{all_of}; the stated error is "
             "based on the successful ones.",
             stacklevel=3,
         )

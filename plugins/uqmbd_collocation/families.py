@@ -122,7 +122,7 @@ class _FamilyContext:
 
     def attempt(self, family: Way, wanted: bool) -> None:
         """Expand by a family; store the reason of a failure unless the option names the family."""
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
                 found = self.expand(family)
@@ -131,7 +131,7 @@ class _FamilyContext:
                     raise
                 self.left_out[family] = self.reason(error)
                 return
-        self.told[family] = [one.message for one in told if isinstance(one.message, Warning)]
+        self.told[family] = [one.message for one in caught if isinstance(one.message, Warning)]
         if self.given is None and found.chaos.verification_germs is not None:
             germs, response = found.chaos.verification_germs, found.chaos.verification_response
             weights = found.chaos.verification_weights
@@ -325,8 +325,8 @@ def _composed(
 def _fits(work: _FamilyContext, rows: Mapping[Way, Sequence[int]]) -> str:
     """Return a text on the fits, from the rows of the outputs of each family."""
     outputs = [o.name for o in work.problem.labels.outputs]
-    said = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
-    return "; ".join(said)
+    words = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
+    return "; ".join(words)
 
 
 def _nodes(work: _FamilyContext) -> xr.Dataset:

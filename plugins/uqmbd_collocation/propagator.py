@@ -409,8 +409,8 @@ class Collocation(uqmbd.extend.Propagator):
         if self.alignment != "auto":
             return ways, ""
         reasons = {name: impossible(study.problem(self), name) for name in ways}
-        said = "; ".join(f"left out: {name}, {why}" for name, why in reasons.items() if why)
-        return tuple(name for name in ways if not reasons[name]), f"; {said}" if said else ""
+        text = "; ".join(f"left out: {name}, {why}" for name, why in reasons.items() if why)
+        return tuple(name for name in ways if not reasons[name]), f"; {text}" if text else ""
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Return the obstacle: no random input, a distribution without moments, too many nodes, or too few samples."""

@@ -105,7 +105,7 @@ def find_clock(
     """
     end = float(problem.times[-1])
     names = [o.name for o in problem.watching().labels.outputs]
-    found, told = uqmbd.extend.dense(problem.watching(), pilots, end, 2 * len(problem.times))
+    found, realised = uqmbd.extend.dense(problem.watching(), pilots, end, 2 * len(problem.times))
     label = f"{problem.label}: alignment='phase' needs a clock"
 
     def rows_of(clock: uqmbd.extend.Clock) -> tuple[int, int, int] | None:
@@ -115,10 +115,10 @@ def find_clock(
             return None
         return clock.row, known[0], known[0] if known[1] is None else known[1]
 
-    if not told.good.all():
+    if not realised.good.all():
         raise uqmbd.StudyError(
-            f"{label}, but {int((~told.good).sum())} of the {len(pilots)} realisations for its selection failed: "
-            f"{told.most_frequent_reason()} Truncate the distributions."
+            f"{label}, but {int((~realised.good).sum())} of the {len(pilots)} realisations for its selection failed: "
+            f"{realised.most_frequent_reason()} Truncate the distributions."
         )
     clock, why = uqmbd.extend.choose_clock(problem, found, end, wanted)
     if clock is None:

@@ -31,11 +31,11 @@ def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
     `loaded`: parsed file; `keyframe`: initial state.
     """
     try:
-        with listening(loaded.mujoco) as told:
+        with listening(loaded.mujoco) as advice_lines:
             model = loaded.spec.compile()
     except Exception as error:  # the compiler raises errors of several types
         raise loaded.error(error) from None
-    advice = tuple(dict.fromkeys([*loaded.advice, *told]))
+    advice = tuple(dict.fromkeys([*loaded.advice, *advice_lines]))
     off = _switches(loaded, model)
     _require_finite(loaded, model)
     links = _links(loaded, model)

@@ -43,8 +43,8 @@ def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float
         damping, *more = np.atleast_1d(getattr(actuator, "damping", 0.0)).astype(float)
         gear = float(actuator.gear[0])
         if actuator.biastype != biases.mjBIAS_NONE:
-            told = _bias(mujoco, actuator)
-            biased += [f"{name} ({told}{_geared(gear)})"] if told else []
+            bias = _bias(mujoco, actuator)
+            biased += [f"{name} ({bias}{_geared(gear)})"] if bias else []
         if not (inertia or damping or any(more)):
             continue
         on_joint = actuator.trntype in (transmissions.mjTRN_JOINT, transmissions.mjTRN_JOINTINPARENT)
@@ -145,11 +145,11 @@ def load(path: str) -> ParsedFile:
     require_sizes(path, root)
     mujoco = _mujoco()
     try:
-        with listening(mujoco) as told:
+        with listening(mujoco) as notes:
             spec = _spec(mujoco, path)
     except Exception as error:  # the parser raises errors of several types
         raise ParsedFile(path, mujoco, None).error(error) from None
-    loaded = ParsedFile(path, mujoco, spec, advice=told)
+    loaded = ParsedFile(path, mujoco, spec, advice=notes)
     try:
         _name(spec)
         _set_aside(loaded)
@@ -165,22 +165,22 @@ def load(path: str) -> ParsedFile:
 @contextmanager
 def listening(mujoco: ModuleType) -> Iterator[list[str]]:
     """Collect warnings of MuJoCo, which it would write to the terminal and to a file in the current folder."""
-    told: list[str] = []
+    lines: list[str] = []
 
     def note(text: object) -> None:
-        told.append(" ".join((text.decode(errors="replace") if isinstance(text, bytes) else str(text)).split()))
+        lines.append(" ".join((text.decode(errors="replace") if isinstance(text, bytes) else str(text)).split()))
 
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(note)
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            yield told
+            yield lines
         for warning in caught:
             note(warning.message)
     finally:
         mujoco.set_mju_user_warning(before)
-        told[:] = dict.fromkeys(told)
+        lines[:] = dict.fromkeys(lines)
 
 
 def _mujoco() -> ModuleType:

@@ -80,14 +80,14 @@ def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Sett
         more, moments = excess(tensor), np.linalg.eigvalsh(tensor)
         if more <= OWN * np.abs(moments).max():
             continue
-        told = f"{link.name} (largest moment {moments[2]:.4g}, the others {moments[0]:.4g} and {moments[1]:.4g} kg m^2)"
+        text = f"{link.name} (largest moment {moments[2]:.4g}, the others {moments[0]:.4g} and {moments[1]:.4g} kg m^2)"
         if how == "repair" or more <= MODEL * scale:
-            (repaired if more > MODEL * scale else rounded).append(told)
+            (repaired if more > MODEL * scale else rounded).append(text)
             links[k] = _with(link, nearest(tensor))
         elif how == "as stated":
             rotors[k], possible = _divided(tree.source, link, tensor, more)
             links[k] = _with(link, possible)
-            stated.append(told)
+            stated.append(text)
     merged = {part.name for part in fused if part.link}
     hidden = [
         link.name

@@ -167,9 +167,9 @@ def gather(
     reasons: Counter[str] = Counter()
     failures, censored, first, wall = 0, 0, 0, 0.0
     handed = len(values) if watch is not None else room
-    asked = (edges, gathered.moments, counted)
-    streamed = None if whole else problem.reduce(values, reduced, asked, keep=handed)
-    for part in _reduced_here(problem, values, asked) if streamed is None else streamed:
+    request = (edges, gathered.moments, counted)
+    streamed = None if whole else problem.reduce(values, reduced, request, keep=handed)
+    for part in _reduced_here(problem, values, request) if streamed is None else streamed:
         last = first + len(part.status)
         gathered.add(part.result)
         if watch is not None:
@@ -205,13 +205,13 @@ def gather(
 
 
 def _reduced_here(
-    problem: uqmbd.extend.Problem, values: Array, asked: tuple[Any, ...]
+    problem: uqmbd.extend.Problem, values: Array, request: tuple[Any, ...]
 ) -> Iterator[uqmbd.extend.Reduced]:
     """Compute samples that are all stored."""
     first = 0
     for part in problem.stream(values):
         about = (part.status, part.messages, part.good, part.response, part.counters, part.wall_time)
-        yield uqmbd.extend.Reduced(first, part.values, reduced(part, first, *asked), *about)
+        yield uqmbd.extend.Reduced(first, part.values, reduced(part, first, *request), *about)
         first += len(part.status)
 
 

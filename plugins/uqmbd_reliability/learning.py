@@ -213,13 +213,13 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
     kept = max(1.0 - gone, 1e-12)
     found = []
     for k in range(real.shape[1]):
-        violated, said = real[:, k] < 0, guess[drawn, k] < 0
+        violated, foreseen = real[:, k] < 0, guess[drawn, k] < 0
         counted = np.where(guess[:, k] < 0, population.ratio, 0.0)
         # for the bound on unobserved errors: weights of points with an uncertain sign, and of predicted violations
         unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
         most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
         # realisations without a result are also subtracted if a violation was predicted
-        missed, false = weights * (violated & ~said), weights * (~violated & said)
+        missed, false = weights * (violated & ~foreseen), weights * (~violated & foreseen)
         mean = float(counted.mean() + missed.mean() - false.mean())
         error = float(np.hypot(_error(counted), _error(missed - false)))
         low, high = _combined(mean, counted, missed, false, most)

@@ -32,7 +32,7 @@ class ReliabilitySection:
 
     def first_screen(self, tree: xr.DataTree) -> FirstScreen | None:
         """Return a table and charts of the most likely violations, and numbers of realisations; None if none exist."""
-        rows, charts, said = [], [], []
+        rows, charts, sentences = [], [], []
         found = list(_analyses(tree))
         for label, node in found:
             data = node["requirements"].to_dataset()
@@ -44,7 +44,7 @@ class ReliabilitySection:
                 charts.append(_chart(one, f"{name}{of}"))
             count, how = f"{int(node.attrs['realisations'])} realisations", str(data.attrs.get("how", ""))
             text = f"{how}." if re.search(rf"\b{count}\b", how) else f"{count}; {how}."
-            said.append(ReliabilityStatement(3, label, text))
+            sentences.append(ReliabilityStatement(3, label, text))
         if not rows:
             return None
         group = ChartGroup(
@@ -55,7 +55,7 @@ class ReliabilitySection:
             "Requirement",
         )
         heads = ("Time", "Reliability index", "Inputs with the largest deviations")
-        return FirstScreen("Most likely violation", heads, rows, [group], said)
+        return FirstScreen("Most likely violation", heads, rows, [group], sentences)
 
 
 def _analyses(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataTree]]:

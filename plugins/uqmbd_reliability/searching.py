@@ -73,14 +73,14 @@ def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: A
     paths = [_SearchPath(u, int(r)) for u, r in zip(begin, requirement, strict=True)]
     for _ in range(ROUNDS):
         going = [path for path in paths if not path.done]
-        asked = [path.asked() for path in going]
-        if not asked or sum(map(len, asked)) > ledger.left:
+        requested = [path.asked() for path in going]
+        if not requested or sum(map(len, requested)) > ledger.left:
             break
         try:
-            found = ledger(np.concatenate(asked))
+            found = ledger(np.concatenate(requested))
         except BudgetExhausted:
             break
-        edges = np.cumsum([0, *map(len, asked)])
+        edges = np.cumsum([0, *map(len, requested)])
         for path, low, high in zip(going, edges, edges[1:], strict=False):
             path.hear(found[low:high, path.requirement])
     ended = []

@@ -242,7 +242,7 @@ def run(name: str, first: int, truths: int, kept: Callable[[dict[str, object]], 
     study, rows = case.study(), []
     for k in range(first, truths):
         begin = time.perf_counter()
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
                 found = calibrate(study, records[k], seed=k)
@@ -264,7 +264,7 @@ def run(name: str, first: int, truths: int, kept: Callable[[dict[str, object]], 
             "bound": bound.tolist(),
             "realisations": int(found.tree.attrs["realisations"]),
             "seconds": time.perf_counter() - begin,
-            "warnings": [str(w.message) for w in told],
+            "warnings": [str(w.message) for w in caught],
         }
         rows.append(row)
         kept({"case": name, "information": information.tolist(), "rows": rows})

@@ -285,8 +285,8 @@ def compared(name: str, pair: Pair, seeds: int) -> tuple[str, ...]:
             gains.append(np.median(stated, axis=0)[counts] * plain / spent)
         if control is low:
             total = np.median([node.attrs["control_realisations"] for node in nodes]) / pair.samples
-            told = [node.attrs.get("control_measured", "") for node in nodes]
-            costs = [float(words.split(" took ")[1].split()[0]) for words in told if words]
+            measured = [node.attrs.get("control_measured", "") for node in nodes]
+            costs = [float(words.split(" took ")[1].split()[0]) for words in measured if words]
             cells += [f"{np.median(costs):.2g}" if costs else "", f"{total:.3g}", f"{spent / plain:.3g}"]
         cells.append(" and ".join(f"{np.median(of):.3g} ({np.quantile(of, 0.1):.3g})" for of in gains))
     return (name, pair.words, str(pair.samples), *cells)

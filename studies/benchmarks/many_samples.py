@@ -60,8 +60,8 @@ def measured(samples: int, workers: int, place: Path) -> dict[str, float]:
             together, largest = max(together, sum(memory)), max(largest, *memory)
             disk = max(disk, used(folder))
             time.sleep(TICK)
-        said = json.loads(process.communicate()[0].splitlines()[-1])
-        return {**said, "together": together, "largest": largest, "disk": disk, "after": used(folder)}
+        measurement = json.loads(process.communicate()[0].splitlines()[-1])
+        return {**measurement, "together": together, "largest": largest, "disk": disk, "after": used(folder)}
 
 
 def _memory(process: object) -> int:

@@ -95,9 +95,9 @@ def show(rows: list[Row], recommended: list[Recommendation]) -> None:
     table = table_of("Recommended methods", *titles)
     found = regrets(rows, recommended)
     for one in found:
-        said = one.method if one.reached else f"{one.method} (accuracy not reached)" if one.method else "none"
+        text = one.method if one.reached else f"{one.method} (accuracy not reached)" if one.method else "none"
         table.add_row(
-            one.mechanism, f"{one.accuracy:g}", one.rules, said, one.best, f"{one.regret:.2f}", f"{one.error:.2g}"
+            one.mechanism, f"{one.accuracy:g}", one.rules, text, one.best, f"{one.regret:.2f}", f"{one.error:.2g}"
         )
     console.print(table)
     for rules in RULES:

@@ -37,8 +37,8 @@ def refusal(name: str, value: Any, annotation: Any) -> str:
         expected = expected.replace("a number", "a finite number").replace("of numbers", "of finite numbers")
     if most := _passed(value, annotation):
         expected += f"; at most {most:g}"
-    told = f"{near} Expected {expected}." if near else f"; expected {expected}."
-    return f"{name} is {shown(value)}{told}"
+    text = f"{near} Expected {expected}." if near else f"; expected {expected}."
+    return f"{name} is {shown(value)}{text}"
 
 
 def returned(function: str, value: Returned, annotation: Any) -> Returned:

@@ -123,9 +123,9 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
             raise StudyError(f"{what}: axis is {given['axis']}; {error}.") from None
         except MemoryError:
             sizes = [f"{k} is {shown(x)}" for k, x in given.items() if isinstance(x, np.ndarray)]
-            told = f" ({'; '.join(sizes)})" if sizes else ""
+            text = f" ({'; '.join(sizes)})" if sizes else ""
             raise StudyError(
-                f"{what}: the call needs more memory than is available{told}. Pass smaller arrays."
+                f"{what}: the call needs more memory than is available{text}. Pass smaller arrays."
             ) from None
 
     call.__kinds__ = kinds  # type: ignore[attr-defined]

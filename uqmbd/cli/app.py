@@ -125,8 +125,8 @@ def run(
 ) -> None:
     """Run a study; write DIR/results.nc and DIR/report.html."""
     begin = time.monotonic()
-    for name, asked in (("--open", show), ("--figures", figures)):
-        if asked and not report:
+    for name, wanted in (("--open", show), ("--figures", figures)):
+        if wanted and not report:
             raise StudyError(f"{name} needs the report, which --no-report omits; omit one of these options.")
     # printed at once, because the next imports take some time
     print(f"uqmbd {__version__}: {script}", file=sys.stderr, flush=True)

@@ -91,8 +91,8 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
         table.add_row("clock", "", *(Text(_clock(node)) for node in nodes.values()))
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
-    if said := coupled_systems(nodes):
-        screen.print(Text(said))
+    if text := coupled_systems(nodes):
+        screen.print(Text(text))
     if len(names) > LINES:
         screen.print(f"... and {len(names) - LINES} more outputs, which the report contains.")
     _show_assessment(screen, tree)
@@ -138,8 +138,8 @@ def _show_assessment(screen: Console, tree: xr.DataTree) -> None:
     screen.print(table)
     if len(found.reliability) > RELIABILITY:
         screen.print(f"... and {len(found.reliability) - RELIABILITY} more, none of them less reliable.")
-    if said := (*found.recommendation, *found.reasons):
-        print("", *said, "", sep="\n")
+    if text := (*found.recommendation, *found.reasons):
+        print("", *text, "", sep="\n")
     if problem := tree.children["comparison"].attrs.get("problem") if "comparison" in tree.children else None:
         print(f"\nThe methods could not be compared: {problem}\n")
 

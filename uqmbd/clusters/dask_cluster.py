@@ -66,7 +66,7 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
         yield client.get_executor(pure=False)
 
 
-def _client(distributed: Any, asked: str, scheduler: Any) -> Any:
+def _client(distributed: Any, where: str, scheduler: Any) -> Any:
     """Connect to a scheduler."""
     try:
         if isinstance(scheduler, Path):
@@ -74,34 +74,34 @@ def _client(distributed: Any, asked: str, scheduler: Any) -> Any:
         return distributed.Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise StudyError(
-            f"--dask {asked}: no Dask scheduler answers there ({type(error).__name__}). Expected an address such as "
+            f"--dask {where}: no Dask scheduler answers there ({type(error).__name__}). Expected an address such as "
             "tcp://host:8786, as `dask scheduler` prints it, the file that `dask scheduler --scheduler-file` writes, "
             f"or one of {', '.join(sorted(STARTED_HERE))}."
         ) from error
 
 
 @contextmanager
-def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
+def _scheduler(where: str, count: int | None) -> Iterator[Any]:
     """Yield an address, a scheduler file, or a started cluster, to which a client connects."""
-    if asked == "local":
+    if where == "local":
         import distributed
 
         # one thread per process: computations in Python block the other threads of a process
         alone = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
         with distributed.LocalCluster(n_workers=count, **alone) as cluster:
             yield cluster
-    elif asked in QUEUES:
-        with _queue(asked) as cluster:
-            _scale(asked, cluster, count)
+    elif where in QUEUES:
+        with _queue(where) as cluster:
+            _scale(where, cluster, count)
             yield cluster
     else:
-        file = Path(asked)
-        if ":" not in asked and not file.is_file():
+        file = Path(where)
+        if ":" not in where and not file.is_file():
             raise StudyError(
-                f"--dask {asked}: expected an address such as tcp://host:8786, an existing scheduler file (there is "
+                f"--dask {where}: expected an address such as tcp://host:8786, an existing scheduler file (there is "
                 f"no file of this name), or one of {', '.join(sorted(STARTED_HERE))}."
             )
-        yield _scheduler_file(file) if file.is_file() else asked
+        yield _scheduler_file(file) if file.is_file() else where
 
 
 def _scheduler_file(file: Path) -> Path:
@@ -117,19 +117,19 @@ def _scheduler_file(file: Path) -> Path:
     )
 
 
-def _queue(asked: str) -> Any:
+def _queue(where: str) -> Any:
     """Start a scheduler on this machine for workers in jobs of a queue; submit no job yet."""
-    dask_jobqueue = require_package("dask_jobqueue", f"--dask {asked}", "uqmbd[cluster]")
-    cluster = getattr(dask_jobqueue, QUEUES[asked])
+    dask_jobqueue = require_package("dask_jobqueue", f"--dask {where}", "uqmbd[cluster]")
+    cluster = getattr(dask_jobqueue, QUEUES[where])
     submit = cluster.job_cls.submit_command.split()[0]
     if shutil.which(submit) is None:
-        raise StudyError(f"--dask {asked}: the command {submit!r}, which submits jobs, is not available here.")
+        raise StudyError(f"--dask {where}: the command {submit!r}, which submits jobs, is not available here.")
     try:
         return cluster()
     except ValueError as error:
         raise StudyError(
-            f"--dask {asked}: Dask's configuration does not describe the jobs: {error}\n"
-            f"Expected a section jobqueue, {asked}, with at least cores and memory, in a file such as jobqueue.yaml. "
+            f"--dask {where}: Dask's configuration does not describe the jobs: {error}\n"
+            f"Expected a section jobqueue, {where}, with at least cores and memory, in a file such as jobqueue.yaml. "
             f"Dask reads it from these folders (DASK_CONFIG names another file or folder): {_folders()}"
         ) from error
 
@@ -141,11 +141,11 @@ def _folders() -> str:
     return ", ".join(map(str, dask.config.paths))
 
 
-def _scale(asked: str, cluster: Any, count: int | None) -> None:
+def _scale(where: str, cluster: Any, count: int | None) -> None:
     """Request `count` workers, or adapt their number to the load within the limits of the configuration."""
     if count is not None:
         # replace jobs that end before the computation, for example at their time limit
-        _submit(asked, cluster, count)
+        _submit(where, cluster, count)
         cluster.adapt(minimum=count, maximum=count)
         return
     import dask.config
@@ -153,15 +153,15 @@ def _scale(asked: str, cluster: Any, count: int | None) -> None:
     least, most = (dask.config.get(f"distributed.adaptive.{limit}") for limit in ("minimum", "maximum"))
     if most == float("inf"):
         raise StudyError(
-            f"--dask {asked}: the number of workers is unknown. Give it by --workers N, or set limits for an adaptive "
+            f"--dask {where}: the number of workers is unknown. Give it by --workers N, or set limits for an adaptive "
             "cluster. The limits are distributed, adaptive, minimum and maximum in a file of Dask's configuration. "
             f"Dask reads it from these folders (DASK_CONFIG names another file or folder): {_folders()}"
         )
-    _submit(asked, cluster, max(least, 1))
+    _submit(where, cluster, max(least, 1))
     cluster.adapt(minimum=least, maximum=most)
 
 
-def _submit(asked: str, cluster: Any, count: int) -> None:
+def _submit(where: str, cluster: Any, count: int) -> None:
     """Submit the first jobs, and report a refusal by the queue, which Dask writes only to a log."""
     from distributed.core import Status
 
@@ -180,7 +180,7 @@ def _submit(asked: str, cluster: Any, count: int) -> None:
         except RuntimeError as error:
             for one in refused:
                 one.status = Status.failed
-            raise StudyError(f"--dask {asked}: the queue accepts no jobs: {_answer(error)}") from error
+            raise StudyError(f"--dask {where}: the queue accepts no jobs: {_answer(error)}") from error
 
 
 def _answer(error: RuntimeError) -> str:

@@ -153,8 +153,8 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
         smallest, lost = running_minimum(ensemble, seen.moving, trajectories, seen.domain)
         running[np.ix_(good, over_time)] = smallest[good]
         moving = seen.moving.names
-        told = [f"the margin of requirement {moving[one.number]!r} {one.text}" if one else "" for one in lost]
-        fail(np.array([Status.OK if one is None else one.status for one in lost]), told)
+        texts = [f"the margin of requirement {moving[one.number]!r} {one.text}" if one else "" for one in lost]
+        fail(np.array([Status.OK if one is None else one.status for one in lost]), texts)
     wrong = np.isnan(running).any(axis=2) | np.isinf(running[:, :, -1])
     names = [requirement.name for requirement in seen.requirements]
     reasons = [

@@ -26,6 +26,6 @@ def find_unit_problems(mechanism: Mechanism) -> tuple[str, ...]:
                 stated += [(f"{kind}: {key}", x, parameter.units) for x in flatten(component.values[key])]
     texts = [(f"random variable {x.name!r}", x.units) for x in mechanism.inputs.variables]
     texts += [(where, units) for where, _, units in stated]
-    told = [sentence for where, units in texts if (sentence := spelling(where, units))]
-    told += [x.text for where, value, units in stated for x in mismatches(where, value, units, unseen)]
-    return tuple(dict.fromkeys(told))
+    statements = [sentence for where, units in texts if (sentence := spelling(where, units))]
+    statements += [x.text for where, value, units in stated for x in mismatches(where, value, units, unseen)]
+    return tuple(dict.fromkeys(statements))

@@ -105,9 +105,9 @@ class Lines:
         begun = work.state == "running"
         now = self.clock() if begun else work.begin
         after = f" after {format_duration(work.spent(now), rough=True)}" if begun else ""
-        said = f" ({work.done})" if begun and work.at_most else ""
+        text = f" ({work.done})" if begun and work.at_most else ""
         self.board.ended(label, state, now)
-        self._write(f"{label}: {state}{after}{said}")
+        self._write(f"{label}: {state}{after}{text}")
 
     def _place(self, label: str) -> str:
         expected = self.board.expected

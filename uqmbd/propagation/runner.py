@@ -89,7 +89,7 @@ class Runner:
     def stream(self, problem: ProblemData, values: Array) -> Iterator[Realisations]:
         """Compute the response to each row of inputs; see :meth:`uqmbd.extend.Problem.stream`."""
         self.progress.start(problem.label, len(values))
-        begin = asked = self.clock()
+        begin = started = self.clock()
         size = self.chunk or problem.chunk_of(len(values))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
         store, model = self.chunk_store(problem), problem.model if self.executor is None else problem.packed
@@ -110,14 +110,14 @@ class Runner:
         )
         for part, chunk in zip(parts, chunks, strict=True):
             now = self.clock()
-            self.spending.realised(now - asked, chunk.counters)
+            self.spending.realised(now - started, chunk.counters)
             found = Realisations.of(part, chunk, now - begin)
             if problem.chosen is not None:
                 found = found.choosing(problem.model.scalars, problem.chosen)
             self.observed.add(found)
             log_realisations(problem.label, problem.kind, found)
             yield found
-            begin, asked = now, self.clock()
+            begin, started = now, self.clock()
             self.progress.advance(problem.label, len(chunk.status))
             if self.ledger is not None and part is not parts[-1]:
                 self.ledger.begin()
@@ -128,11 +128,11 @@ class Runner:
     ) -> Iterator[Arrays]:
         """Compute tasks other than realisations; see :meth:`uqmbd.extend.Problem.run`."""
         work = (problem.label, problem.packed, problem.identity, self.executor, self.checkpoint, self.clock)
-        asked = self.clock()
+        began = self.clock()
         for done, found in enumerate(run_tasks(*work, function, tasks), 1):
-            self.spending.realised(self.clock() - asked)
+            self.spending.realised(self.clock() - began)
             yield found
-            asked = self.clock()
+            began = self.clock()
             if self.ledger is not None and done < len(tasks):
                 self.ledger.begin()
 

@@ -238,13 +238,13 @@ def _refuse_conversion(name: str, plain: Callable[..., Any]) -> Callable[..., An
             found = _quantities(self)
             if not found:
                 raise
-            asked = f"the format {options[0]!r}" if name == "__format__" else called
+            requested = f"the format {options[0]!r}" if name == "__format__" else called
             if all(hasattr(quantity, "distribution") for quantity in found):
                 value = f"Write uqmbd.nominal({_short(self)}) for its value at the means of the inputs."
             else:
                 value = "Declare it as an output, and read its values from the results."
             raise SymbolicNumberError(
-                f"{_short(self)} differs between realisations or times, but {asked} needs a number. {value}{advice}"
+                f"{_short(self)} differs between realisations or times, but {requested} needs a number. {value}{advice}"
             ) from None
 
     return convert

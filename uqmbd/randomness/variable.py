@@ -355,8 +355,8 @@ def _flaw_of_joint(where: str, distribution: Any) -> str:
     except StudyError as error:
         raise StudyError(f"{where}: {error}.") from None
     except Exception as error:  # any exception, because chaospy has no common class for bad parameters
-        said = " ".join(str(error).split())
-        return f"chaospy cannot sample it ({said or type(error).__name__})"
+        text = " ".join(str(error).split())
+        return f"chaospy cannot sample it ({text or type(error).__name__})"
 
 
 def _moments_known(distribution: Any) -> bool:

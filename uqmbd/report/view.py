@@ -115,17 +115,17 @@ class Method:
             "oscillation": f"the oscillation of {name}",
             "angle, oscillation": f"the angle {name}, or of its oscillation in realisations without full turns",
         }
-        said = f"realisations are compared at equal phases of {kinds.get(str(known.get('clock_kind')), name)}"
+        text = f"realisations are compared at equal phases of {kinds.get(str(known.get('clock_kind')), name)}"
         least, most = np.ravel(known.get("clock_turns", (math.nan, math.nan))).tolist()
         if math.isfinite(most) and most:
-            said += f", with {least:.3g} to {most:.3g} turns until the last output time"
+            text += f", with {least:.3g} to {most:.3g} turns until the last output time"
         if (longer := float(known.get("longer", 1.0))) > 1:
-            said += f"; they were integrated for {longer:.3g} times the duration of the study"
+            text += f"; they were integrated for {longer:.3g} times the duration of the study"
         if standing := float(known.get("standing", 0.0)):
-            said += (
+            text += (
                 f"; in about {standing:.1%} of the realisations the clock stops, and these are compared at equal times"
             )
-        return said
+        return text
 
     @property
     def ends_at(self) -> float | None:
@@ -329,9 +329,9 @@ class StudyResult:
     @property
     def problems(self) -> list[str]:
         """Return the methods without results, with the reasons, and other computations that failed."""
-        said = [f"{label} has no results: {reason}" for label, reason in failed_methods(self.tree).items()]
+        sentences = [f"{label} has no results: {reason}" for label, reason in failed_methods(self.tree).items()]
         problem = self.tree.children["comparison"].attrs.get("problem") if "comparison" in self.tree.children else None
-        return said + ([f"The methods could not be compared: {problem}"] if problem else [])
+        return sentences + ([f"The methods could not be compared: {problem}"] if problem else [])
 
     @property
     def findings(self) -> list[Finding]:
@@ -405,7 +405,7 @@ def _findings_of(node: xr.DataTree) -> list[Finding]:
             stored = json.loads(node.attrs[name])
             if name == "findings":
                 return [Finding(Severity(one.pop("severity")), **one) for one in stored]
-            return [Finding(Severity.WARNING, "", str(said)) for said in stored] if isinstance(stored, list) else []
+            return [Finding(Severity.WARNING, "", str(text)) for text in stored] if isinstance(stored, list) else []
         except (AttributeError, KeyError, TypeError, ValueError):  # missing, or written by another program
             continue
     return []

@@ -215,8 +215,8 @@ def _chosen(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
     turn = found.coords.get("output_angle")
     if turn is not None and float(turn) and RESPONSE in found:
         found[RESPONSE].attrs["turn"] = float(turn)
-    told: dict[str, Any] = {"Conventions": CF} if all(_has_unit(one) for one in found.data_vars.values()) else {}
-    return found.drop_vars([x for x in _OF_OUTPUTS if x in found.coords]).assign_attrs(told)
+    attributes: dict[str, Any] = {"Conventions": CF} if all(_has_unit(one) for one in found.data_vars.values()) else {}
+    return found.drop_vars([x for x in _OF_OUTPUTS if x in found.coords]).assign_attrs(attributes)
 
 
 def _chosen_series(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:

@@ -121,10 +121,10 @@ def _check_rendered(section: Section, tree: xr.DataTree, what: str) -> str:
         "random numbers."
     )
     _check_fragment(first, what)
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as told:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         page = write_report(tree, Path(folder) / "report.html", sections=[section]).read_text(encoding="utf-8")
-    texts = [str(w.message) for w in told]
+    texts = [str(w.message) for w in caught]
     omitted = [text for text in texts if "report section" in text or "the first screen of" in text]
     assert not omitted, f"{what}: the report omits the section: {omitted[0]}"
     assert not first or section.title in page, f"{what}: its title {section.title!r} is not on the page."

@@ -85,10 +85,10 @@ class OperatingPoint:
     ) -> None:
         self.study, self.known, self.most = study, dict(known), most
         self._executor, self._progress = executor, progress
-        asked = study.problem(_NamedPropagator(), executor, progress)
-        self._moving = asked if moving else None
-        self._still = asked.without_time() if still else None
-        self.space = asked.germ_space()
+        requested = study.problem(_NamedPropagator(), executor, progress)
+        self._moving = requested if moving else None
+        self._still = requested.without_time() if still else None
+        self.space = requested.germ_space()
         self._values = {study.mechanism.inputs.names.index(name): value for name, value in known.items()}
         self.points = np.zeros((0, self.space.dimension))
         self.spent = self.failures = 0

@@ -27,11 +27,11 @@ TOGETHER, WIDE = 0.9, 0.3
 
 def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
     """Return the first screen of calibrations, each with the labels of the methods that use it."""
-    rows, said = [], []
+    rows, sentences = [], []
     for labels, tree in found:
         of = f" ({', '.join(labels)})" if len(found) > 1 else ""
         rows += list(_rows(tree, of))
-        said += [replace(one, name=f"{one.name}{of}") for one in _statements(tree)]
+        sentences += [replace(one, name=f"{one.name}{of}") for one in _statements(tree)]
     labels, first = found[0]
     which = f" Calibration of {', '.join(labels)}." if len(found) > 1 else ""
     charts = [
@@ -53,7 +53,7 @@ def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
         ),
     ]
     heads = ("Before", "After", "95 % interval", "Reduction of std")
-    return FirstScreen("Calibrated input", heads, rows, charts, said)
+    return FirstScreen("Calibrated input", heads, rows, charts, sentences)
 
 
 def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:

@@ -56,8 +56,8 @@ def _calibrations(tree: xr.DataTree) -> Iterator[tuple[list[str], xr.DataTree]]:
 
 def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
     checks = json.loads(str(tree.attrs.get("checks", "{}")))
-    said = [*_about(tree, labels, checks), *_contradictions(tree, checks)]
-    parts = [f"<p>{_text(sentence)}</p>" for sentence in said]
+    sentences = [*_about(tree, labels, checks), *_contradictions(tree, checks)]
+    parts = [f"<p>{_text(sentence)}</p>" for sentence in sentences]
     parts.append(_table(tree))
     names = [str(name) for name in tree["observed_data"].data_vars]
     parts += [
@@ -128,62 +128,62 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
         )
     else:
         text += "."
-    said = [text]
+    sentences = [text]
     if "rhat" in checks:
         state = "converged" if checks.get("converged") else "did not converge"
-        said.append(
+        sentences.append(
             f"The chains {state}: R-hat is at most {checks['rhat']:.3f}, and the effective number of draws is at "
             f"least {checks['ess']:.0f}."
         )
     if text := several_maxima(checks):
-        said.append(
+        sentences.append(
             f"{text[0].upper()}{text[1:]}. Its mean and standard deviation do not describe the separate maxima."
         )
     if others := checks.get("unsampled", []):
-        said.append(
+        sentences.append(
             f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of the probability, "
             "but less than a fifth of the expected draws are near them."
         )
-    said += [
+    sentences += [
         f"The posterior mean of {one['input']} is {abs(one['deviations']):.1f} prior standard deviations from the "
         "prior median."
         for one in checks.get("far", [])
     ]
-    return said
+    return sentences
 
 
 def _contradictions(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
     """Return sentences on unidentified inputs, and on records that contradict the model."""
-    said = []
+    statements = []
     left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
     if left:
-        said.append(
+        statements.append(
             f"Not identified, as predicted before sampling: {'; '.join(left)}. The records contain less information "
             "about these quantities than the prior."
         )
     for one in checks.get("model", []):
         where = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
         if one.get("rejected"):
-            said.append(
+            statements.append(
                 f"The model does not explain the values of {one['output']} in record {one['record']} (p = "
                 f"{one['p']:.1g})" + (f", above all at {where}." if where else ".")
             )
         else:
-            said.append(
+            statements.append(
                 f"The residuals of {one['output']} in record {one['record']} are consistent with the noise (p = "
                 f"{one['p']:.2g})."
             )
         if one.get("outlier_values"):
-            said.append(
+            statements.append(
                 f"Some values of {one['output']} in record {one['record']} are far from the model: "
                 f"{outliers_in_words(one)}."
             )
         elif one.get("outliers"):
-            said.append(
+            statements.append(
                 f"{one['outliers']} of {one['values']} values of {one['output']} in record {one['record']} are more "
                 "than 4 standard deviations of the noise away from the model."
             )
-    return said
+    return statements
 
 
 def _table(tree: xr.DataTree) -> str:

@@ -68,7 +68,7 @@ def _unsampled(modes: Sequence[Mode], shares: Array, inputs: Array) -> list[floa
 
 def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
     """Warn if checks did not confirm the posterior, or if records contradict the model."""
-    said = []
+    sentences = []
     if checks["widened"]:
         last = checks["surrogate"][-1] if checks["surrogate"] else None
         seen = "no realisations verified it, and its errors widen the posterior"
@@ -79,37 +79,37 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
                 f"{last['chance']:.2g} sd. The surrogate was then fitted to these draws as well. Its "
                 "errors widen the posterior, which was not verified again"
             )
-        said.append(
+        sentences.append(
             f"the {checks['realisations']} realisations of the mechanism do not verify the surrogate: {seen}. "
             "Increase realisations, or use another surrogate"
         )
     if not checks["converged"]:
-        said.append(
+        sentences.append(
             f"the chains have not converged: R-hat is {checks['rhat']:.3f}, the effective number of draws is "
             f"{checks['ess']:.0f}, and the {checks['steps']} steps are "
             f"{checks['steps'] / max(checks['correlation'], 1.0):.0f} times the correlation time of a walker. "
             "Increase draws"
         )
     if others := checks["unsampled"]:
-        said.append(
+        sentences.append(
             f"{len(others)} further maxima of the posterior contain about {100 * sum(others):.0f} % of the "
             "probability, but less than a fifth of the expected draws are near them. Increase realisations"
         )
     if checks["unseen"]:
-        said.append(
+        sentences.append(
             f"{checks['unseen']} further maxima of the surrogate have a similar probability, but no realisations "
             "verified them. Increase realisations, or use a prior that excludes wrong maxima"
         )
     for one in checks["far"]:
-        said.append(
+        sentences.append(
             f"the posterior mean of input {one['input']!r} is {abs(one['deviations']):.1f} prior standard deviations "
             f"{'above' if one['deviations'] > 0 else 'below'} the prior median, where the surrogate is less "
             "accurate. Check the prior, the record and the model"
         )
     for one in checks["model"]:
         if one["rejected"]:
-            said.append(_rejection(one))
-    for text in said:
+            sentences.append(_rejection(one))
+    for text in sentences:
         warnings.warn(f"calibrate: {text}.", uqmbd.StudyWarning, stacklevel=stacklevel + 1)
 
 
@@ -125,11 +125,11 @@ def several_maxima(checks: Mapping[str, Any]) -> str:
 
 def outliers_in_words(one: Mapping[str, Any]) -> str:
     """Return a text on the outliers of an output of a record, with their times and deviations."""
-    said = []
+    sentences = []
     for outlier in one["outlier_values"]:
         where = f"at {outlier['time']:g} s" if "time" in outlier else f"(no. {outlier['number']})"
-        said.append(f"{outlier['value']:.6g} {where}, {outlier['deviations']:.2g} standard deviations away")
-    return "; ".join(said)
+        sentences.append(f"{outlier['value']:.6g} {where}, {outlier['deviations']:.2g} standard deviations away")
+    return "; ".join(sentences)
 
 
 def _rejection(one: Mapping[str, Any]) -> str:

@@ -83,24 +83,24 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     count = len(z)
     freedom = float(np.maximum(count - parameters - found.taken, 1.0))
     known = block.noise is not None
-    said: dict[str, Any] = {"record": block.record, "output": block.output, "values": count, "robust": block.robust}
+    test: dict[str, Any] = {"record": block.record, "output": block.output, "values": count, "robust": block.robust}
     tests: list[float] = []
     if known:
-        said["chi_square"] = float(stats.chi2.sf(z @ z, freedom))
-        tests.append(said["chi_square"])
+        test["chi_square"] = float(stats.chi2.sf(z @ z, freedom))
+        tests.append(test["chi_square"])
     size = float(np.sqrt(z @ z / freedom))
     if not block.timeless and count >= 3 * LEAST:
         lag = float(z[1:] @ z[:-1]) / max(float(z @ z), 1e-300)
-        said |= {"correlation": lag, "correlation_p": float(stats.norm.sf(lag * np.sqrt(count)))}
-        tests.append(said["correlation_p"])
+        test |= {"correlation": lag, "correlation_p": float(stats.norm.sf(lag * np.sqrt(count)))}
+        tests.append(test["correlation_p"])
         parts = _segments(block.times, z, size, known=known)
-        said["segments"] = parts
+        test["segments"] = parts
         tests.append(min(1.0, min(part["p"] for part in parts) * len(parts)))
-    said["p"] = min(1.0, min(tests, default=1.0) * max(len(tests), 1))
-    if parts := said.get("segments", []):
+    test["p"] = min(1.0, min(tests, default=1.0) * max(len(tests), 1))
+    if parts := test.get("segments", []):
         strange = [part for part in parts if part["p"] * len(parts) < 0.01]
-        worst = [min(parts, key=lambda part: float(part["p"]))] if said["p"] < SIGNIFICANCE else []
-        said["where"] = _joined(strange or worst)
+        worst = [min(parts, key=lambda part: float(part["p"]))] if test["p"] < SIGNIFICANCE else []
+        test["where"] = _joined(strange or worst)
     away = np.abs(found.raw)
     few = max(FEW * count, 1)
     if not known or np.count_nonzero(away > FAR) > few:
@@ -111,20 +111,20 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
             away = np.where(standing_out, away / usual, 0.0) if usual > 0 else np.zeros(count)
         elif 0 < np.count_nonzero(standing_out) <= few:
             away = np.where(standing_out, away, 0.0)
-    said["outliers"] = int(np.count_nonzero(away > FAR))
-    said["outlier_values"] = []
-    if 0 < said["outliers"] <= few:
-        said["outlier_values"] = [
+    test["outliers"] = int(np.count_nonzero(away > FAR))
+    test["outlier_values"] = []
+    if 0 < test["outliers"] <= few:
+        test["outlier_values"] = [
             {
                 **({"number": k + 1} if block.timeless else {"time": float(block.times[k])}),
                 "value": float(block.values[k]),
                 "deviations": float(away[k]),
             }
-            for k in np.argsort(-away, kind="stable")[: said["outliers"]][:SHOWN].tolist()
+            for k in np.argsort(-away, kind="stable")[: test["outliers"]][:SHOWN].tolist()
         ]
-    said["largest"] = float(np.abs(found.raw).max())
-    said["rejected"] = bool(said["p"] < SIGNIFICANCE) or (not known and bool(said["outlier_values"]))
-    return said
+    test["largest"] = float(np.abs(found.raw).max())
+    test["rejected"] = bool(test["p"] < SIGNIFICANCE) or (not known and bool(test["outlier_values"]))
+    return test
 
 
 def _segments(times: Array, z: Array, size: float, *, known: bool) -> list[dict[str, float]]:

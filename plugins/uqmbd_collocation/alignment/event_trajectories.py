@@ -122,7 +122,7 @@ class EventTrajectories:
         response = np.full((len(values), count, outputs, POINTS), np.nan)
         for k in np.flatnonzero(same):
             edges[k], response[k] = histories[k].edges[: count + 1], histories[k].response[:count, :outputs]
-        told = uqmbd.extend.Realisations(
+        realised = uqmbd.extend.Realisations(
             values,
             response.reshape(len(values), outputs, -1),
             np.where(same, int(Status.OK), int(Status.INTEGRATION_FAILED)),
@@ -130,7 +130,7 @@ class EventTrajectories:
             {},
             0.0,
         )
-        return MarkedRealisations(edges, response), told
+        return MarkedRealisations(edges, response), realised
 
     def histories(self, values: Array, count: int = 1) -> list[uqmbd.extend.History]:
         """Integrate realisations at inputs (K, d) from event to event; see `sequences`.

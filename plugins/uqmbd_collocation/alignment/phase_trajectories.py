@@ -203,9 +203,9 @@ class PhaseTrajectories:
         groups, _ = self._groups(values[some])
         if not groups:
             return
-        told = [clock(seen) for seen, _ in groups]
+        clocks = [clock(seen) for seen, _ in groups]
         others = np.delete(values, some, axis=0)
-        if any(one is not None for one, _ in told):
+        if any(one is not None for one, _ in clocks):
             return
         if len(others):
             found, realised = self._until_the_end(others, self._fine)
@@ -214,17 +214,17 @@ class PhaseTrajectories:
                 return
             for n, row in enumerate(np.ascontiguousarray(others, dtype=float)):
                 self._known[row.tobytes()] = _PhaseTrajectory(found, n, int(realised.status[n]), realised.messages[n])
-        raise without_clock(self.problem, told[0][1])
+        raise without_clock(self.problem, clocks[0][1])
 
     def _until_the_end(self, values: Array, count: int) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations]:
         """Compute realisations at `count` evenly spaced times until the last output time, and at the output times."""
         times = np.linspace(self.begin, self.end, count)
         every = np.union1d(times, self.problem.times)
-        told = self.problem.watching(every).realise(values)
+        realised = self.problem.watching(every).realise(values)
         self.spent += len(values)
-        self.counters.update(told.counters)
-        evenly, asked = (told.response[..., np.searchsorted(every, at)] for at in (times, self.problem.times))
-        return uqmbd.extend.Dense(times, evenly, 0.0, asked), told
+        self.counters.update(realised.counters)
+        evenly, requested = (realised.response[..., np.searchsorted(every, at)] for at in (times, self.problem.times))
+        return uqmbd.extend.Dense(times, evenly, 0.0, requested), realised
 
     def sequences(self, values: Array) -> list[Sequence]:
         """Return the clock motion of realisations at inputs (K, d); failed ones get the most frequent clock motion."""
@@ -370,8 +370,8 @@ class PhaseTrajectories:
         if len(known) != len(values) or len(ends) != 1:
             return None
         found, outputs = _together(known), self.problem.labels.shape[0]  # variables of the phase come after the outputs
-        asked = None if found.asked is None else found.asked[:, :outputs]
-        return uqmbd.extend.Dense(found.times, found.values[:, :outputs], found.error, asked, found.integrations)
+        requested = None if found.asked is None else found.asked[:, :outputs]
+        return uqmbd.extend.Dense(found.times, found.values[:, :outputs], found.error, requested, found.integrations)
 
     def _told(
         self, values: Array, paths: list[_PhaseTrajectory], edges: Array, sequence: Sequence
@@ -468,14 +468,14 @@ class PhaseTrajectories:
         `worth`: function that returns whether a computation with more times is worth its cost.
         """
         times, least = self.problem.times, max(2 * len(self.problem.times), self._fine)
-        found, told = uqmbd.extend.dense(self.problem.watching(), values, until, least, times, worth)
+        found, realised = uqmbd.extend.dense(self.problem.watching(), values, until, least, times, worth)
         self._fine = len(found.times)
         self.spent += len(values) * found.integrations
-        self.counters.update(told.counters)
+        self.counters.update(realised.counters)
         self.error = max(self.error, found.error)
-        status = np.where(told.good | (told.status != Status.OK), told.status, int(Status.NOT_FINITE))
+        status = np.where(realised.good | (realised.status != Status.OK), realised.status, int(Status.NOT_FINITE))
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
-        reasons = [told.messages[n] or "an output is not finite" for n in range(len(values))]
+        reasons = [realised.messages[n] or "an output is not finite" for n in range(len(values))]
         beyond = until > self.end + 1e-9 * (self.end - self.begin)
         again = [n for n, key in enumerate(keys) if beyond and status[n] != Status.OK and key not in self._known]
         if again:
@@ -494,12 +494,12 @@ def _together(paths: list[_PhaseTrajectory]) -> uqmbd.extend.Dense:
     found, first = [path.found for path in paths], paths[0].found
     if all(one is first for one in found):
         return first.of([path.row for path in paths])
-    asked = [path.found.asked[path.row] for path in paths if path.found.asked is not None]
+    requested = [path.found.asked[path.row] for path in paths if path.found.asked is not None]
     return uqmbd.extend.Dense(
         first.times,
         np.stack([path.found.values[path.row] for path in paths]),
         max(one.error for one in found),
-        np.stack(asked) if len(asked) == len(paths) else None,
+        np.stack(requested) if len(requested) == len(paths) else None,
         first.integrations,
     )
 

@@ -123,7 +123,7 @@ class SeriesProblem(DerivedSource):
         self._spread = np.where(spread > 0, spread, 1.0)
         best: tuple[Identified | None, NDArray[np.intp], float, int] | None = None
         while True:
-            found, told, good = self._followed(values)
+            found, realised, good = self._followed(values)
             self.scales = self._scales(found.values[good])
             signals = [self._signals(found, k) for k in good]
             identified = identify(signals, values[good] / self._spread)
@@ -138,7 +138,7 @@ class SeriesProblem(DerivedSource):
         self._refuse(identified.series)
         self.kind, self.kept = identified.kind, _needed(identified.series)
         self._keep(values[good], identified.series)
-        self._lose(values, told)
+        self._lose(values, realised)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Return realisations as series, with the response (K, 1 + O, 2 + 2 H).
@@ -149,13 +149,13 @@ class SeriesProblem(DerivedSource):
         missing = list(dict.fromkeys(k for k in keys if k not in self._known and k not in self._lost))
         if missing:
             rows = values[[keys.index(key) for key in missing]]
-            found, told, good = self._followed(rows, known=bool(self._count))
+            found, realised, good = self._followed(rows, known=bool(self._count))
             signals = [self._signals(found, k) for k in good]
             places = np.array([np.frombuffer(key) for key in self._known]) / self._spread
             series = follow(signals, rows[good] / self._spread, self._kind, list(self._known.values()), places)
             self._refuse(series)
             self._keep(rows[good], series)
-            self._lose(rows, told)
+            self._lose(rows, realised)
         used = self.kept.any(axis=0)
         base, half, waves = self.lattice.shape[1], len(self.lattice), np.tile(self.kept[:, used], 2)
         response = np.full((len(values), 1 + len(self.scales), 2 + 2 * half), np.nan)
@@ -194,18 +194,18 @@ class SeriesProblem(DerivedSource):
             self.longer = float(before.times[-1] - begin) / self.length
             status = np.full(len(values), int(Status.OK))
             found = before
-            told = uqmbd.extend.Realisations(values, found.values, status, ("",) * len(values), {}, 0.0)
+            realised = uqmbd.extend.Realisations(values, found.values, status, ("",) * len(values), {}, 0.0)
         else:
             end = begin + self.longer * self.length
-            found, told = uqmbd.extend.dense(self.problem, values, end, self._count if known else 0)
+            found, realised = uqmbd.extend.dense(self.problem, values, end, self._count if known else 0)
             self.spent += len(values)
-            self.counters.update(told.counters)
+            self.counters.update(realised.counters)
         finite = np.isfinite(found.values).all(axis=(1, 2))
-        good = np.flatnonzero(told.good & finite)
+        good = np.flatnonzero(realised.good & finite)
         if not len(good):
-            reason = next((message for message in told.messages if message), "an output is not finite")
+            reason = next((message for message in realised.messages if message), "an output is not finite")
             raise uqmbd.IntegrationError(f"{self.label}: all {len(values)} realisations failed: {reason}")
-        return found, told, good
+        return found, realised, good
 
     def _signals(self, found: uqmbd.extend.Dense, k: int) -> Signals:
         return Signals(found.times - found.times[0], found.values[k].T / self.scales).thinned(UNSEEN)
@@ -272,13 +272,13 @@ class SeriesProblem(DerivedSource):
     def _keep(self, values: Array, series: Sequence[HarmonicSeries]) -> None:
         self._known.update(zip(_keys(values), series, strict=True))
 
-    def _lose(self, values: Array, told: uqmbd.extend.Realisations) -> None:
+    def _lose(self, values: Array, realised: uqmbd.extend.Realisations) -> None:
         """Record realisations without a series as failed."""
         for k, key in enumerate(_keys(values)):
             if key not in self._known:
                 self.failures += 1
-                status = int(told.status[k]) if told.status[k] != Status.OK else int(Status.NOT_FINITE)
-                self._lost[key] = status, told.messages[k] or "an output is not finite"
+                status = int(realised.status[k]) if realised.status[k] != Status.OK else int(Status.NOT_FINITE)
+                self._lost[key] = status, realised.messages[k] or "an output is not finite"
 
 
 def _needed(series: Sequence[HarmonicSeries]) -> Mask:

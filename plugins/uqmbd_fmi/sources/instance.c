@@ -40,7 +40,7 @@ int instance_refuse(Instance *instance, const char *format, ...) {
     return ERROR;
 }
 
-/* Say what a report contains; an error ends the simulation if `ends`. */
+/* Pass a report to the logger; an error ends the simulation if `ends`. */
 static int finish(Instance *instance, const Report *from, int ends) {
     if (from->status != OK) say(instance, from->status, from->text);
     if (from->status >= ERROR && ends) instance->phase = FAILED;

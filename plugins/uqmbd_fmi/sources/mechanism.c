@@ -6,7 +6,7 @@
 
 #include "motion.h"
 
-/* Contents of a variable: a number of an input of the motion, or of an output. */
+/* Contents of a variable: the index of an input of the motion, or of an output. */
 enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE };
 
 typedef struct {
@@ -18,7 +18,7 @@ extern const double start_values[];
 extern const double default_tolerance;
 
 enum {
-    MOST_RETRIES = 200, /* decisions of the driver in a step that are answered by going on */
+    MOST_RETRIES = 200, /* largest number of decisions of the driver in a step */
     STATE = MOTION_WIDTH + 2,
     ARGUMENTS = STATE + MOTION_BLOCK,
     PAIR = 2,
@@ -33,12 +33,12 @@ typedef struct {
     double parameters[MOTION_PARAMETERS + 1];
     double time, tolerance, floor;
     double wanted, fresh;             /* size of the next step; whether an input has changed */
-    double state[MOTION_WIDTH];       /* of the integration */
-    double shown[MOTION_WIDTH];       /* the same on the constraints, for outputs */
+    double state[MOTION_WIDTH];       /* state of the integration */
+    double shown[MOTION_WIDTH];       /* this state, projected onto the constraints, for outputs */
     double rate[MOTION_WIDTH];
     double known;                     /* whether the outputs belong to the inputs and the state */
     double turned[MOTION_OUTPUTS];    /* unwrapped angles at the last communication point */
-    double counted;                   /* whether there was one */
+    double counted;                   /* whether there was such a point */
     double warned;                    /* whether inaccurate accelerations were reported */
     double begun, dirty;              /* whether the start was computed; whether a parameter has changed since */
     double outputs[MOTION_RESULTS];
@@ -195,7 +195,7 @@ static void find_outputs(Motion *of, Report *to) {
     of->known = 1.0;
 }
 
-/* Remember the angles of a communication point. */
+/* Store the angles of a communication point. */
 static void keep_angles(Motion *of, Report *to) {
     find_outputs(of, to);
     for (int k = 0; k < MOTION_OUTPUTS; k++)

@@ -1,11 +1,11 @@
-/* What the interfaces fmi2.c and fmi3.c need of a model, and what both interfaces share. */
+/* Functions of a model for the interfaces fmi2.c and fmi3.c, and declarations that both interfaces share. */
 #ifndef UQMBD_MODEL_H
 #define UQMBD_MODEL_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* Outcome of a call; the numbers are those of fmi2Status and fmi3Status. */
+/* Outcome of a call; the numbers equal fmi2Status and fmi3Status. */
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 
 enum { REAL, BOOLEAN };
@@ -53,7 +53,7 @@ void model_set(void *model, unsigned variable, double value, Report *to);
 /* Return the value of a variable; `begun` is 0 before the initialisation. */
 double model_get(void *model, unsigned variable, int begun, Report *to);
 
-/* Set the changes of outputs to those that changes (seeds) of parameters cause. */
+/* Compute the changes of outputs due to changes (seeds) of parameters. */
 void model_differentiate(void *model, const unsigned *unknown, size_t unknowns, const unsigned *known, size_t knowns,
                          const double *seed, double *change, Report *to);
 
@@ -66,7 +66,7 @@ typedef struct Instance Instance;
 /* Pass a message to the logger of the environment. */
 typedef void (*Say)(const Instance *instance, int status, const char *text);
 
-/* A function whose type is that of the logger in the standard. */
+/* A function with the type of the logger in the standard. */
 typedef void (*Logger)(void);
 
 struct Instance {

@@ -65,7 +65,7 @@ static double secant(const Marginal *of, int k) {
     return (of->values[at + 1] - of->values[at]) / of->step;
 }
 
-/* Slope of the monotone cubic interpolant at a knot: five points, limited to three times the smaller secant beside it. */
+/* Slope of the monotone cubic interpolant at a knot: five points, limited to three times the smaller secant next to it. */
 static double slope(const Marginal *of, int k) {
     const double before = secant(of, k - 1), after = secant(of, k);
     double found = (before + after) / 2;
@@ -243,7 +243,7 @@ static double segment_value(Model *of, const Surrogate *at, const Part *part, co
     const double begin = of->edges[s], end = of->edges[s + 1], length = end - begin;
     const double share = length > 0 ? (time - begin) / length : 0.0;
     const double x = larger(-1.0, smaller(length > 0 ? (time - begin) * (2.0 / length) - 1.0 : -1.0, 1.0));
-    double slid = 0.0; /* change of the normalised time, of which values outside a segment do not depend */
+    double slid = 0.0; /* change of the normalised time; values outside a segment do not depend on it */
     if (differentiate && share > 0 && share < 1)
         slid = -2 * (of->moving[s] * (1 - share) + of->moving[s + 1] * share) / length;
     const double *from = one->values + ((size_t)s * part->outputs + row) * one->powers;

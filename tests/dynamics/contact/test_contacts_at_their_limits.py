@@ -14,7 +14,7 @@ from uqmbd.dynamics.contact.coulomb import Touch
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.limits import contacts_at_limit, slipping_together
 from uqmbd.dynamics.contact.persistent import ContactModes, contact_motion
-from uqmbd.dynamics.contact.redundant import HELD, reserves, roomiest, unmoving
+from uqmbd.dynamics.contact.redundant import HELD, forces_with_largest_reserve, motionless_combinations, reserves
 from uqmbd_contact import PlaneContact, PlaneImpact
 from uqmbd_springs import PointForce
 
@@ -217,10 +217,10 @@ def test_roomiest_forces_are_those_of_linear_programming():
         given, scale = np.zeros(2 * count), 10 ** rng.uniform(-3, 3)
         given[::2] = scale * rng.uniform(0.1, 2, count)
         given[1::2] = mu * given[::2] * rng.uniform(0.6, 1.2, count)
-        ways = unmoving(rows @ rows.T, np.eye(2 * count))
+        ways = motionless_combinations(rows @ rows.T, np.eye(2 * count))
         np.testing.assert_allclose(rows.T @ ways, 0, atol=1e-9)
         least = given - ways @ np.linalg.lstsq(ways, given, rcond=None)[0]
-        force = roomiest(touches, least, ways)
+        force = forces_with_largest_reserve(touches, least, ways)
         np.testing.assert_allclose(rows.T @ force, rows.T @ given, atol=1e-7 * scale)
         sizes = mu * np.maximum(np.abs(least[::2]), 1e-6 * np.abs(least).max())
         limits = [

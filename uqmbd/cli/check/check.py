@@ -267,8 +267,8 @@ def _show_exporters(screen: Console, study: Study) -> None:
             with Isolated(*ERRORS_AND_EXITS) as work:
                 why = exporter().refusal(what, study)
             why = work.reason if work.failed else why
-            told = f"no: {why}" if why else f"yes: uqmbd export --to FILE{exporter.suffix} --what {what}"
-            screen.print(f"Export of the {what} ({name}): {told}", markup=False)
+            text = f"no: {why}" if why else f"yes: uqmbd export --to FILE{exporter.suffix} --what {what}"
+            screen.print(f"Export of the {what} ({name}): {text}", markup=False)
 
 
 def _options(propagator: Any) -> str:

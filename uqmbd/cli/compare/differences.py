@@ -32,8 +32,12 @@ def find_differences(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[s
     found = []
     if any(not _recorded(tree) for tree in trees.values()):
         # statistics alone do not state their inputs, so inputs may differ
-        said = {letter: [n.removeprefix(INPUT) for n in one if n.startswith(INPUT)] for letter, one in facts.items()}
-        known = {k: ", ".join(said[k]) or "none" if _recorded(tree) else "not recorded" for k, tree in trees.items()}
+        names_of = {
+            letter: [n.removeprefix(INPUT) for n in one if n.startswith(INPUT)] for letter, one in facts.items()
+        }
+        known = {
+            k: ", ".join(names_of[k]) or "none" if _recorded(tree) else "not recorded" for k, tree in trees.items()
+        }
         found.append(("inputs", known))
         facts = {k: {n: x for n, x in one.items() if not n.startswith(INPUT)} for k, one in facts.items()}
     names = list(dict.fromkeys(name for one in facts.values() for name in one))

@@ -36,13 +36,13 @@ def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], o
     if not chosen:
         return
     known = {p.node_name: p for p in study.propagators if not only or p.node_name in only}
-    asked = " and ".join(f"--{name}" for name in ("budget", "accuracy") if chosen[name] is not None)
+    requested = " and ".join(f"--{name}" for name in ("budget", "accuracy") if chosen[name] is not None)
     for setting in settings:
         label, _, option = setting.partition("=")[0].strip().rpartition(".")
         sizing = known[label].sizing(study, accuracy_of(chosen["accuracy"])) if label in known else None
         if sizing is not None and option in (sizing.option, *sizing.also):
             raise StudyError(
-                f"--set {setting} contradicts {asked}, which chooses {option} of {label}; omit one of them."
+                f"--set {setting} contradicts {requested}, which chooses {option} of {label}; omit one of them."
             )
 
 

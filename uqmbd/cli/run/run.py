@@ -90,14 +90,14 @@ def run_study(
         raise SystemExit(FAILED)
     from uqmbd.results import propagator_nodes, unmet
 
-    said = [] if allowed is None else unmet(propagator_nodes(tree), allowed)
-    if allowed is not None and not said:
+    sentences = [] if allowed is None else unmet(propagator_nodes(tree), allowed)
+    if allowed is not None and not sentences:
         most = format_probability(allowed)
         print(f"All requirements are met: every method that states a probability states at most {most}.")
-    said += missed(tree)
-    for sentence in said:
+    sentences += missed(tree)
+    for sentence in sentences:
         print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
-    if said:
+    if sentences:
         raise SystemExit(UNMET)
 
 

@@ -165,10 +165,10 @@ def _options(propagator: Propagator) -> str:
     for name, annotation in _option_types(propagator).items():
         factory = fields[name].default_factory
         default = fields[name].default if factory is dataclasses.MISSING else factory()
-        said = "no default" if default is dataclasses.MISSING else f"default {default!r}"
+        text = "no default" if default is dataclasses.MISSING else f"default {default!r}"
         value = getattr(propagator, name)
         now = "" if value is default or value == default else f"; {value!r} in the study"
-        lines.append(f"  {name}: {type_name(annotation)}, {said}{now}")
+        lines.append(f"  {name}: {type_name(annotation)}, {text}{now}")
     return "\n".join(lines) or "  (no options)"
 
 

@@ -50,6 +50,6 @@ def ahead(model: Model, states: tuple[Array, Array, Array], span: tuple[float, f
     """Return a message on a term that is undefined right after a stop; `span`: times of stop and target, s."""
     now, end = span
     for part in AHEAD:
-        if told := describe_undefined(model, *states, now + part * (end - now), parameters):
-            return told
+        if text := describe_undefined(model, *states, now + part * (end - now), parameters):
+            return text
     return ""

@@ -25,7 +25,7 @@ from uqmbd.dynamics.contact.persistent import (
     persistent_touches,
     spread_of,
 )
-from uqmbd.dynamics.contact.redundant import AT_LIMIT, holding_longest, reserves, unmoving
+from uqmbd.dynamics.contact.redundant import AT_LIMIT, forces_valid_longest, motionless_combinations, reserves
 from uqmbd.dynamics.linear import lemke
 from uqmbd.typing import Array
 
@@ -74,8 +74,8 @@ def most_durable_forces(
         return lasting
     alone = lasting._replace(internal=None)
     rate = (contact_motion(ahead, alone).force[0] - contact_motion(contacts, alone).force[0]) / span
-    ways = unmoving(contacts.delassus[0], spread_of(contacts, lasting))
-    force = holding_longest(persistent_touches(contacts, lasting), motion.force[0], rate, ways)
+    ways = motionless_combinations(contacts.delassus[0], spread_of(contacts, lasting))
+    force = forces_valid_longest(persistent_touches(contacts, lasting), motion.force[0], rate, ways)
     return lasting._replace(internal=lasting.internal + force - motion.force[0])
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities, without_motion
-from uqmbd.dynamics.contact.redundant import AT_LIMIT, reserves, roomiest, unmoving
+from uqmbd.dynamics.contact.redundant import AT_LIMIT, forces_with_largest_reserve, motionless_combinations, reserves
 from uqmbd.typing import Array
 
 __all__ = [
@@ -236,7 +236,7 @@ def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[C
     if (reserves(touches, least) > none).all():
         return lasting, motion
     columns = spread_of(contacts, lasting)
-    found = roomiest(touches, least, unmoving(contacts.delassus[0], columns)) - least
+    found = forces_with_largest_reserve(touches, least, motionless_combinations(contacts.delassus[0], columns)) - least
     if not np.abs(found).max() > UNMOVED * size:
         return lasting, motion
     return lasting._replace(internal=found), replace(motion, force=motion.force + found)

@@ -1,9 +1,9 @@
-"""Forces of redundant contacts: among forces with the same motion, those with the largest margin to the laws.
+"""Forces of redundant contacts with the largest reserve to the limits of contact and friction.
 
 Contact forces of a table on four legs, or of a disc wedged in a corner, are not unique. The bodies stay at rest while
-some forces satisfy the laws of contact and friction. Forces far from the limits of these laws remain valid longest.
-These forces maximise the least reserve of all contacts, in a second-order cone problem. An interior-point method with a
-logarithmic barrier solves this problem [1]_. SciPy has no such method; the number of unknowns is small.
+some forces satisfy the laws of contact and friction. Forces far from the limits of these laws remain valid longest. The
+chosen forces therefore maximise the least reserve of all contacts. An interior-point method with a logarithmic barrier
+solves this second-order cone problem [1]_. SciPy has no such method; the number of unknowns is small.
 
 References
 ----------
@@ -21,7 +21,7 @@ import numpy as np
 from uqmbd.dynamics.contact.coulomb import Touch
 from uqmbd.typing import Array
 
-__all__ = ["AT_LIMIT", "holding_longest", "reserves", "roomiest", "unmoving"]
+__all__ = ["AT_LIMIT", "forces_valid_longest", "reserves", "forces_with_largest_reserve", "motionless_combinations"]
 
 
 HELD = 1 + 1e-9
@@ -47,7 +47,7 @@ NEWTON = 60
 
 
 def reserves(touches: Sequence[Touch], force: Array) -> Array:
-    """Return the reserve of friction, or of the normal force without tangents, to its limit, (touch,), N."""
+    """Return the reserve of each contact (touch,), N: friction to its limit, or the normal force without tangents."""
     return np.array(
         [
             HELD * touch.friction * force[touch.normal] - float(np.linalg.norm(force[list(touch.tangents)]))
@@ -58,8 +58,8 @@ def reserves(touches: Sequence[Touch], force: Array) -> Array:
     )
 
 
-def unmoving(matrix: Array, spread: Array) -> Array:
-    """Return a basis (direction, N) of combinations of columns of `spread` (direction, column) without motion.
+def motionless_combinations(matrix: Array, spread: Array) -> Array:
+    """Return a basis (direction, N) of the combinations of columns of `spread` (direction, column) without motion.
 
     `matrix` (direction, direction) contains rates per force.
     """
@@ -71,11 +71,11 @@ def unmoving(matrix: Array, spread: Array) -> Array:
     return np.asarray(scaled @ right[rank:].T)
 
 
-def roomiest(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
+def forces_with_largest_reserve(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
     """Return forces (direction,), N, inside or nearest to the friction cones, that maximise the least reserve.
 
     The touches have tangents if they stick.  The result is `least` (direction,), N, with the correct motion, plus a
-    combination of `ways` (direction, N), which cause no motion (see `unmoving`).
+    combination of `ways` (direction, N), which cause no motion (see `motionless_combinations`).
     """
     largest = float(np.abs(least).max(initial=0.0))
     if not (ways.shape[1] and largest > 0 and math.isfinite(largest) and np.isfinite(ways).all()):
@@ -98,7 +98,7 @@ def roomiest(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
         weight *= FASTER
 
 
-def holding_longest(touches: Sequence[Touch], force: Array, rate: Array, ways: Array) -> Array:
+def forces_valid_longest(touches: Sequence[Touch], force: Array, rate: Array, ways: Array) -> Array:
     """Return forces (direction,), N, that stay in the friction cones longest at a `rate` (direction,), N/s.
 
     The touches have tangents if they stick.  The result is `force` (direction,), N, plus a combination of `ways`
@@ -185,7 +185,7 @@ class _Barrier:
 
 
 def _factors(touches: Sequence[Touch]) -> Array:
-    """Return the width of the cone of each contact; 1 for contacts without tangents, which are half-lines."""
+    """Return the width of the cone of each contact; 1 for a half-line, the cone of a contact without tangents."""
     return np.array([HELD * x.friction if x.tangents else 1.0 for x in touches])
 
 

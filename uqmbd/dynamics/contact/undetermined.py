@@ -2,7 +2,7 @@
 
 The bodies of a table on four legs have one motion, but the forces of the legs have one free number: forces without a
 resultant may be added while all contacts are pressed and friction suffices. The forces are determined if the laws allow
-only one of them, as for a wedge at the limit of friction.
+only one set of forces, as for a wedge at the limit of friction.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.persistent import ContactModes, ContactMotion, persistent_touches, spread_of
-from uqmbd.dynamics.contact.redundant import reserves, roomiest, unmoving
+from uqmbd.dynamics.contact.redundant import forces_with_largest_reserve, motionless_combinations, reserves
 from uqmbd.typing import Array
 
 __all__ = ["undetermined_forces"]
@@ -34,12 +34,12 @@ def undetermined_forces(contacts: ContactQuantities, lasting: ContactModes, moti
     none = np.zeros((len(force), 0))
     if not (largest > 0 and np.isfinite(force).all() and np.isfinite(contacts.delassus[0]).all()):
         return none
-    ways = unmoving(contacts.delassus[0], spread_of(contacts, lasting))
+    ways = motionless_combinations(contacts.delassus[0], spread_of(contacts, lasting))
     if not ways.shape[1]:
         return none
     ways = ways * (largest / np.abs(ways).max(axis=0))
     ways[np.abs(ways) <= MOVED * largest] = 0.0
     touches = persistent_touches(contacts, lasting)
     moved = [bool(ways[[x.normal, *x.tangents]].any()) for x in touches]
-    room = reserves(touches, roomiest(touches, force, ways))[moved].min(initial=np.inf)
+    room = reserves(touches, forces_with_largest_reserve(touches, force, ways))[moved].min(initial=np.inf)
     return ways if room > ROOM * largest else none

@@ -339,9 +339,9 @@ def _kernel(law: ControlLaw, inputs: Sequence[RandomVariable]) -> Kernel:
 def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped | None) -> str:
     about = (controller.name, controller.rate, controller.delay, list(controller.commands), list(controller.states))
     # readable texts omit tables and digits of numbers
-    said = sympy.srepr((controller.values, tuple(controller.limits.values()), tuple(x.expression for x in measured)))
+    text = sympy.srepr((controller.values, tuple(controller.limits.values()), tuple(x.expression for x in measured)))
     law = sympy.srepr(controller.law.results) if shipped is None and controller.law is not None else ""
-    return hashlib.sha256(f"{about} {said} {law if shipped is None else shipped.digest()}".encode()).hexdigest()
+    return hashlib.sha256(f"{about} {text} {law if shipped is None else shipped.digest()}".encode()).hexdigest()
 
 
 def require_controllers(mechanism: Mechanism) -> None:

@@ -117,8 +117,8 @@ class Sampling:
             commands, state = self._called(loop, sample, time, seen, before[:, memory], members)
             states[:, memory] = state
             low, high = (bound[members] for bound in self.bounds[k])
-            told = failures(loop, time, seen, commands, state, low, high)
-            reasons = told | reasons
+            failed = failures(loop, time, seen, commands, state, low, high)
+            reasons = failed | reasons
             self.waiting[k, sample] = np.clip(commands, low, high), members
             if loop.delay <= self.near:
                 self._act([(k, sample)], states, members)

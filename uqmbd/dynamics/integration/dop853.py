@@ -204,11 +204,11 @@ class Integration:
             if not len(members):
                 break
             status, now = status[members], now[members]
-            asked = status == ASKED
-            if asked.all():
+            wanted = status == ASKED
+            if wanted.all():
                 self._answer(members, now)
                 continue
-            members, status, now = members[~asked], status[~asked], now[~asked]
+            members, status, now = members[~wanted], status[~wanted], now[~wanted]
             jump = status == JUMP
             stops = np.unique(now[jump]).tolist()
             # controllers are called when all members without failure have reached the sample

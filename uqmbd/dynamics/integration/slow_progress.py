@@ -108,5 +108,5 @@ def fastest_body(model: Model, state: Array) -> tuple[str, str]:
     # the rate of a unit quaternion, or of half an angle, is half the angular velocity
     turning = 2 * np.linalg.norm(of_bodies[:, dimension:], axis=1)
     body = int(np.argmax(along + model.length * turning))
-    said = f"{along[body]:.3g} m/s" + (f", {turning[body]:.3g} rad/s" if size > dimension else "")
-    return f"Body {model.bodies[body]!r}", said
+    words = f"{along[body]:.3g} m/s" + (f", {turning[body]:.3g} rad/s" if size > dimension else "")
+    return f"Body {model.bodies[body]!r}", words

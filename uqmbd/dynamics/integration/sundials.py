@@ -118,11 +118,11 @@ def solve(
         what = f"rates up to {largest:.3g} at the start" if np.isfinite(largest) else "values that are not finite"
         return SundialsSolution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
     ida = import_sundials().IDA
-    callbacks, said = _Callbacks(), io.StringIO()
+    callbacks, output = _Callbacks(), io.StringIO()
     options = dict(options)
     if "jacfn" in options:
         options["jacfn"] = callbacks.jacobian(options["jacfn"])
-    with _heard(said), _interrupted_by_instances():
+    with _heard(output), _interrupted_by_instances():
         # all threads share the filters: one thread at a time changes them
         with _lock, warnings.catch_warnings():
             # scikit-sundae uses the pattern for an approximate Jacobian, which the exact Jacobian replaces
@@ -130,12 +130,12 @@ def solve(
             solver = ida(callbacks.residual(residual), **options, **settings)
         try:
             if recording:
-                return _solve_stepwise(solver, times, y, yp, int(settings["max_num_steps"]), said)
+                return _solve_stepwise(solver, times, y, yp, int(settings["max_num_steps"]), output)
             found = solver.solve(times, y, yp)
         except (RuntimeError, KeyError, np.linalg.LinAlgError) as error:
             if callbacks.raised is not None:
                 raise callbacks.raised from None
-            return SundialsSolution(times[:1], y[None], success=False, message=_one_line(said, str(error)))
+            return SundialsSolution(times[:1], y[None], success=False, message=_one_line(output, str(error)))
         finally:
             if options.get("linsolver") == "sparse" and not callbacks.factorised:
                 ctypes.pythonapi.Py_IncRef(ctypes.py_object(solver))
@@ -144,14 +144,14 @@ def solve(
         np.asarray(found.t),
         path,
         bool(found.success),
-        "" if found.success else _one_line(said, str(found.message)),
+        "" if found.success else _one_line(output, str(found.message)),
         int(found.nfev),
         int(found.njev),
         found.status == TOO_MUCH_WORK,
     )
 
 
-def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> SundialsSolution:
+def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, output: io.StringIO) -> SundialsSolution:
     """Integrate as in `solve`, and record all steps."""
     solver.init_step(float(times[0]), y, yp)
     end, now = float(times[-1]), float(times[0])
@@ -182,7 +182,7 @@ def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, s
         np.array(reached),
         np.array(states),
         success,
-        "" if success else f"more than {most} steps" if steps > most else _one_line(said, str(found.message)),
+        "" if success else f"more than {most} steps" if steps > most else _one_line(output, str(found.message)),
         int(found.nfev),
         int(found.njev),
         many,
@@ -190,9 +190,9 @@ def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, s
     )
 
 
-def _one_line(said: io.StringIO, message: str) -> str:
+def _one_line(output: io.StringIO, message: str) -> str:
     """Return the last message of SUNDIALS without its codes, or `message` if it printed nothing."""
-    lines = [re.sub(r"^\[.*?\]\s*", "", line).strip() for line in said.getvalue().splitlines()]
+    lines = [re.sub(r"^\[.*?\]\s*", "", line).strip() for line in output.getvalue().splitlines()]
     return next((line for line in reversed(lines) if line), message.strip()).rstrip(".")
 
 

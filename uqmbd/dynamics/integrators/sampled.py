@@ -99,7 +99,7 @@ def projected_in_samples(
     ensemble, layout = projected.ensemble, projected.model.layout
     sampling, every = Sampling(ensemble, times), np.arange(len(projected.ensemble))
     coefficients = np.full((projected.terms, len(times), layout.width), np.nan)
-    now, message, integrator, asked = projected.start.state.copy(), "", "none", 0
+    now, message, integrator, requested = projected.start.state.copy(), "", "none", 0
     counters: dict[str, Any] = {}
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
@@ -131,8 +131,8 @@ def projected_in_samples(
         now, message = found.coefficients[:, -1].copy(), found.message
         if message:
             break
-        if watch is not None and len(inside) and inside[-1] * WATCHED // len(times) > asked:
-            asked = int(inside[-1]) * WATCHED // len(times)
+        if watch is not None and len(inside) and inside[-1] * WATCHED // len(times) > requested:
+            requested = int(inside[-1]) * WATCHED // len(times)
             if watch(coefficients):
                 break
     return ProjectedTrajectories(times, coefficients, message, integrator, counters)

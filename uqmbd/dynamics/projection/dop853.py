@@ -37,14 +37,14 @@ def integrate_coefficients(
         [[interval._replace(longest=min(interval.longest, longest)) for interval in intervals]],
         np.full(projected.terms, rtol * min(1.0, max(1e-3, size))),
     )
-    lanes, asked = slice(0, LANES), 0
+    lanes, requested = slice(0, LANES), 0
     run.told[lanes] = watch is not None
     run.status[lanes] = ExplicitStatus.JUMP
     while True:
         now, status = float(run.now[0]), ExplicitStatus(run.status[0])
         column = int(run.column[0])
-        if watch is not None and column - 1 >= asked + max(1, len(times) // WATCHED):
-            asked = column - 1
+        if watch is not None and column - 1 >= requested + max(1, len(times) // WATCHED):
+            requested = column - 1
             if watch(run.result):
                 return run, ""
         if status is ExplicitStatus.JUMP:

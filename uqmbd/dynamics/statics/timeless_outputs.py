@@ -317,8 +317,8 @@ def scalars_of(
         for member, reason in zip(good.tolist(), lost, strict=True):
             if reason is not None:
                 name, expression = seen.summed_in[reason.number]
-                told = f"output {name!r} {reason.fault}: the expression of {expression} {reason.text}"
-                fail(np.array([member]), [told], reason.status)
+                message = f"output {name!r} {reason.fault}: the expression of {expression} {reason.text}"
+                fail(np.array([member]), [message], reason.status)
     censored = np.zeros((count, len(seen.names)), dtype=bool)
     for k, reaching in enumerate(seen.reaching):
         censored[good, k] = np.isnan(columns[good][:, np.array(reaching, dtype=np.int64)]).any(axis=1)

@@ -382,27 +382,36 @@ def motion_values(
             )
         found[name] = value, units
 
-    for name, told in motion.items():
-        if isinstance(told, JointAngle):
-            cosine, sine = (known(f"the angle {name!r}", x, told.constants) for x in (told.cosine, told.sine))
-            if told.rate is None:
+    for name, declared in motion.items():
+        if isinstance(declared, JointAngle):
+            cosine, sine = (
+                known(f"the angle {name!r}", x, declared.constants) for x in (declared.cosine, declared.sine)
+            )
+            if declared.rate is None:
                 turned = (cosine * rate(sine) - sine * rate(cosine)) / (cosine**2 + sine**2)
-                speed = told.parts * turned
+                speed = declared.parts * turned
             else:
-                speed = known(f"the rate of {name!r}", told.rate, told.constants, moving=True)
+                speed = known(f"the rate of {name!r}", declared.rate, declared.constants, moving=True)
             angle = JointAngle(
-                cosine, sine, told.half, told.signed, as_symbolic(told.near), speed, told.speed, told.constants
+                cosine,
+                sine,
+                declared.half,
+                declared.signed,
+                as_symbolic(declared.near),
+                speed,
+                declared.speed,
+                declared.constants,
             )
             put(name, AngleSymbol(owner, f"{owner.name}.{name}", angle), "rad")
-            put(told.speed, told.whole(speed), "rad/s")
-        elif isinstance(told, JointDisplacement):
-            value = known(f"the displacement {name!r}", told.expression)
+            put(declared.speed, declared.whole(speed), "rad/s")
+        elif isinstance(declared, JointDisplacement):
+            value = known(f"the displacement {name!r}", declared.expression)
             put(name, value, "m")
-            put(told.speed, rate(value), "m/s")
-        elif told is not None:
+            put(declared.speed, rate(value), "m/s")
+        elif declared is not None:
             raise StudyError(
-                f"{where}: motion() returned {told!r} for {name!r}; expected uqmbd.extend.JointAngle(cosine, sine) or "
-                "uqmbd.extend.JointDisplacement(expression)."
+                f"{where}: motion() returned {declared!r} for {name!r}; expected uqmbd.extend.JointAngle(cosine, "
+                "sine) or uqmbd.extend.JointDisplacement(expression)."
             )
     return found
 

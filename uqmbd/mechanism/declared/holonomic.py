@@ -43,9 +43,9 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
     except Exception:  # the derivation of the equations reports errors of the terms with all details
         return
     if found:
-        told = " and ".join(f"{key}, which contains {', '.join(rates)}," for key, rates in guilty.items())
+        text = " and ".join(f"{key}, which contains {', '.join(rates)}," for key, rates in guilty.items())
         raise StudyError(
-            f"{where}: {found} depends on {told} but it may depend only on random variables, positions and time, not "
+            f"{where}: {found} depends on {text} but it may depend only on random variables, positions and time, not "
             "on velocities. To prescribe a speed, use a driver. For an equation that is linear in velocities, "
             "define a component with a uqmbd.extend.VelocityConstraint."
         )

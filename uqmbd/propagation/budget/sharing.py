@@ -154,10 +154,10 @@ class BudgetedRun:
     def _asked(self, propagator: Propagator) -> Sized | None:
         """Return the possible sizes of a method; run a method of fixed size unchanged, and return None."""
         label, sizing = propagator.node_name, None
-        with Isolated(*ERRORS_AND_EXITS) as asked:
+        with Isolated(*ERRORS_AND_EXITS) as isolated:
             sizing = propagator.sizing(self.study, self.terms.accuracy)
-        if asked.error is not None:
-            self.errors[label] = asked.error
+        if isolated.error is not None:
+            self.errors[label] = isolated.error
             return None
         ledger = self._ledgers[label] = Ledger(clock=self.terms.clock)
         if sizing is not None:
@@ -325,7 +325,7 @@ class BudgetedRun:
     def _end(self, one: Sized) -> None:
         """Record and report the chosen size."""
         assert one.node is not None and one.taken is not None
-        taken, asked = one.taken, one.accuracy
+        taken, wanted = one.taken, one.accuracy
         about: dict[str, Any] = {
             "sized": True,
             "option": one.sizing.option,
@@ -340,12 +340,12 @@ class BudgetedRun:
             f"the stated error with {one.sizing.option}={taken.size} is {format_percent(taken.accuracy, 'no error')} "
             f"({taken.quantity})"
         )
-        if asked is not None:
+        if wanted is not None:
             about["met"] = one.met
-            text += f"; {100 * asked:g} % was requested"
+            text += f"; {100 * wanted:g} % was requested"
             text += "" if one.met else f", but not reached: {one.problem or 'the budget is used'}"
             for part in (one.node, *filter(None, [one.node.children.get("scalars")])):
-                part.attrs["requested_accuracy"] = asked
+                part.attrs["requested_accuracy"] = wanted
         about["summary"] = text
         one.node.attrs["budget_summary"] = text
         self.about[one.label], self.nodes[one.label] = about, one.node

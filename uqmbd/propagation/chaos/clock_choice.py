@@ -104,19 +104,19 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     ('angle', '')
     """
     known = _candidates(problem)
-    asked = known if wanted is None else [require_clock(problem, wanted)]
+    requested = known if wanted is None else [require_clock(problem, wanted)]
     good = np.isfinite(found.values).all(axis=(1, 2))
     if not good.any():
         return None, "all realisations failed"
     seen = Dense(found.times, found.values[good], found.error)
-    fits = [_Fitness.of(clock, seen, end) for clock in asked]
+    fits = [_Fitness.of(clock, seen, end) for clock in requested]
     best = max(fits, key=lambda fit: fit.rank)
     if best.share >= ENOUGH or (best.turns and best.share > 0):
         return best.clock, ""
     others = [] if wanted is None else [_Fitness.of(clock, seen, end) for clock in known if clock.name != wanted]
     whole = [fit.clock for fit in others if fit.share == 1.0]
-    said = f"{wanted!r} does not" if wanted else f"these quantities do not: {', '.join(repr(c.name) for c in known)}"
-    why = f"a clock must turn or oscillate for at least one turn, without stopping or turning back; {said}"
+    text = f"{wanted!r} does not" if wanted else f"these quantities do not: {', '.join(repr(c.name) for c in known)}"
+    why = f"a clock must turn or oscillate for at least one turn, without stopping or turning back; {text}"
     if len(seen.values) > 1 and best.share:
         count = round(best.share * len(seen.values))
         why += f" (at best {best.clock.words}, in {count} of {len(seen.values)} realisations)"
@@ -162,9 +162,11 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
     the clock is the angle 'angle' at the means of the inputs, 2.07 turns until the last output time
     """
     end = float(problem.times[-1])
-    found, told = dense(problem.watching(), problem.inputs.means[None], end, 2 * len(problem.times))
-    if not told.good.all():
-        return f"no clock can be selected, because the realisation at the means failed: {told.most_frequent_reason()}"
+    found, realised = dense(problem.watching(), problem.inputs.means[None], end, 2 * len(problem.times))
+    if not realised.good.all():
+        return (
+            f"no clock can be selected, because the realisation at the means failed: {realised.most_frequent_reason()}"
+        )
     clock, why = choose_clock(problem, found, end, wanted)
     if clock is None:
         return f"no clock at the means of the inputs: {why}"

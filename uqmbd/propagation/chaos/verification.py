@@ -117,14 +117,16 @@ class Verification:
         >>> len(one.joined(one)), one.joined(one).asked
         (8, 8)
         """
-        asked = self.asked + other.asked
+        requested = self.asked + other.asked
         both = VerificationPoints(
             np.concatenate([self.points.germs, other.points.germs]),
             np.concatenate([self.points.weights, other.points.weights]),
         )
         response = np.concatenate([self.response, other.response])
-        lost = (self.asked * self.lost + other.asked * other.lost) / max(asked, 1)
-        return replace(self, points=both, response=response, asked=asked, reason=self.reason or other.reason, lost=lost)
+        lost = (self.asked * self.lost + other.asked * other.lost) / max(requested, 1)
+        return replace(
+            self, points=both, response=response, asked=requested, reason=self.reason or other.reason, lost=lost
+        )
 
     @property
     def known(self) -> dict[str, Array]:
@@ -173,9 +175,9 @@ class Verification:
                 f"Verification: {len(boxes)} probabilities are given for {len(verified)} elements; "
                 "expected one for each element."
             )
-        asked = sum(one.asked for one in verified)
+        requested = sum(one.asked for one in verified)
         lost = sum(share * one.lost for one, share in zip(verified, boxes, strict=True))
-        return float((failed + asked * lost) / max(nodes + asked, 1))
+        return float((failed + requested * lost) / max(nodes + requested, 1))
 
     def chaos(self, coefficients: Array, multi_index: Index, labels: Labels) -> PolynomialChaos:
         """Make a verified chaos; if it has fewer times than the labels, it uses the first times of the labels.

@@ -69,8 +69,8 @@ class Checkpoint:
         data, about = found
         scalars = None
         if "scalars" in data:
-            said = data["scalar_status"], tuple(about["scalar_messages"]), data["scalar_censored"] != 0
-            scalars = ScalarValues(data["scalars"], *said)
+            stored = data["scalar_status"], tuple(about["scalar_messages"]), data["scalar_censored"] != 0
+            scalars = ScalarValues(data["scalars"], *stored)
         margins = None
         if "margins" in data:
             margins = MarginValues(data["margins"], data["margin_status"], tuple(about["margin_messages"]))

@@ -55,17 +55,17 @@ def warn_of_changes(
     names of options that may change without a restart: the run continues the stored data. `stacklevel` has the same
     meaning as in `warnings.warn`.
     """
-    asked = {label: {name: _text(value) for name, value in options.items()} for label, options in methods.items()}
+    requested = {label: {name: _text(value) for name, value in options.items()} for label, options in methods.items()}
     place = folder / FOLDER / RECORD
     before = _read(place) if resume else None
-    for sentence in [] if before is None else _differences(before, study, asked, extended, place.parent):
+    for sentence in [] if before is None else _differences(before, study, requested, extended, place.parent):
         warnings.warn(sentence, StudyWarning, stacklevel=stacklevel + 1)
     known = before[1] if before is not None and before[0] == study else {}
     # ignore an error, because the write of the first chunk reports a full disk
     with contextlib.suppress(OSError):
         place.parent.mkdir(parents=True, exist_ok=True)
         with replacing(place) as part:
-            part.write_text(json.dumps({"study": study, "methods": known | asked}))
+            part.write_text(json.dumps({"study": study, "methods": known | requested}))
 
 
 def _read(place: Path) -> tuple[str, Options] | None:
@@ -79,7 +79,7 @@ def _read(place: Path) -> tuple[str, Options] | None:
 def _differences(
     before: tuple[str, Options],
     study: str,
-    asked: Options,
+    requested: Options,
     extended: Mapping[str, Collection[str]],
     place: Path,
 ) -> list[str]:
@@ -90,7 +90,7 @@ def _differences(
             "version of uqmbd). They are not used, and the run starts from the beginning."
         ]
     sentences = []
-    for label, options in asked.items():
+    for label, options in requested.items():
         if (earlier := before[1].get(label)) is None:
             sentences.append(f"resume: {place} contains no data of {label}; this method starts from the beginning.")
             continue

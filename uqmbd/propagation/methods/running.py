@@ -151,17 +151,17 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> tuple[xr.
     model = problem.model
     if model.scalars is None and model.margins is None:
         return _run(propagator, problem, check), 0
-    asked = [problem] if model.outputs.names else []
-    asked += [problem.without_time()] if model.scalars is not None else []
+    problems = [problem] if model.outputs.names else []
+    problems += [problem.without_time()] if model.scalars is not None else []
     itself = bool(problem.requirements) and propagator.requirements
-    if problem.requirements and not (itself and asked):
-        asked.append(problem.of_requirements())
+    if problem.requirements and not (itself and problems):
+        problems.append(problem.of_requirements())
     answered = None
     nodes: dict[Kind, xr.DataTree] = {}
     first = problem.runner.spending.computed
-    for one in asked:
+    for one in problems:
         given = replace(one, answers_requirements=itself and answered is None)
-        announced = problem.label if one is asked[0] else ""
+        announced = problem.label if one is problems[0] else ""
         run = partial(_run, propagator, check=check and one.kind != "requirements", announced=announced)
         with problem.runner.spending.whole(problem.clock) as spent:
             found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
@@ -169,7 +169,7 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> tuple[xr.
         if given.answers_requirements:
             answered, found = _answered(propagator, problem.label, found)
         nodes[one.kind] = found
-        first = problem.runner.spending.computed if one is asked[0] else first
+        first = problem.runner.spending.computed if one is problems[0] else first
     further = problem.runner.spending.computed - first
     inputs = tuple(map(input_info, problem.inputs.variables))
     about = (problem.label, Labels((), inputs, problem.times))
@@ -201,11 +201,11 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
     sure, nodes = every, list[xr.DataTree]()
     while sure:
         one = problem.choosing(sure)
-        found, _, told = _one(run, one)
+        found, _, caught = _one(run, one)
         late = [name for k, name in enumerate(sure) if one.runner.observed.missing[k]]
         if found is not None and not late:
             nodes.append(found)
-            _tell(told)
+            _tell(caught)
             break
         sure = tuple(name for name in sure if name not in late)
     shares, refused = dict.fromkeys(sure, 0.0), dict[str, str]()
@@ -214,9 +214,9 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
         if name in sure:
             continue
         one = problem.choosing((name,))
-        found, why, told = _one(run, one)
+        found, why, caught = _one(run, one)
         if found is not None and (not one.runner.observed.missing or "samples" in found.children):
-            _tell(told)  # omit the warnings of rejected outputs
+            _tell(caught)  # omit the warnings of rejected outputs
         missing, counted = one.runner.observed.missing[0], one.runner.observed.counted
         samples = any("samples" in node.children for node in ([found] if found is not None else nodes))
         sampled, few = found is not None and samples, samples or (not nodes and counted - missing < FEW)
@@ -247,7 +247,7 @@ def _one(
     run: Callable[[Problem], xr.DataTree], problem: Problem
 ) -> tuple[xr.DataTree | None, str, list[warnings.WarningMessage]]:
     """Run a method on outputs that may not occur; return the node or the obstacle, and the warnings."""
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             found, why = run(problem), ""
@@ -255,12 +255,12 @@ def _one(
             if not problem.runner.observed.missing:
                 raise
             found, why = None, str(error)
-    return found, why, told
+    return found, why, caught
 
 
-def _tell(told: list[warnings.WarningMessage]) -> None:
+def _tell(caught: list[warnings.WarningMessage]) -> None:
     """Issue the warnings of a run whose results are used."""
-    for warning in told:
+    for warning in caught:
         warnings.warn(warning.message, stacklevel=5)
 
 

@@ -140,7 +140,7 @@ class Reductions:
         again = runner.clock.knows(identity)
         runner.progress.start(problem.label, len(values))
         begin, recovered = runner.clock(), 0.0
-        asked = begin
+        began = begin
         pieces = Pieces(values, size)
         workers = executor_for(runner.executor, unlocked=problem.unlocked)
         answers = run_in_order(pieces, workers, self._find_stored, self._task, self._store_finished, self._lost_answer)
@@ -150,7 +150,7 @@ class Reductions:
                 now = runner.clock()
                 spent = 0.0 if answer.computed or again else answer.chunk.seconds
                 recovered += spent
-                runner.spending.realised(now - asked + spent, answer.chunk.counters)
+                runner.spending.realised(now - began + spent, answer.chunk.counters)
                 found = Reduced(
                     piece.first,
                     piece.values,
@@ -168,7 +168,7 @@ class Reductions:
                 if own is not None:
                     own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
                 yield found
-                begin, asked = now, runner.clock()
+                begin, began = now, runner.clock()
                 runner.progress.advance(problem.label, len(found.status))
                 if runner.ledger is not None and piece.number + 1 < len(pieces):
                     runner.ledger.begin()

@@ -157,11 +157,11 @@ def planned(study: Studied, propagators: Sequence[Propagator]) -> int:
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
     """Return the obstacle of a method as an error."""
     found: Any = None
-    with Isolated(*ERRORS_AND_EXITS) as asked:
+    with Isolated(*ERRORS_AND_EXITS) as isolated:
         found = obstacle_of(propagator, study)
-    if asked.error is not None:
-        release(asked.error)
-        return asked.error
+    if isolated.error is not None:
+        release(isolated.error)
+        return isolated.error
     if found is None:
         return None
     label, kind = propagator.node_name, type(propagator)

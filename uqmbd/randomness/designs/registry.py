@@ -285,5 +285,5 @@ def sampling_design(name: str, where: str = "sampling_design: name", others: Seq
     known = [*others, *sampling_designs()]
     expected = f"one of {', '.join(map(repr, known))}"
     near = did_you_mean(name, known)
-    told = f"{near} Expected {expected}." if near else f"; expected {expected}."
-    raise StudyError(f"{where} is {name!r}{told}")
+    text = f"{near} Expected {expected}." if near else f"; expected {expected}."
+    raise StudyError(f"{where} is {name!r}{text}")

@@ -40,8 +40,8 @@ def flaw_of(distribution: Any) -> str:
         try:
             return _flaw(distribution)
         except Exception as error:  # any exception, because chaospy has no common class for bad parameters
-            said = " ".join(str(error).split())
-            return f"chaospy cannot sample it ({said or type(error).__name__})"
+            text = " ".join(str(error).split())
+            return f"chaospy cannot sample it ({text or type(error).__name__})"
 
 
 def _flaw(distribution: Any) -> str:

@@ -120,8 +120,8 @@ def _draw(axes: Axes, whole: Chart, letters: int, height: float, *, alone: bool 
             x = places if curve.places is None else np.asarray(curve.places, dtype=float)
             legend |= _draw_curve(axes, x, curve, k, chart, _name(curve, alone and len(chart.curves) == 1))
     for name, value in limits.items():
-        said = f"limit: {name} ({format_quantity(value, typeset_units(chart.units))})"
-        legend[said] = axes.axhline(value, color=FAILED, ls=(0, (1.25, 1.875)), lw=1.6)
+        message = f"limit: {name} ({format_quantity(value, typeset_units(chart.units))})"
+        legend[message] = axes.axhline(value, color=FAILED, ls=(0, (1.25, 1.875)), lw=1.6)
     for name, value in beyond.items():
         (nothing,) = axes.plot([], [], ls="")
         legend[f"outside the chart: limit {name} ({format_quantity(value, typeset_units(chart.units))})"] = nothing

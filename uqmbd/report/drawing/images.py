@@ -120,8 +120,8 @@ def image_html(found: Mapping[str, Any], chart: str = "") -> str:
     if found.get("note"):
         return f'<p class="note">{html.escape(found["note"])}</p>'
     if found["problem"]:
-        told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
-        return f'<p class="problem">{told}</p>'
+        message = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
+        return f'<p class="problem">{message}</p>'
     data = f'<script type="application/json">{chart}</script>' if chart else ""
     begin, picture = f"{CHARTED}>" if chart else "<figure>", f'<img src="{text["source"]}" alt="{text["alt"]}">'
     if chart and not found["source"]:
@@ -143,8 +143,8 @@ def write_images(content: object, folder: Path) -> list[Path]:
         try:
             source = make()
         except Exception as error:  # noqa: BLE001 - a figure of other packages' results may raise anything; the others are written
-            told = f"figure {name!r} is not written to {str(folder)!r}: {type(error).__name__}: {error}"
-            warnings.warn(told, UserWarning, stacklevel=3)
+            text = f"figure {name!r} is not written to {str(folder)!r}: {type(error).__name__}: {error}"
+            warnings.warn(text, UserWarning, stacklevel=3)
             continue
         kind, data = source.removeprefix("data:image/").split(";base64,", 1)
         plain = re.sub(r"[^\w.+-]+", "-", name, flags=re.ASCII).strip("-.")

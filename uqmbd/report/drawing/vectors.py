@@ -111,8 +111,8 @@ class Drawing:
 
     def inline(self, described: str) -> str:
         """Return an SVG element for a page."""
-        said = escape(UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", described))
-        return f'<svg class="still" role="img" aria-label="{said}"{self._inner()}'
+        text = escape(UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", described))
+        return f'<svg class="still" role="img" aria-label="{text}"{self._inner()}'
 
     def source(self) -> str:
         """Return the data URI of the drawing in the colours of a light page."""

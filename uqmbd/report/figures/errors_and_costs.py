@@ -56,8 +56,8 @@ def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
     for m, label in enumerate(str(v) for v in data["method"].values):
         costs = {cost: np.asarray(data[cost].values[m], dtype=float) for cost in ("realisations", "wall_time")}
         runs, seconds = (np.where(one > 0, one, np.nan) for one in costs.values())
-        told = data["level_name"].values[m] if "level_name" in data else range(1, len(runs) + 1)
-        levels = tuple(str(text) for text in told)
+        labels = data["level_name"].values[m] if "level_name" in data else range(1, len(runs) + 1)
+        levels = tuple(str(text) for text in labels)
         for name in ("mean", "std"):
             errors = np.asarray(data[f"{name}_error_l2"].values[m], dtype=float)
             shown = np.where(errors > SMALLEST, errors, np.nan)

@@ -135,8 +135,8 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
     Raise StudyError if there are fewer than two samples.
     """
     found = settling(node, output, time)
-    told = "samples" if found.independent else "replicates"
-    along = Axis(found.counted, log=found.independent, whole=True, told=told)
+    unit = "samples" if found.independent else "replicates"
+    along = Axis(found.counted, log=found.independent, whole=True, told=unit)
     charts = []
     for name, title in ESTIMATED.items():
         centre, low, high = found.band(name)

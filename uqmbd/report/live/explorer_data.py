@@ -63,22 +63,22 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
     for one in limits:
         if one["output"] in names and one.get("end") in ("highest", "lowest"):
             known.setdefault(one["requirement"], dict(one))
-    said = answers(propagator_nodes(tree))
-    firsts = {name: next(iter(one.values())) for name, one in said.items() if name != ANY}
+    found_answers = answers(propagator_nodes(tree))
+    firsts = {name: next(iter(one.values())) for name, one in found_answers.items() if name != ANY}
     meanings = {name: one.relation or one.meaning for name, one in firsts.items()}
     others = {name: meaning for name, meaning in meanings.items() if name not in known}
     margins = _margins(node, others)
     surrogates = [one["surrogate"] for one in (*found.values(), margins) if one]
     if not surrogates:
         return {"reason": " ".join(missing) or "The surrogate of the margins is not in these results."}
-    told = {one["name"] for one in margins["requirements"]} if margins else set()
+    evaluated = {one["name"] for one in margins["requirements"]} if margins else set()
     return {
         "method": label,
         **found,
         "limits": list(known.values()),
         "margins": margins,
         "missing": missing,
-        "still": [name for name in others if name not in told],
+        "still": [name for name in others if name not in evaluated],
         "order": _order(node, [one["name"] for one in surrogates[0]["inputs"]]),
     }
 

@@ -93,8 +93,8 @@ def _of_surrogate(chaos: PolynomialChaos) -> str:
     node = propagator_node("surrogate", statistics, propagator="surrogate", realisations=SAMPLES, wall_time=0.0)
     result = StudyResult.of(study_tree([node], study="", mechanism=""))
     count = int(statistics["quantile"].attrs.get("samples", SAMPLES))
-    said = f"<p>Bands are computed from {format_integer(count)} samples of the surrogate.</p>"
-    return output_charts(result, most_uncertain(result)) + said
+    text = f"<p>Bands are computed from {format_integer(count)} samples of the surrogate.</p>"
+    return output_charts(result, most_uncertain(result)) + text
 
 
 def motion_charts(study: Study) -> str:

@@ -247,12 +247,12 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     ]
     found = result.assessment
     first = noted("The first screen of the report cannot be shown", lambda: _first_screen(result))
-    said = [*result.problems, *found.contradictions, *found.recommendation, *found.reasons]
+    sentences = [*result.problems, *found.contradictions, *found.recommendation, *found.reasons]
     reasons = [one.reason for one in found.reliability]
     parts = [
         *(f"<p>{escape(str(one))}</p>" for one in result.findings),
         # messages that are not on the first screen
-        *(f"<p>{escape(one)}</p>" for one in dict.fromkeys((*said, *reasons)) if one and escape(one) not in first),
+        *(f"<p>{escape(one)}</p>" for one in dict.fromkeys((*sentences, *reasons)) if one and escape(one) not in first),
         table("Methods", ("label", "realisations", "failed", "time"), methods),
         table("Requirements", ("requirement", "method", "probability of violation"), required),
         table("Scalar outputs", ("name", "method", "mean", "standard deviation", "units"), scalars),

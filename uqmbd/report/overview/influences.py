@@ -90,8 +90,8 @@ def of_history(result: StudyResult, name: str, *, correlations: bool = False) ->
         if found.meaningful.any():
             kind = "Total Sobol’ indices: share of the variance, over all times, to which each input contributes"
             alone, total = found.weighted
-            said = f"{kind} ({label_of(node)})." + _of_poor_surrogate(node, name)
-            return _sorted(found.names, total, said, alone=alone)
+            text = f"{kind} ({label_of(node)})." + _of_poor_surrogate(node, name)
+            return _sorted(found.names, total, text, alone=alone)
     return _of_samples(result, name, scalar=False, correlations=correlations)
 
 

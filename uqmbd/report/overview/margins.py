@@ -121,8 +121,8 @@ def chart_in_view(result: StudyResult, name: str) -> tuple[Chart | Views, str] |
     chart = bands_chart({label: method.node for label, method in holders.items()}, name, limits=limits)
     if not several(chart):
         return None
-    said = "; dotted lines: limits" if limits else ""
-    words = f"{name} by {', '.join(holders)}: mean, and bands that contain 50 % and 95 % of the realisations{said}."
+    text = "; dotted lines: limits" if limits else ""
+    words = f"{name} by {', '.join(holders)}: mean, and bands that contain 50 % and 95 % of the realisations{text}."
     first = next(iter(holders.values()))
     data, units = first.of(name), first.units(name)
     stated = [

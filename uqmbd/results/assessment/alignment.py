@@ -63,11 +63,11 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
     scalars, more = _common_outputs(timeless)
     notes += more
     if not outputs and not scalars:
-        said = "; ".join(
+        text = "; ".join(
             f"{label}: {', '.join(_names(data) + (_names(timeless[label]) if label in timeless else []))}"
             for label, data in statistics.items()
         )
-        raise StudyError(f"These results have no output of the same name and units in common: {said}.")
+        raise StudyError(f"These results have no output of the same name and units in common: {text}.")
     where, more = _common_times(statistics)
     aligned = {label: _restricted(node, label, outputs, scalars, where[label]) for label, node in nodes.items()}
     return aligned, (*notes, *more)
@@ -95,8 +95,8 @@ def _common_outputs(statistics: Mapping[str, xr.Dataset]) -> tuple[list[str], li
     for name in list(shared):
         given = {label: units[label][name] for label in statistics}
         if len(set(given.values())) > 1:
-            said = ", ".join(f"{unit or 'none'} in {label}" for label, unit in given.items())
-            notes.append(f"The comparison omits output {name}, because its units differ ({said}).")
+            text = ", ".join(f"{unit or 'none'} in {label}" for label, unit in given.items())
+            notes.append(f"The comparison omits output {name}, because its units differ ({text}).")
             shared.remove(name)
     left = list(dict.fromkeys(n for other in names.values() for n in other if any(n not in o for o in names.values())))
     if left:
@@ -122,14 +122,14 @@ def _common_times(
     for other in times.values():
         common = common[np.abs(common[:, None] - other[None, :]).min(axis=1) <= near]
     if not len(common):
-        said = ", ".join(f"{label} from {t[0]:g} s to {t[-1]:g} s ({len(t)})" for label, t in times.items())
-        raise StudyError(f"These results have no time in common: {said}. Use the same times in both studies.")
+        text = ", ".join(f"{label} from {t[0]:g} s to {t[-1]:g} s ({len(t)})" for label, t in times.items())
+        raise StudyError(f"These results have no time in common: {text}. Use the same times in both studies.")
     where = {label: np.abs(t[None, :] - common[:, None]).argmin(axis=1) for label, t in times.items()}
     if all(len(t) == len(common) for t in times.values()):
         return dict(where), []
-    said = ", ".join(f"{len(t)} of {label}" for label, t in times.items())
+    text = ", ".join(f"{len(t)} of {label}" for label, t in times.items())
     count = f"{len(common)} times are" if len(common) > 1 else "1 time is"
-    return dict(where), [f"Only {count} common to all results, of {said}. Nothing was interpolated."]
+    return dict(where), [f"Only {count} common to all results, of {text}. Nothing was interpolated."]
 
 
 def _restricted(

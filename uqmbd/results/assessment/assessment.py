@@ -204,8 +204,8 @@ def assess(tree: xr.DataTree) -> Assessment:
             reliability += [replace(one, population=len(orders) > 1) for one in quantities]
     reliability.sort(key=lambda one: (one.level, -one.error))
     precision = tuple(filter(None, (_precision(label, nodes[label], found[label], len(nodes)) for label in nodes)))
-    said = str(data.attrs.get("recommendation", ""))
-    lead, *reasons = said.split("\n")
+    text = str(data.attrs.get("recommendation", ""))
+    lead, *reasons = text.split("\n")
     leads = (lead,) if lead else precision
     if not leads and len(nodes) == 1:
         leads = _lacking(nodes[order[0]], found[order[0]])
@@ -312,8 +312,8 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str, 
         or alone
         or "not compared"
     )
-    error, said = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
-    return OutputReliability(shown.output, kind, shown.method, level, f"{by}{said}; {words}", error)
+    error, statement = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
+    return OutputReliability(shown.output, kind, shown.method, level, f"{by}{statement}; {words}", error)
 
 
 def _of_requirements(
@@ -358,7 +358,7 @@ def _of_probability(one: Answer, found: list[Answer], methods: int, same: int) -
     level = 2 if share <= WIDE or one.upper <= RARE else 1
     if not math.isfinite(one.probability) or (one.lower <= 0 and one.upper >= 1):
         level = 0
-    said = (
+    text = (
         f"the half-width of its 95 % interval is {format_percent(share)} of the probability"
         if math.isfinite(share)
         else f"no violation occurred, {one.words}"
@@ -367,7 +367,7 @@ def _of_probability(one: Answer, found: list[Answer], methods: int, same: int) -
     others = [other.method for other in known if other.method != one.method] if one.known else []
     agree = f"{format_count(len(known), 'method')} agree" if len(others) > 1 else f"{''.join(others)} agrees"
     by = f"by {one.method}, " if methods > 1 else ""
-    return level, f"{by}{said}; {agree if others else _alone(methods, same, 'states it')}", min(share, 1.0)
+    return level, f"{by}{text}; {agree if others else _alone(methods, same, 'states it')}", min(share, 1.0)
 
 
 def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: int) -> str:

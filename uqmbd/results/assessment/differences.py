@@ -201,7 +201,7 @@ def compare(
     columns: dict[str, list[Any]] = {}
     until: list[float] = []
     unknown: list[int] = []
-    said: list[list[Verdict]] = []
+    verdicts: list[list[Verdict]] = []
     for label, node in nodes.items():
         statistics = base if label == chosen else node.children["statistics"].to_dataset()
         _check_same_axes(label, statistics, chosen, base)
@@ -228,7 +228,7 @@ def compare(
             (10 * rtol + ROUNDING) * np.nan_to_num(_largest(np.abs(other.mean))),
         )
         share = level / max(len(nodes) - 1, 1)
-        said.append(
+        verdicts.append(
             _of_reference(errors[label].varies, own[label], alone=len(nodes) < 2)
             if label == chosen
             else compare_with_reference(
@@ -242,9 +242,9 @@ def compare(
                 own=own[label],
             )
         )
-    columns["detectable"] = [np.array([v.within for v in row]) for row in said]
-    columns["verdict_kind"] = [np.array([v.kind for v in row], dtype=np.str_) for row in said]
-    columns["verdict"] = [np.array([v.text for v in row], dtype=np.str_) for row in said]
+    columns["detectable"] = [np.array([v.within for v in row]) for row in verdicts]
+    columns["verdict_kind"] = [np.array([v.kind for v in row], dtype=np.str_) for row in verdicts]
+    columns["verdict"] = [np.array([v.text for v in row], dtype=np.str_) for row in verdicts]
     variables = {
         name: (("method", "output"), np.stack(rows), {"comment": _COMMENTS[name.split("_", 1)[1]]})
         if name.split("_", 1)[-1] in _COMMENTS

@@ -331,11 +331,11 @@ def _reasons(
 
 
 def _compared(one: _RatedMethod, other: _RatedMethod) -> str:
-    said = []
+    sentences = []
     if one.timed:
-        said.append(f"{_duration(one.wall_time)} instead of {_duration(other.wall_time)} for the whole method")
-    said.append(f"{one.realisations} realisations instead of {other.realisations}")
-    return "; ".join(said)
+        sentences.append(f"{_duration(one.wall_time)} instead of {_duration(other.wall_time)} for the whole method")
+    sentences.append(f"{one.realisations} realisations instead of {other.realisations}")
+    return "; ".join(sentences)
 
 
 def _duration(seconds: float) -> str:
@@ -351,10 +351,10 @@ def _other(method: _RatedMethod, base: _RatedMethod) -> str:
     one, which = worst(method.found)
     if one.kind in (AGREES, NO_SPREAD):
         gaps = f"{method.gaps}; at the others it " if method.unknown else ""
-        said = f"; {words}" if (words := largest_error(method.found)) else ""
-        return f"{method.label} {gaps}agrees with {base.label}{said}."
+        message = f"; {words}" if (words := largest_error(method.found)) else ""
+        return f"{method.label} {gaps}agrees with {base.label}{message}."
     where = f" ({which})" if which else ""
-    said = {DIFFERS: f" from {base.label}"}.get(one.kind, "")
+    message = {DIFFERS: f" from {base.label}"}.get(one.kind, "")
     head, _, tail = one.text.partition(":")
     verb = {UNDER_RESOLVED: "is ", UNVERIFIED: "is ", FEW: "has "}.get(one.kind, "")
-    return f"{method.label}{where} {verb}{head}{said}:{tail}." if tail else f"{method.label}{where}: {one.text}."
+    return f"{method.label}{where} {verb}{head}{message}:{tail}." if tail else f"{method.label}{where}: {one.text}."

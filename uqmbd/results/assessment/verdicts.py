@@ -227,7 +227,7 @@ def _rare(found: OwnError, base: OwnError, o: int, level: float) -> tuple[NDArra
     An event of probability p causes a kurtosis of at least about 1 / p. The probability that n samples do not contain
     the event is (1 - p)^n.
     """
-    times, said = np.zeros(found.std.shape[1], dtype=bool), None
+    times, text = np.zeros(found.std.shape[1], dtype=bool), None
     for which, (method, other) in enumerate(((found, base), (base, found))):
         if not method.drawn:
             continue
@@ -235,8 +235,8 @@ def _rare(found: OwnError, base: OwnError, o: int, level: float) -> tuple[NDArra
         missed = (method.std[o] == 0) & (other.std[o] > 0) & (method.samples * np.log1p(-chance) > np.log(level))
         if missed.any():
             times |= missed
-            said = which, f"{method.samples}, which may contain none of the rare events that cause the variation"
-    return times, said
+            text = which, f"{method.samples}, which may contain none of the rare events that cause the variation"
+    return times, text
 
 
 def _mean_deviation(
@@ -293,7 +293,7 @@ def _differences(
     found: OwnError, base: OwnError, o: int, times: Array, units: str, tests: tuple[_Deviation, ...]
 ) -> list[str]:
     """Return texts on the differences and their sizes."""
-    said = []
+    sentences = []
     for name, test in zip(("mean", "std"), tests, strict=False):
         if not test.significant:
             continue
@@ -303,17 +303,17 @@ def _differences(
             shift = float(found.mean[o, k] - base.mean[o, k])
             part = _ratio(abs(shift), float(base.std[o].max()) if base.varies[o] else 0.0)
             of_std = f" ({format_percent(part)} of the largest standard deviation)" if part else ""
-            said.append(f"mean shifted by {format_quantity(float(f'{shift:.3g}'), units)}{of_std}{when}")
+            sentences.append(f"mean shifted by {format_quantity(float(f'{shift:.3g}'), units)}{of_std}{when}")
             continue
         whole = [float(root_mean_square(m.std[o : o + 1], times)[0]) for m in (found, base)]
         spread = bool(base.varies[o])
         overall = whole[0] / whole[1] - 1.0 if spread and whole[1] > 0 else np.inf
         local = float(found.std[o, k] / base.std[o, k] - 1.0) if spread and base.std[o, k] > 0 else np.inf
         if overall * local > 0 and abs(overall) > 0.3 * abs(local):
-            said.append(f"standard deviation too {_size(overall)}")
+            sentences.append(f"standard deviation too {_size(overall)}")
         else:
-            said.append(f"standard deviation too {_size(local)}{when}")
-    return said
+            sentences.append(f"standard deviation too {_size(local)}{when}")
+    return sentences
 
 
 def _size(relative: float) -> str:

@@ -399,10 +399,10 @@ class ComposedChaos(Surrogate):
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
         return self._by_output([part._verdicts_of_decay(tolerance) for part in self.parts.values()])
 
-    def _by_output(self, said: Sequence[tuple[_Said, ...]]) -> tuple[_Said, ...]:
+    def _by_output(self, labels: Sequence[tuple[_Said, ...]]) -> tuple[_Said, ...]:
         """Return a statement on each output, in order, from the part that provides the output at most times."""
         found: dict[int, list[tuple[bool, int, _Said]]] = {}
-        for rows, used, own in zip(self._rows, self._used, said, strict=True):
+        for rows, used, own in zip(self._rows, self._used, labels, strict=True):
             for row, times, one in zip(rows, used, own, strict=True):
                 found.setdefault(row, []).append((bool(one), int(np.sum(times)), one))
         return tuple(max(found[row], key=lambda one: one[:2])[2] for row in sorted(found))

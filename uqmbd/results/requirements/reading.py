@@ -191,30 +191,30 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     >>> print(unmet(nodes, probability=0.05)[0].partition(':')[0])
     requirement 'clear' is not known to be met
     """
-    said = []
+    sentences = []
     for name, found in answers(nodes).items():
         met = meets(found.values(), probability)
         if not met and name != ANY:
             known = [one for one in found.values() if one.known]
             if not known:
-                said.append(
+                sentences.append(
                     f"requirement {name!r} is not known to be met, because no method states the probability of its "
                     f"violation; the allowed probability is {format_probability(probability)}"
                 )
                 continue
             wrong = [one for one in known if not one.upper <= probability]
             one = max(wrong, key=lambda one: one.upper)
-            told, end = "is not known to be met", f"up to {format_probability(one.upper)}"
+            verdict, end = "is not known to be met", f"up to {format_probability(one.upper)}"
             if met is False:
                 one = max(wrong, key=lambda one: one.lower)
-                told, end = "is not met", f"at least {format_probability(one.lower)}"
+                verdict, end = "is not met", f"at least {format_probability(one.lower)}"
             fine = " and ".join(f"{x.method}, {x.words}" for x in met_by(known, probability))
-            said.append(
-                f"requirement {name!r} {told}: it is violated with a probability "
+            sentences.append(
+                f"requirement {name!r} {verdict}: it is violated with a probability "
                 f"of {end} by {one.method}, {one.words}; {format_probability(probability)} is allowed"
                 + (f". It is met by {fine}" if fine else "")
             )
-    return said
+    return sentences
 
 
 @typechecked
@@ -295,13 +295,13 @@ def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
     >>> differing(nodes)
     ["few and many contradict each other on 'clear': 2.0 % (1.2 % to 3.1 %) and 8.0 % (6.4 % to 9.9 %)"]
     """
-    said = []
+    sentences = []
     for name, found in answers(comparable(nodes)).items():
         labels = list(found)
         for k, one in enumerate(labels):
-            said += [
+            sentences += [
                 f"{one} and {other} contradict each other on {name!r}: {found[one].words} and {found[other].words}"
                 for other in labels[k + 1 :]
                 if found[one].apart(found[other])
             ]
-    return said
+    return sentences

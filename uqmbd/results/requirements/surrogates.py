@@ -204,8 +204,8 @@ def _error_bound(square: Array, weights: Array) -> float:
     parts = weights * square
     if not (total := float(parts.sum())) > 0:
         return 0.0
-    told = min(1 / float((weights**2).sum()), 3 * total**2 / float((parts**2).sum()))
-    return float(stdtrit(told, RELIANCE)) * float(np.sqrt(total))
+    freedom = min(1 / float((weights**2).sum()), 3 * total**2 / float((parts**2).sum()))
+    return float(stdtrit(freedom, RELIANCE)) * float(np.sqrt(total))
 
 
 def _growth(scores: Array, degree: int) -> Array:

@@ -311,12 +311,12 @@ def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collectio
     data = statistics.variables[name]
     reasons = reasons_of(data)
     outputs = _names(statistics, dim, data.sizes[dim])
-    told = np.array([x in refused or x in reasons or EVERY in reasons for x in outputs], dtype=bool)
+    explained = np.array([x in refused or x in reasons or EVERY in reasons for x in outputs], dtype=bool)
     if data.attrs.get("reason") and np.isnan(data.values).all():
-        told[:] = True
+        explained[:] = True
     if name in ("circular_mean", "circular_std") and "output_angle" in statistics.coords:
-        told |= statistics.variables["output_angle"].values == 0
-    found: Mask = _along(told, dim, data)
+        explained |= statistics.variables["output_angle"].values == 0
+    found: Mask = _along(explained, dim, data)
     if "time" in data.dims and "time" in statistics.coords:
         found = found | _along(statistics.variables["time"].values > end, "time", data)
     if name == "circular_mean" and "circular_std" in statistics:

@@ -124,12 +124,12 @@ def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
         if one.kind not in (DIFFERS, UNDER_RESOLVED):
             continue
         names = which or ", ".join(map(str, whole["output"].values))
-        said = f"Scalar outputs: do not rely on {names} of {label}: {one.text}."
+        words = f"Scalar outputs: do not rely on {names} of {label}: {one.text}."
         known = over_time.get(label)
         if not known or worst(known)[0].kind in (DIFFERS, UNDER_RESOLVED):
-            others.append(said)
+            others.append(words)
         else:  # this method may be the recommended one
-            lead += f" {said}"
+            lead += f" {words}"
     return "\n".join((lead, *others))
 
 

@@ -138,8 +138,8 @@ def _check_declaration(component: type[Component]) -> None:
         assert parameter.units or not numeric, (
             f"{component.__name__}.{key} has no units; declare its units, or '1' for a pure number."
         )
-        told = spelling(f"{component.__name__}.{key}", parameter.units) if numeric else ""
-        assert not told, told
+        text = spelling(f"{component.__name__}.{key}", parameter.units) if numeric else ""
+        assert not text, text
 
 
 def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]], given: Mapping[str, Any]) -> None:

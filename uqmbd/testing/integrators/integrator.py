@@ -360,8 +360,8 @@ def _check_segments(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     ensemble = form.ensemble(form.values[1:2])
     what = f"{subject.title}: segments: {form.name}"
     with subject.unbroken("segments", form.name):
-        asked: Any = subject.integrator()
-        motion = asked.integrate_segments(ensemble, form.times, RTOL)
+        made: Any = subject.integrator()
+        motion = made.integrate_segments(ensemble, form.times, RTOL)
         segments, message = motion.segments, motion.message
     assert not message, f"{what}: the integration failed: {message!r}; expected a trajectory up to the last time."
     begin, end = float(form.times[0]), float(form.times[-1])

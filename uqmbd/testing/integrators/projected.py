@@ -77,11 +77,11 @@ def _check_watched(integrator: type[Integrator], form: ClosedForm) -> None:
 def _integrated(
     integrator: type[Integrator], projected: ProjectedEnsemble, times: Array, what: str, **options: Any
 ) -> ProjectedTrajectories:
-    asked: Any = integrator()
+    made: Any = integrator()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = asked.integrate_projected(projected, times, RTOL, **options)
+            found = made.integrate_projected(projected, times, RTOL, **options)
     except Exception as error:
         raise AssertionError(f"{what}: it raised {type(error).__name__}: {error}") from error
     shape = (projected.terms, len(times), projected.model.layout.width)

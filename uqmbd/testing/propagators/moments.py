@@ -90,12 +90,12 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
         if "verification_error" in data:
             # several elements are independent, and the largest error bounds all errors
             error = data["verification_error"]
-            told = error.max([d for d in error.dims if d not in ("output", "time")]).values
+            stated = error.max([d for d in error.dims if d not in ("output", "time")]).values
         elif "verification_error" in statistics:
-            told = statistics["verification_error"].values[rows]
+            stated = statistics["verification_error"].values[rows]
         else:
             continue
-        surrogate[rows] = SURROGATE * told * spread[rows]
+        surrogate[rows] = SURROGATE * stated * spread[rows]
     if "stated_error" in statistics:
         surrogate = np.maximum(surrogate, SURROGATE * statistics["stated_error"].values)
     names = ("std_error_mean", "std_error_std")

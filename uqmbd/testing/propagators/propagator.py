@@ -39,14 +39,14 @@ REMEDY = re.compile(
 def check_failures(subject: PropagatorUnderTest) -> None:
     """Check failures of realisations with lengths below 0.9 m: a quarter of them, then all."""
     study, recorder, title = fragile(0.7, 1.5), RecordingExecutor(), f"{subject.title}: failures"
-    with quiet() as told:
+    with quiet() as caught:
         try:
             node = run_method(subject.given, study.problem(subject.given, recorder), check=False)
         except Exception as error:
             check_error(error, f"{title}: where some realisations fail", "left")
         else:
             check_schema(node, subject.given, study, title)
-            _check_account(node, recorder, [str(w.message) for w in told], title)
+            _check_account(node, recorder, [str(w.message) for w in caught], title)
     # the mean of these inputs also fails, so a study cannot be built: use the model of the previous study
     problem = dataclasses.replace(study.problem(subject.given), inputs=fragile(0.6, 0.8).mechanism.inputs)
     with quiet():
@@ -62,7 +62,7 @@ def check_failures(subject: PropagatorUnderTest) -> None:
             )
 
 
-def _check_account(node: xr.DataTree, recorder: RecordingExecutor, told: list[str], title: str) -> None:
+def _check_account(node: xr.DataTree, recorder: RecordingExecutor, caught: list[str], title: str) -> None:
     failed, count = len(recorder.reasons), node.attrs["failures"]
     assert count >= failed, (
         f"{title}: {failed} realisations failed, but the attribute 'failures' is {count}; expected at least the "
@@ -73,7 +73,7 @@ def _check_account(node: xr.DataTree, recorder: RecordingExecutor, told: list[st
         f"{title}: the method computed {recorder.realisations} realisations, but the attribute "
         f"'realisations' is {computed}."
     )
-    texts = [*told, *(v for v in node.attrs.values() if isinstance(v, str))]
+    texts = [*caught, *(v for v in node.attrs.values() if isinstance(v, str))]
     for part in node.subtree:
         texts += part.to_dataset()["message"].values.tolist() if "message" in part.data_vars else []
     named = not failed or any(reason in text for reason in recorder.reasons for text in texts)

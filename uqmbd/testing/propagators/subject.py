@@ -92,6 +92,6 @@ def described(propagator: Propagator) -> str:
 @contextmanager
 def quiet() -> Iterator[list[warnings.WarningMessage]]:
     """Collect warnings in the context, because methods may issue warnings."""
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        yield told
+        yield caught

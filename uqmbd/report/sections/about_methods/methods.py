@@ -56,8 +56,8 @@ def _sentences(result: StudyResult) -> list[str]:
     text += result.assessment.precision
     constant = [n for n in result.histories if all(one.level == 3 for one in result.assessment.of(n))]
     if constant:
-        said = STILL if len(constant) == 1 else STILL.replace("does", "do", 1)
-        text.append(f"{', '.join(constant)} {said}.")
+        words = STILL if len(constant) == 1 else STILL.replace("does", "do", 1)
+        text.append(f"{', '.join(constant)} {words}.")
     return text + list(map(str, result.findings))
 
 

@@ -48,8 +48,8 @@ def describe_reliability(result: StudyResult) -> Content | None:
         return None
     groups = series(holders)
     best = {members[-1]: result.methods[members[-1]] for members in groups.values()}
-    said = result.assessment
-    rows = [row for label in holders for row in _rows(result.methods[label], said)]
+    judged = result.assessment
+    rows = [row for label in holders for row in _rows(result.methods[label], judged)]
     order = {name: k for k, name in enumerate(dict.fromkeys(row["output"] for row in rows))}
     rows.sort(key=lambda row: order[row["output"]])
     last = result.methods[finest(holders)]
@@ -61,12 +61,12 @@ def describe_reliability(result: StudyResult) -> Content | None:
     return {
         # the comparison section shows the stated errors of each method
         "compared": agreement(result) is not None,
-        "methods": [_verdicts(method, said) for method in best.values()],
+        "methods": [_verdicts(method, judged) for method in best.values()],
         "rows": rows,
         "stated": any(stated_error_of(node) is not None for node in holders.values()),
         "left_out": any(row["left_out"] != "–" for row in rows),
         "figures": [
-            *(_verification(method, said) for method in stating[:_VERIFIED]),
+            *(_verification(method, judged) for method in stating[:_VERIFIED]),
             *(_elements(method) for method in best.values() if has_elements(method.node)),
         ],
         "outputs": [_of_output(nodes, name, several) for name in shown],
@@ -77,14 +77,14 @@ def describe_reliability(result: StudyResult) -> Content | None:
 TRUST = TemplateSection("Accuracy of the surrogates", "trust", describe_reliability, "about_methods.html.j2")
 
 
-def _verdicts(method: Method, said: Assessment) -> Content:
+def _verdicts(method: Method, assessment: Assessment) -> Content:
     label, sizes = method.label, method.surrogate_data.sizes
     what = f"order {order_of(method.node)}, {format_count(sizes['term'], 'term')}"
     if sizes.get("element", 1) > 1:
         what += f" in each of {sizes['element']} elements"
     what += f", {method.fit}" if method.fit else ""
     what += f"; {method.clock}" if method.clock else ""
-    texts = {name: said.judgement(label, name).text for name in method.names}
+    texts = {name: assessment.judgement(label, name).text for name in method.names}
     try:
         seen: tuple[Discontinuity | None, ...] = getattr(surrogate_of(method.node), "discontinuities", tuple)()
         words = {one.output: one.words() for one in seen if one is not None and method.varies(one.output)}
@@ -96,7 +96,7 @@ def _verdicts(method: Method, said: Assessment) -> Content:
         return {"label": label, "what": what, "problem": problem, "verdicts": (), "jumps": ()}
 
 
-def _rows(method: Method, said: Assessment) -> list[dict[str, str]]:
+def _rows(method: Method, assessment: Assessment) -> list[dict[str, str]]:
     """Return the table of a method, with the order, cost and errors of each output."""
     stated = stated_error_of(method.node)
     left_out = method.statistics.get("leave_one_out")
@@ -114,7 +114,7 @@ def _rows(method: Method, said: Assessment) -> list[dict[str, str]]:
             "left_out": "–",
             "gain": gains[k],
         }
-        one = said.judgement(method.label, name)
+        one = assessment.judgement(method.label, name)
         if not one.varies:
             row |= {"error": "no spread", "horizon": "never", "gain": "–"}
         elif stated is not None:
@@ -142,13 +142,13 @@ def _gains(method: Method) -> list[str]:
     return [f"÷ {format_factor(10**d)}" if math.isfinite(d) and -1 < d < 4 else "–" for d in decades]
 
 
-def _verification(method: Method, said: Assessment) -> Content:
+def _verification(method: Method, assessment: Assessment) -> Content:
     label, count = method.label, method.surrogate_data.sizes.get("verification", 0)
     where = format_count(count, "realisation") if count else "realisations"
     return charted(
         lambda: figures.errors_chart(method.node),
         f"Stated error of the surrogate of {label} over time, for each output. "
-        + "; ".join(_verdicts(method, said)["verdicts"]),
+        + "; ".join(_verdicts(method, assessment)["verdicts"]),
         f"Stated error of {label}, measured at {where} that were not used for the fit. The denominator is the standard "
         "deviation, taken as at least 1 % of its maximum. A dot marks the first time with an error above 1 %.",
         f"{label}-stated-error",

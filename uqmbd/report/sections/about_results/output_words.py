@@ -43,8 +43,8 @@ def precision(result: StudyResult, method: Method, name: str) -> str:
     one, data = result.assessment.judgement(method.label, name), method.of(name)
     if method.samples is None or "std_error_std" not in data or not one.varies or not 0 < one.error < math.inf:
         return ""
-    said = method.statements[name]
-    text = f"{said[0].upper()}{said[1:]}, with 95 % confidence."
+    words = method.statements[name]
+    text = f"{words[0].upper()}{words[1:]}, with 95 % confidence."
     largest = int(np.nan_to_num(data["std"].values, nan=-1.0).argmax())
     if float(data["kurtosis"][largest]) > 30:
         text += (

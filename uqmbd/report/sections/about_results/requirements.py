@@ -59,7 +59,7 @@ def _data(result: StudyResult) -> dict[str, xr.Dataset]:
 
 def _words(result: StudyResult) -> list[str]:
     """State the source of the probabilities, and the errors that widen their intervals."""
-    said = []
+    sentences = []
     for label, data in _data(result).items():
         sentence = f"{label}: {data.attrs.get('how', 'as the method defines it')}."
         failed = float(data.attrs.get("failed", 0))
@@ -75,5 +75,5 @@ def _words(result: StudyResult) -> list[str]:
                 f" {format_percent(float(worst['uncertain']))} of the samples are nearer to the limit of "
                 f"{worst['requirement'].item()!r} than the error of the surrogate."
             )
-        said.append(sentence)
-    return said
+        sentences.append(sentence)
+    return sentences

@@ -54,7 +54,7 @@ def describe_scalars(result: StudyResult) -> Content | None:
             )
         )
     return {
-        "words": [*_integration(inner), *_bounds(inner), *(said for method in inner for said in _words(method))],
+        "words": [*_integration(inner), *_bounds(inner), *(text for method in inner for text in _words(method))],
         "rows": rows,
         "influence": any(row["influence"] for row in rows),
         "stated": any(row["error"] for row in rows),
@@ -109,7 +109,7 @@ def _influence(data: xr.Dataset) -> str:
 
 def _bounds(methods: Iterable[Method]) -> list[str]:
     """State upper bounds of the probability that an event does not occur, if it occurred in all realisations."""
-    said = []
+    sentences = []
     for method in methods:
         if "censored_bound" not in method.statistics:
             continue
@@ -118,12 +118,12 @@ def _bounds(methods: Iterable[Method]) -> list[str]:
         if certain.any():
             names = [name for name, here in zip(method.names, certain, strict=True) if here]
             happen = ("occurs", "it") if len(names) == 1 else ("occur", "they")
-            said.append(
+            sentences.append(
                 f"With {method.label}, {', '.join(names)} {happen[0]} in all computed realisations; {happen[1]} may "
                 f"be absent in at most {format_share(float(bounds[certain].max()))} of all realisations (95 % "
                 "confidence)."
             )
-    return said
+    return sentences
 
 
 def _integration(methods: Iterable[Method]) -> list[str]:

@@ -182,9 +182,9 @@ def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], beside
     for dim in dict.fromkeys(str(dim) for one in arrays for dim in one.dims):
         sizes = {info.name: one.sizes[dim] for one, info in zip(arrays, infos, strict=True) if dim in one.dims}
         if len(set(sizes.values())) > 1:
-            said = ", ".join(f"{name}: {size}" for name, size in sizes.items())
+            text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
             raise StudyError(
-                f"Inputs have different numbers of values along {dim!r} ({said}). Expected equal numbers, single "
+                f"Inputs have different numbers of values along {dim!r} ({text}). Expected equal numbers, single "
                 "values, or xarray arrays with different dimensions, whose combinations are evaluated."
             )
     try:
