@@ -227,8 +227,8 @@ class IntegrationState:
             members = np.arange(min(len(self.z), LANES))
         queue = self._every if members is None else np.ascontiguousarray(members, dtype=np.int64)
         call, recorder = self._call, self.recorder
-        running = int(ExplicitStatus.RUNNING)
-        while running in (self.status if members is None else self.status[queue]):
+        running, going = int(ExplicitStatus.RUNNING), True
+        while going:
             self.evaluations += call(address(queue), len(queue))
             if recorder.room:
                 recorder.take()
@@ -236,6 +236,7 @@ class IntegrationState:
                     setattr(self._pool, name, address(getattr(recorder, name)))
             if watch is not None:
                 watch(self)
+            going = running in (self.status if members is None else self.status[queue])
 
     def project(self) -> None:
         """Project the states at the output times onto the constraints."""

@@ -86,13 +86,19 @@ static void store_entries(const Problem *p, double *rows, int64_t stride, const 
     }
 }
 
+/* Number of entries of the last states, in order of time, that are not known. */
+static int64_t unknown_nodes(const Problem *p, const Pool *pool, int64_t m) {
+    return p->guarded ? (NODES - pool->known[m]) * p->width : NODES * p->width;
+}
+
 static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, int64_t m, int64_t running) {
     int64_t width = p->width;
     g->member[l] = running ? m : -1;
     g->running[l] = running ? -1 : 0;
     load_entries(p, pool->z, g->z, l, m, running);
     load_entries(p, pool->rate, g->rates, l, m, running);
-    for (int64_t i = 0; p->guarded && i < NODES * width; i++) g->nodes[i][l] = pool->nodes[m * NODES * width + i];
+    for (int64_t i = unknown_nodes(p, pool, m); i < NODES * width; i++)
+        g->nodes[i][l] = pool->nodes[m * NODES * width + i];
     for (int64_t i = 0; i < NODES; i++) g->node_times[i][l] = pool->node_times[m * NODES + i];
     if (p->implicit) {
         int64_t count = p->implicit->stages * width;
@@ -119,7 +125,8 @@ static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) 
     int64_t width = p->width, m = g->member[l];
     store_entries(p, pool->z, width / p->blocks, g->z, l, m);
     store_entries(p, pool->rate, width / p->blocks, g->rates, l, m);
-    for (int64_t i = 0; p->guarded && i < NODES * width; i++) pool->nodes[m * NODES * width + i] = g->nodes[i][l];
+    for (int64_t i = unknown_nodes(p, pool, m); i < NODES * width; i++)
+        pool->nodes[m * NODES * width + i] = g->nodes[i][l];
     for (int64_t i = 0; i < NODES; i++) pool->node_times[m * NODES + i] = g->node_times[i][l];
     if (p->implicit) {
         int64_t count = p->implicit->stages * width;

@@ -179,6 +179,7 @@ class Integration:
         self.comparison: Comparison | None = None
         self.explicit_cost = [0.0] * len(batch)
         self.changed: set[int] = set()
+        self.every = np.arange(len(batch))
 
     def _dynamics_of(self, model: Model) -> Dynamics:
         """Return the equations of a model for the steps."""
@@ -192,10 +193,13 @@ class Integration:
     # -- the whole integration ---------------------------------------------------------------------------------------
     def run(self) -> None:
         """Integrate all members to the end, or until they fail."""
-        every, begin, end = np.arange(len(self.batch)), float(self.times[0]), float(self.times[-1])
+        every, begin, end = self.every, float(self.times[0]), float(self.times[-1])
         self._stop(every, begin)
         while True:
             self.main.advance(watch=self.pace.watch)
+            if not self.others and self._all_wait():
+                self._answer_all()
+                continue
             status, now = self.main.status.copy(), self.main.now.copy()
             for member, other in self.others.items():
                 other.advance(watch=self.pace.watch)
@@ -302,15 +306,25 @@ class Integration:
             pool.z[k] = pool.nodes[k, -1] = after[rows]
             pool.result[np.ix_(k, at)] = after[rows, None]
 
+    def _all_wait(self) -> bool:
+        """Return whether all members wait for functions of controllers at the same time."""
+        main = self.main
+        return bool(len(main.status) and (main.status == ASKED).all() and (main.now == main.now[0]).all())
+
+    def _answer_all(self) -> None:
+        """Call the functions of controllers for all members."""
+        main, control = self.main, self.control
+        assert self.sampling is not None and control is not None
+        number = self.sampled[float(main.now[0])]
+        control.answers[:] = self.sampling.answers(number, control.measured, main.z, self.every)
+        control.answered[:] = 1
+        main.status[:] = RUNNING
+
     def _answer(self, members: Index, now: Array) -> None:
         """Call the functions of controllers for the members that wait at the earliest sample."""
         time = float(now.min())
         members = members[now == time]
         assert self.sampling is not None and self.control is not None
-        if not self.others and len(members) == len(self.batch):  # a function is called often: without copies
-            found = self.sampling.answers(self.sampled[time], self.control.measured, self.main.z, members)
-            self.control.answers[:], self.control.answered[:], self.main.status[:] = found, 1, RUNNING
-            return
         states, parts = np.empty((len(members), self.model.layout.width)), list(self._parted(members))
         measured = np.empty((len(members), self.control.measured.shape[1]))
         for pool, k, rows in parts:
