@@ -59,8 +59,8 @@ def pendula(controller: dict[str, Any] | None = None, floor: dict[str, float] | 
         loop = mechanism.add(uqmbd.Controller(measured=measured, commanded={"torque": "N m"}, **controller))
         mechanism.add(Torque("motor", upper, loop.command()))
     if floor is not None:
-        plane = {"point_i": (0, -1.7), "point_j": (0.5, 0), "normal_i": (0, 1)}
-        mechanism.add(PlaneImpact("floor", mechanism.ground, lower, **plane, restitution=0.6, **floor))
+        plane: dict[str, Any] = {"point_i": (0, -1.0), "point_j": (0.5, 0), "normal_i": (0, 1)}
+        mechanism.add(PlaneImpact("floor", mechanism.ground, lower, **plane, restitution=0.5, **floor))
     mechanism.output("x", lower.position[0], units="m")
     values = np.random.default_rng(0).uniform(0.9, 1.1, (COUNT, 1))
     ensemble = Ensemble(build(mechanism), values)

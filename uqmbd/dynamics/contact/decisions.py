@@ -28,7 +28,7 @@ from uqmbd.dynamics.contact.records import Records
 from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.typing import Array
 
-__all__ = ["Decisions"]
+__all__ = ["HELD", "Decisions"]
 
 
 AHEAD = 1e-7
@@ -343,6 +343,19 @@ class Decisions:
             e.mode[member, k] = Touching.STICK if mode == "stick" else Touching.SLIP
             if mode == "slip":
                 e.heading[member, contacts.tangents(k)] = lasting.headings[k]
+
+    def keep_one(self, member: int, event: int, touching: Touching, heading: Array | None) -> None:
+        """Store the only contact of a realisation, with the heading of slip, and pass it to the driver."""
+        e, first = self.encounters, self.evaluator.first
+        e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0
+        self.lasting.pop(member, None)
+        if touching == Touching.OPEN:
+            return
+        headings = {} if heading is None else {event: heading}
+        self.lasting[member] = ContactModes({event: "stick" if touching == Touching.STICK else "slip"}, headings)
+        e.mode[member, event] = touching
+        if heading is not None:
+            e.heading[member, first[event] + 1 : first[event + 1]] = heading
 
     def turned(self, member: int) -> None:
         """Read the directions of sliding from the driver."""

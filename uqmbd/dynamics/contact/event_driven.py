@@ -20,6 +20,7 @@ from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.persistent import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
+from uqmbd.dynamics.contact.single_contacts import SingleContacts
 from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
 from uqmbd.dynamics.integration import Pace, explicit_method, intervals_of_members, speed_jumps
 from uqmbd.typing import Array, Index, Mask
@@ -87,6 +88,7 @@ class EventDrivenMotion:
         self.records = Records(self.model, count)
         duration, floor = float(times[-1] - times[0]), self.run.floor
         self.decisions = Decisions(batch, evaluator, self.encounters, self.chatter, self.records, duration, floor)
+        self.single = SingleContacts(self.decisions)
         self.messages = self.decisions.messages
         # restarts (M,): number of restarts of each realisation
         self.restarts, self.stalled = np.zeros((2, count), dtype=np.int64)
@@ -262,7 +264,13 @@ class EventDrivenMotion:
         contacts, inside = self._contacts(members), self._inside(members)
         done = self._bounced(members, contacts)
         self.decisions.until[members] = run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])]
-        for row in np.flatnonzero(~done).tolist():
+        left = np.flatnonzero(~done)
+        if len(left):
+            who = members[left]
+            given = who, e.happened[who], now[left], inside[left], run.z[who], contacts.select(left)
+            run.z[who], decided = self.single.after(*given)
+            left = left[~decided]
+        for row in left.tolist():
             m = int(members[row])
             if self.messages[m]:
                 continue

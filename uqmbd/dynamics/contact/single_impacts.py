@@ -1,8 +1,7 @@
 """Impacts with one contact each, for many states at once; most impacts are of this kind.
 
 The laws, and the order of their solutions, are those of `uqmbd.dynamics.contact.impacts`. That module treats the
-remaining cases: several contacts at once, slipping contacts in three dimensions, and impacts in which restitution would
-add energy.
+remaining cases: several contacts at once, and slipping contacts in three dimensions.
 """
 
 from __future__ import annotations
@@ -47,7 +46,20 @@ def _smooth(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
 
 
 def _in_plane(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Return impulses (T, 2) with friction in planar space: the first valid mode of stick, slip on, and slip back."""
+    """Return impulses (T, 2) with friction in planar space: the first valid mode of stick, slip on, and slip back.
+
+    If restitution has no valid mode, because it adds energy, the impact is without restitution.
+    """
+    found, solved = _with_restitution(matrix, before, law)
+    rest = np.flatnonzero(~solved)
+    if len(rest):
+        plain = law[rest] * [0.0, 1.0]
+        found[rest], solved[rest] = _with_restitution(matrix[rest], before[rest], plain)
+    return found, solved
+
+
+def _with_restitution(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
+    """Return impulses (T, 2) in planar space with the given restitution, and a mask of valid ones."""
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     normal, along = before.T
     mu, sense = law[:, 1], np.copysign(1.0, before[:, 1])
@@ -61,6 +73,8 @@ def _in_plane(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
     for impulse in candidates:
         good = ~solved & _holds(matrix, before, mu, wanted, impulse)
         found[good], solved[good] = impulse[good], True
+        if solved.all():
+            break
     return found, solved
 
 

@@ -1,0 +1,110 @@
+"""Decisions about single contacts of many realisations at once: as one by one, for random mechanisms and drops."""
+
+import chaospy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import uqmbd
+from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd.dynamics.contact.decisions import Decisions
+from uqmbd.dynamics.contact.single_contacts import SingleContacts
+from uqmbd_contact import PlaneImpact
+from uqmbd_joints import Revolute
+
+TIMES = np.linspace(0, 2, 41)
+HEIGHT = uqmbd.RandomVariable("height", chaospy.Uniform(0.9, 1.1), units="m")
+
+
+def double_pendulum(restitution, friction, level):
+    """A double pendulum of random length whose tip falls onto a floor."""
+    mechanism = uqmbd.Mechanism("double pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    upper = mechanism.body("upper", mass=1, inertia=0.1, position=(HEIGHT / 2, 0))
+    lower = mechanism.body("lower", mass=1, inertia=0.1, position=(HEIGHT + 0.5, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, upper, (0, 0), (-HEIGHT / 2, 0)))
+    mechanism.add(Revolute("elbow", upper, lower, (HEIGHT / 2, 0), (-0.5, 0)))
+    floor = {"restitution": restitution, "friction": friction}
+    mechanism.add(PlaneImpact("floor", mechanism.ground, lower, (0, level), (0.5, 0), (0, 1), **floor))
+    mechanism.output("x", lower.position[0], units="m")
+    return mechanism
+
+
+def block_on_slope(friction, tilt):
+    """A block that is thrown up a slope of angle `tilt`, from a random height above it; x points down the slope."""
+    gravity = (9.81 * np.sin(tilt), -9.81 * np.cos(tilt))
+    mechanism = uqmbd.Mechanism("block", uqmbd.Translational(gravity=gravity))
+    block = mechanism.body("block", mass=2, position=(0, HEIGHT / 10), velocity=(-3.0, 0))
+    mechanism.add(
+        PlaneImpact("slope", mechanism.ground, block, (0, 0), (0, 0), (0, 1), restitution=0, friction=friction)
+    )
+    mechanism.output("x", block.position[0], units="m")
+    return mechanism
+
+
+def slid(height, friction, tilt, times):
+    """Return the exact motion (T,) along the slope: flight, inelastic impact, slide up, then rest or slide down."""
+    along, normal = 9.81 * np.sin(tilt), 9.81 * np.cos(tilt)
+    lands = np.sqrt(2 * height / 10 / normal)
+    place, speed = -3.0 * lands + along * lands**2 / 2, -3.0 + along * lands + friction * normal * lands
+    slower = along + friction * normal
+    stops = lands - speed / slower
+    top = place - speed**2 / (2 * slower)
+    down = max(0.0, along - friction * normal)
+    late = times - lands
+    sliding = np.where(
+        times < stops, place + speed * late + slower * late**2 / 2, top + down * np.maximum(times - stops, 0) ** 2 / 2
+    )
+    return np.where(times < lands, -3.0 * times + along * times**2 / 2, sliding)
+
+
+def one_by_one(ensemble, times, rtol):
+    """Integrate with a decision about each realisation alone."""
+
+    def after(self, members, guards, now, moments, z, contacts):
+        return z, np.zeros(len(members), dtype=bool)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SingleContacts, "after", after)
+        return integrate(ensemble, times, rtol, "dop853")
+
+
+def compare(ensemble, times, allowed):
+    """Compare decisions about all realisations at once with those about each alone, and parts with the whole."""
+    found, alone = integrate(ensemble, times, 1e-9, "dop853"), one_by_one(ensemble, times, 1e-9)
+    assert found.messages == alone.messages
+    assert found.scalars.keys() == alone.scalars.keys()
+    for name, moments in found.scalars.items():
+        np.testing.assert_allclose(moments, alone.scalars[name], rtol=0, atol=allowed)
+    np.testing.assert_allclose(found.states, alone.states, rtol=0, atol=allowed)
+    part = np.arange(len(ensemble))[1::2]
+    some = integrate(ensemble.select(part), times, 1e-9, "dop853")
+    assert np.array_equal(some.states, found.states[part], equal_nan=True)
+
+
+@pytest.mark.parametrize("friction", [0.8, 0.25], ids=["rests", "slides back"])
+def test_a_block_on_a_slope_has_the_exact_motion(friction):
+    """The slope of 0.4 rad holds the block if the coefficient of friction exceeds 0.42."""
+    heights = np.linspace(0.9, 1.1, 11)
+    ensemble = Ensemble(build(block_on_slope(friction, 0.4)), heights[:, None])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Decisions, "after", lambda *given: pytest.fail("a realisation was decided alone"))
+        found = integrate(ensemble, TIMES, 1e-10, "dop853")
+    assert not any(found.messages)
+    exact = np.array([slid(height, friction, 0.4, TIMES) for height in heights])
+    np.testing.assert_allclose(found.states[:, :, 0], exact, rtol=0, atol=1e-8)
+
+
+@pytest.mark.thorough
+@given(st.floats(0, 0.9), st.sampled_from([0.0, 0.1, 0.3, 0.8]), st.floats(-1.9, -0.3))
+@settings(max_examples=12, deadline=None)
+def test_double_pendula_on_a_floor(restitution, friction, level):
+    ensemble = Ensemble(build(double_pendulum(restitution, friction, level)), np.linspace(0.9, 1.1, 6)[:, None])
+    compare(ensemble, TIMES[:25], 1e-5)
+
+
+@pytest.mark.parametrize("name", ["disc", pytest.param("ball", marks=pytest.mark.thorough)])
+def test_drops_of_other_bodies(falling, name):
+    mechanism = falling(name)
+    values = mechanism.inputs.from_uniform(np.random.default_rng(3).uniform(size=(5, len(mechanism.inputs))))
+    compare(Ensemble(build(mechanism), values), TIMES[:15], 1e-5)
