@@ -121,7 +121,7 @@ def export_fmu(
 
     Examples
     --------
-    >>> import chaospy, uqmbd
+    >>> import chaospy, tempfile, uqmbd
     >>> from uqmbd_collocation import Collocation
     >>> from uqmbd_fmi import export_fmu
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -129,7 +129,8 @@ def export_fmu(
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
     >>> mechanism.output("height", stone.position[0], units="m")
     >>> tree = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)]).run()
-    >>> exported = export_fmu(tree["collocation"], getfixture("tmp_path") / "stone.fmu", compiler="none")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     exported = export_fmu(tree["collocation"], f"{folder}/stone.fmu", compiler="none")
     >>> exported.path.name, exported.parameters.name, exported.platforms
     ('stone.fmu', 'stone.ssv', ())
     """

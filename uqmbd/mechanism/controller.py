@@ -68,6 +68,8 @@ class Controller:
     pair (commands, new states), and the new states have the shape (realisation, state). The new states replace the
     states right at the sample. Commands act after `delay`; `limits` apply to commands only. For a single command, an
     array of shape (realisation,) or one number for all realisations is also valid. The same rules apply to states.
+    The last entry of the returned tuple may be a dictionary from failed rows to reasons: ``(commands, reasons)``, or
+    ``(commands, new states, reasons)``. These realisations fail, and their messages contain the reasons.
 
     The grouping of realisations is unspecified. Each row of the result must therefore depend only on the same row of
     the arguments, and on no other changing data. The function must not store data outside the `state`. uqmbd tests this

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +20,21 @@ SAME = 1e-9
 """Difference of results for a part of a group, relative to the largest value, that counts as rounding."""
 
 
-def called(loop: ControlLoop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
-    """Call the function of a controller at a time, s; return commands (M, command) and states (M, state).
+def called(
+    loop: ControlLoop, time: float, measured: Array, state: Array, about: str = ""
+) -> tuple[Array, Array, dict[int, str]]:
+    """Call the function of a controller at a time, s; return commands (M, command), states (M, state) and reasons.
 
-    The arguments are measurements (M, measured) and states (M, state).  Raises `uqmbd.StudyError` if the function
-    raises, or its result has a wrong shape; `about` is appended to the message.
+    The arguments are measurements (M, measured) and states (M, state).  The reasons are those of failed rows.  Raises
+    `uqmbd.StudyError` if the function raises, or its result has a wrong shape; `about` is appended to the message.
     """
     count, where = len(measured), f"Controller {loop.name!r}"
     given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())
     assert loop.shipped is not None
     try:
         found = loop.shipped.function(*given)
+    except StudyError as error:
+        raise StudyError(f"{where}, at t = {time:.6g} s: {error}") from error
     except Exception as error:
         shapes = f"measured of shape {measured.shape}" + (f" and state of shape {state.shape}" if loop.states else "")
         raise StudyError(
@@ -37,8 +42,11 @@ def called(loop: ControlLoop, time: float, measured: Array, state: Array, about:
             f"{shapes}{about}. uqmbd calls function(time, measured{', state' * bool(loop.states)}), with a row of the "
             "arrays for each realisation of a group."
         ) from error
+    reasons: dict[int, str] = {}
+    if isinstance(found, tuple) and found and isinstance(found[-1], dict):
+        found, reasons = (found[0] if len(found) == 2 else found[:-1]), _reasons(where, found[-1], count, time)
     if not loop.states:
-        return _columns(where, "commands", found, loop.commands, count, time, about), np.zeros((count, 0))
+        return _columns(where, "commands", found, loop.commands, count, time, about), np.zeros((count, 0)), reasons
     if not (isinstance(found, (tuple, list)) and len(found) == 2):
         raise StudyError(
             f"{where}: its function returned {_shown(found)} at t = {time:.6g} s; expected the pair (commands, state), "
@@ -47,21 +55,28 @@ def called(loop: ControlLoop, time: float, measured: Array, state: Array, about:
     return (
         _columns(where, "commands", found[0], loop.commands, count, time, about),
         _columns(where, "the new state", found[1], loop.states, count, time, about),
+        reasons,
     )
 
 
 def failures(
-    loop: ControlLoop, time: float, measured: Array, commands: Array, state: Array, low: Array, high: Array
+    loop: ControlLoop,
+    time: float,
+    measured: Array,
+    commands: Array,
+    state: Array,
+    low: Array,
+    high: Array,
+    reasons: Mapping[int, str],
 ) -> dict[int, str]:
-    """Return messages for realisations (rows) that cannot continue after a call."""
+    """Return messages for realisations (rows) that cannot continue after a call, some with reasons of the function."""
     found: dict[int, str] = {}
     for what, names, values in (("state", loop.states, state), ("command", loop.commands, commands)):
         for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
             k = int(np.argmin(np.isfinite(values[row])))
-            seen = ", ".join(f"{n} = {x:.6g}" for n, x in zip(loop.measure.names, measured[row], strict=True))
             found[row] = (
                 f"Controller {loop.name!r}: its {what} {names[k]!r} is {values[row, k]:g} at t = {time:.6g} s, where "
-                f"it measures {seen}"
+                f"it measures {_seen(loop, measured[row])}"
             )
     for row in np.flatnonzero(~(low <= high).all(axis=1)).tolist():
         k = int(np.argmin(low[row] <= high[row]))
@@ -69,7 +84,29 @@ def failures(
             f"Controller {loop.name!r}: the limits of {loop.commands[k]!r} are {low[row, k]:.6g} and "
             f"{high[row, k]:.6g}; the first must be the smaller one"
         )
+    for row, reason in reasons.items():
+        found[row] = (
+            f"Controller {loop.name!r} fails at t = {time:.6g} s, where it measures {_seen(loop, measured[row])}: "
+            f"{reason.rstrip('.')}"
+        )
     return found
+
+
+def _seen(loop: ControlLoop, row: Array) -> str:
+    """Return measured values of a realisation as text."""
+    return ", ".join(f"{n} = {x:.6g}" for n, x in zip(loop.measure.names, row, strict=True))
+
+
+def _reasons(where: str, given: Mapping[Any, Any], count: int, time: float) -> dict[int, str]:
+    """Return the reasons of a result after a check of rows and texts."""
+    for row, reason in given.items():
+        whole = isinstance(row, (int, np.integer)) and not isinstance(row, bool) and 0 <= row < count
+        if not whole or not isinstance(reason, str):
+            raise StudyError(
+                f"{where}: its function returned the reason {reason!r} for row {row!r} at t = {time:.6g} s; expected "
+                f"a mapping from rows, 0 to {count - 1}, to texts."
+            )
+    return {int(row): reason for row, reason in given.items()}
 
 
 def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: int) -> None:

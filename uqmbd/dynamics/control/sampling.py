@@ -114,10 +114,10 @@ class Sampling:
         for (k, sample), seen in zip(sampled, measured, strict=True):
             loop = self.loops[k]
             memory = held + loop.held[len(loop.commands) :]
-            commands, state = self._called(loop, sample, time, seen, before[:, memory], members)
+            commands, state, given = self._called(loop, sample, time, seen, before[:, memory], members)
             states[:, memory] = state
             low, high = (bound[members] for bound in self.bounds[k])
-            failed = failures(loop, time, seen, commands, state, low, high)
+            failed = failures(loop, time, seen, commands, state, low, high, given)
             reasons = failed | reasons
             self.waiting[k, sample] = np.clip(commands, low, high), members
             if loop.delay <= self.near:
@@ -228,17 +228,17 @@ class Sampling:
 
     def _called(
         self, loop: ControlLoop, sample: int, time: float, measured: Array, state: Array, members: Index
-    ) -> tuple[Array, Array]:
-        """Evaluate the law or function of a controller; return commands (M, command) and new states (M, state)."""
+    ) -> tuple[Array, Array, dict[int, str]]:
+        """Evaluate the law or function of a controller; return commands, new states and reasons."""
         if loop.law is not None:
             about = np.full((len(measured), 1), time), measured, state, self.batch.values[members]
             results = loop.law(np.concatenate(about, axis=1))
-            return results[:, : len(loop.commands)], results[:, len(loop.commands) :]
+            return results[:, : len(loop.commands)], results[:, len(loop.commands) :], {}
         found, count = called(loop, time, measured, state), len(measured)
         for part in _parts(sample, measured):
             some = measured[part]
             again = called(loop, time, some, state[part], f", called again for {len(some)} of {count}")
-            require_same(loop, time, [x[part] for x in found], again, count)
+            require_same(loop, time, [x[part] for x in found[:2]], again[:2], count)
         return found
 
     def jumps(
