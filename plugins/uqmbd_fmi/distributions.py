@@ -60,7 +60,7 @@ def read_distributions(path: str | Path) -> GermSpace:
 
     Examples
     --------
-    >>> import chaospy, uqmbd
+    >>> import chaospy, tempfile, uqmbd
     >>> from uqmbd_collocation import Collocation
     >>> from uqmbd_fmi import export_fmu, read_distributions
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -68,9 +68,10 @@ def read_distributions(path: str | Path) -> GermSpace:
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
     >>> mechanism.output("height", stone.position[0], units="m")
     >>> tree = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)]).run()
-    >>> folder = getfixture("tmp_path")
-    >>> exported = export_fmu(tree["collocation"], folder / "stone.fmu", compiler="none")
-    >>> space = read_distributions(folder / "stone.fmu")
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> exported = export_fmu(tree["collocation"], f"{folder.name}/stone.fmu", compiler="none")
+    >>> space = read_distributions(f"{folder.name}/stone.fmu")
+    >>> folder.cleanup()
     >>> space.inputs, space.to_inputs([[1.0]]).tolist()
     (('speed',), [[3.2]])
     """
