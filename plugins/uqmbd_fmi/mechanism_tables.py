@@ -39,20 +39,36 @@ def mechanism_model(
                 content=f"{{INPUT_VALUE, {k}}}",
             )
         )
+    for k, command in enumerate(motion.commands):
+        variables.append(
+            Variable(
+                command.name,
+                "input",
+                "Command, constant in each step",
+                command.units,
+                start=command.start,
+                content=f"{{COMMAND_VALUE, {k}}}",
+            )
+        )
     for k, (name, units) in enumerate(zip(motion.outputs, motion.units, strict=True)):
         variables.append(
             Variable(name, "output", f"Output {name} of the mechanism", units, content=f"{{OUTPUT_VALUE, {k}}}")
+        )
+    for k, name in enumerate(motion.measured):
+        variables.append(
+            Variable(name, "output", "Measured by a controller", content=f"{{OUTPUT_VALUE, {len(motion.outputs) + k}}}")
         )
     if fmi == 3:
         variables.append(Variable("time", "time", "Time", "s", content="{TIME_VALUE, 0}"))
     check_names(variables)
     starts = ", ".join(number(x) for x in means.tolist()) or "0.0"
+    commanded = ", ".join(number(x.start) for x in motion.commands) or "0.0"
     data = "\n".join(
         [
             "/* Variables of the mechanism. */",
             '#include "model.h"',
             "",
-            "enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE };",
+            "enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE, COMMAND_VALUE };",
             "",
             "typedef struct {",
             "    int what, index;",
@@ -60,12 +76,14 @@ def mechanism_model(
             "",
             "extern const Content contents[];",
             "extern const double start_values[];",
+            "extern const double start_commands[];",
             "extern const double default_tolerance;",
             "",
             f"const char model_token[] = {text(token)};",
             variable_table(variables),
             "const Content contents[] = {" + ", ".join(v.content for v in variables) + "};",
             f"const double start_values[] = {{{starts}}};",
+            f"const double start_commands[] = {{{commanded}}};",
             f"const double default_tolerance = {number(rtol)};",
             "",
         ]

@@ -12,13 +12,15 @@ import pytest
 import uqmbd
 from uqmbd.extend import GermSpace, motion_refusal, motion_source
 from uqmbd_contact import PlaneImpact
-from uqmbd_drivers import RotationDriver
+from uqmbd_drivers import RotationDriver, SpeedDriver
 from uqmbd_fmi import export_fmu, read_distributions
 from uqmbd_fmi.compiling import find_compiler, host
 from uqmbd_joints import Distance, Revolute
 from uqmbd_springs import Torque
 
+from .coupling import slave
 from .library import Fmu
+from .pi_fmu import write_pi
 
 compiled = pytest.mark.skipif(
     host() is None or find_compiler() is None, reason="there is no C compiler, or no binary for this platform"
@@ -140,6 +142,68 @@ def test_a_loop_closed_outside_equals_the_sampled_controller(tmp_path):
 
 
 @compiled
+@pytest.mark.thorough
+@pytest.mark.parametrize("fmi", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_coupled_units_reproduce_the_sampled_controller(fmi, tmp_path):
+    """FMPy couples the mechanism and a PI controller, whose source is in the tests; uqmbd has the same controller."""
+    pytest.importorskip("fmpy", reason="fmpy is not installed")
+
+    def control(time, measured, state):
+        error = 2.0 - measured
+        return 3.0 * error + state, state + 0.1 * error
+
+    times = np.arange(51) / 50
+    loop = uqmbd.Controller("loop", ["speed"], {"torque": "N m"}, rate=50, function=control, state={"i": 0.0})
+    mechanism = rotor(loop)
+    expected = uqmbd.simulate(mechanism, times, values={"inertia": 0.55}, rtol=1e-11)
+    done = export_fmu(mechanism, tmp_path / "rotor.fmu", fmi=fmi, times=times, rtol=1e-11)
+    assert done.warnings == ""
+    plant = slave(done.path, tmp_path / "plant", {"inertia": 0.55})
+    pi = slave(write_pi(tmp_path, fmi), tmp_path / "pi", {})
+    found = [plant.get(["speed", "angle"])]
+    for now, after in zip(times[:-1], times[1:], strict=True):
+        pi.set(["y"], [found[-1][0]])
+        pi.step(now, after - now)
+        plant.set(["loop.torque"], pi.get(["u"]))
+        plant.step(now, after - now)
+        found.append(plant.get(["speed", "angle"]))
+    for k, name in enumerate(("speed", "angle")):
+        np.testing.assert_allclose(np.array(found)[:, k], expected[name].values, rtol=0, atol=1e-10)
+
+
+@compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_robot_arm_of_the_studies_follows_its_controller(fmi, tmp_path):
+    """Samples at 100 Hz, torques 4 ms later within their limits: the program that steps the FMU calls the controller."""
+    study = uqmbd.load_study(STUDIES / "robot.py")
+    mechanism, (loop,) = study.mechanism, study.mechanism.controllers.values()
+    fmu = exported(mechanism, tmp_path, fmi, times=study.times, rtol=1e-9)
+    commands = [f"{loop.name}.{name}" for name in loop.commands]
+    outputs = [name for name in fmu.references if name in mechanism.outputs]
+    measured = [name for name in fmu.references if name.startswith(f"{loop.name}.") and name not in commands]
+    assert len(measured) == len(loop.measured) and not any(isinstance(x, str) for x in loop.measured)
+    space = GermSpace.of(mechanism.inputs)
+    for share in (0.05, 0.95):
+        (point,) = space.to_inputs(space.from_uniform(np.full((1, space.dimension), share)))
+        values = dict(zip(space.inputs, point.tolist(), strict=True))
+        samples = np.arange(round((study.times[-1] - study.times[0]) * loop.rate) + 1) / loop.rate
+        expected = uqmbd.simulate(mechanism, samples, values=values, rtol=1e-9)
+        assert fmu.reset() == 0 and fmu.set(list(values), list(values.values())) == 0 and fmu.begin() <= 1
+        found = [fmu.get(outputs)]
+        for begin, end in zip(samples[:-1], samples[1:], strict=True):
+            (torques,) = loop.function(begin, fmu.get(measured)[None])
+            assert fmu.step(begin, loop.delay) <= 1
+            limits = [list(map(float, loop.limits[name])) for name in loop.commands]
+            assert fmu.set(commands, np.clip(torques, *np.transpose(limits))) == 0
+            assert fmu.step(begin + loop.delay, end - begin - loop.delay) <= 1
+            found.append(fmu.get(outputs))
+        for k, name in enumerate(outputs):
+            scale = max(1.0, float(np.abs(expected[name]).max()))
+            np.testing.assert_allclose(np.array(found)[:, k], expected[name], rtol=0, atol=1e-8 * scale, err_msg=name)
+
+
+@compiled
 def test_impossible_parameters_and_calls_end_in_an_error_with_a_message(tmp_path):
     fmu = exported(rotor(), tmp_path)
     assert fmu.set(["inertia"], [float("nan")]) == 3 and "not finite" in fmu.messages[-1][1]
@@ -179,11 +243,23 @@ def bouncing():
     return mechanism
 
 
-def controlled():
+def controlled(state=False, initial=0, speed=False):
+    """A rotor with a controller: an output of its state, a random initial value, or a commanded speed."""
+
     def control(time, measured, state):
         return -measured, state
 
-    return rotor(uqmbd.Controller(measured=["speed"], commanded={"torque": "N m"}, rate=50, function=control))
+    one = uqmbd.Controller(
+        "loop", ["speed"], {"torque": "N m"}, rate=50, function=control, state={"i": 0.0}, initial=initial
+    )
+    mechanism = rotor(one)
+    if state:
+        mechanism.output("integral", one.state("i"), units="N m")
+    if speed:
+        other = mechanism.body("other", mass=1, inertia=1)
+        mechanism.add(Revolute("pin", mechanism.ground, other, (0, 0), (0, 0)))
+        mechanism.add(SpeedDriver("drive", mechanism.ground, other, 1.0 * one.command("torque")))
+    return mechanism
 
 
 def driven(law):
@@ -204,7 +280,17 @@ def jumping(speed):
 
 REFUSED = {
     "impact": (bouncing, {}, "component 'floor' has the event"),
-    "controller": (controlled, {}, "controller.*use an input"),
+    "state of a controller": (
+        lambda: controlled(state=True),
+        {},
+        "'integral' contains a state of the controller 'loop'",
+    ),
+    "random command": (
+        lambda: controlled(initial=uqmbd.RandomVariable("first", chaospy.Uniform(0, 1))),
+        {},
+        "initial value of the command 'torque' depends on random variables",
+    ),
+    "commanded speed": (lambda: controlled(speed=True), {}, "commands the speed of a driver"),
     "unknown input": (rotor, {"held": ("force",)}, "'force' is not an input; the inputs are"),
     "input of a constraint": (
         lambda: driven(lambda w: w * uqmbd.t),

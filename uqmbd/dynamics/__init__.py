@@ -39,7 +39,7 @@ from uqmbd.dynamics.margins import MarginValues, margins_of
 from uqmbd.dynamics.mechanism_check import Check, check
 from uqmbd.dynamics.model_building import build, constraining, kinematic_model
 from uqmbd.dynamics.observation import undetermined_contacts
-from uqmbd.dynamics.portable import PortableMotion, motion_refusal, motion_source
+from uqmbd.dynamics.portable import MotionCommand, PortableMotion, motion_refusal, motion_source
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
 from uqmbd.dynamics.risks import Risk, find_risks, range_findings
 from uqmbd.dynamics.sampled_paths import numbers_of
@@ -75,6 +75,7 @@ __all__ = [
     "Modes",
     "ParameterMap",
     "PhaseMotion",
+    "MotionCommand",
     "PortableMotion",
     "motion_refusal",
     "motion_source",

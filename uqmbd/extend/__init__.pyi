@@ -35,6 +35,7 @@ from .integrators import Counters as Counters
 from .integrators import Ensemble as Ensemble
 from .integrators import Integrator as Integrator
 from .integrators import MechanismTerms as MechanismTerms
+from .integrators import MotionCommand as MotionCommand
 from .integrators import PhaseMotion as PhaseMotion
 from .integrators import PortableMotion as PortableMotion
 from .integrators import ProjectedEnsemble as ProjectedEnsemble

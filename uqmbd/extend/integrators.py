@@ -7,6 +7,7 @@ from uqmbd.dynamics import Counters as Counters
 from uqmbd.dynamics import Ensemble as Ensemble
 from uqmbd.dynamics import Integrator as Integrator
 from uqmbd.dynamics import MechanismTerms as MechanismTerms
+from uqmbd.dynamics import MotionCommand as MotionCommand
 from uqmbd.dynamics import PhaseMotion as PhaseMotion
 from uqmbd.dynamics import PortableMotion as PortableMotion
 from uqmbd.dynamics import ProjectedEnsemble as ProjectedEnsemble

@@ -6,8 +6,8 @@
 
 #include "motion.h"
 
-/* Contents of a variable: the index of an input of the motion, or of an output. */
-enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE };
+/* Contents of a variable: the index of an input of the motion, of an output, or of a command of a controller. */
+enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE, COMMAND_VALUE };
 
 typedef struct {
     int what, index;
@@ -15,6 +15,7 @@ typedef struct {
 
 extern const Content contents[];
 extern const double start_values[];
+extern const double start_commands[];
 extern const double default_tolerance;
 
 enum {
@@ -30,6 +31,7 @@ static const double BETWEEN = 3.0;                 /* interpolation error that r
 
 typedef struct {
     double inputs[MOTION_INPUTS + 1];
+    double commands[MOTION_COMMANDS + 1];
     double parameters[MOTION_PARAMETERS + 1];
     double time, tolerance, floor;
     double wanted, fresh;             /* size of the next step; whether an input has changed */
@@ -42,6 +44,7 @@ typedef struct {
     double warned;                    /* whether inaccurate accelerations were reported */
     double begun, dirty;              /* whether the start was computed; whether a parameter has changed since */
     double outputs[MOTION_RESULTS];
+    double measured[MOTION_MEASURED + 1];
     double work[MOTION_WORK];
 } Motion;
 
@@ -51,6 +54,7 @@ void model_start(void *model) {
     Motion *of = model;
     memset(of, 0, sizeof *of);
     for (int k = 0; k < MOTION_INPUTS; k++) of->inputs[k] = start_values[k];
+    for (int k = 0; k < MOTION_COMMANDS; k++) of->commands[k] = start_commands[k];
     of->dirty = 1.0;
 }
 
@@ -131,6 +135,11 @@ static void report_open(Motion *of, const double *arguments, Report *to) {
            motion_equation_names[worst], residuals[worst]);
 }
 
+/* Set the commands of controllers, which are constant states of the motion. */
+static void set_commands(const Motion *of, double *state) {
+    for (int k = 0; k < MOTION_COMMANDS; k++) state[motion_command_places[k]] = of->commands[k];
+}
+
 /* Close the pose and find the velocities. */
 static void assemble(Motion *of, Report *to) {
     double arguments[ARGUMENTS + MOTION_STATED + 1], found[MOTION_WIDTH + MOTION_CONSTRAINTS + 1];
@@ -154,6 +163,10 @@ static void assemble(Motion *of, Report *to) {
         for (int k = 0; k < MOTION_INITIAL; k++) of->state[MOTION_COORDINATES + motion_initial_places[k]] = found[k];
         fill_arguments(of, of->state, of->time, arguments);
     }
+    if (MOTION_COMMANDS) {
+        set_commands(of, of->state);
+        fill_arguments(of, of->state, of->time, arguments);
+    }
     if (MOTION_MOVES) {
         const int64_t count = ARGUMENTS + MOTION_STATED + 1;
         const Source all = {arguments, count, count, 1, 1, 0};
@@ -175,6 +188,13 @@ static void find_outputs(Motion *of, Report *to) {
     memcpy(arguments + ARGUMENTS, of->inputs, MOTION_INPUTS * sizeof(double));
     const int64_t count = ARGUMENTS + MOTION_INPUTS;
     const Source source = {arguments, count, count, 1, 1, 0};
+    for (int k = 0; k < MOTION_MEASURED; k++) {
+        double found[MOTION_MOST_MEASURED + 1];
+        const int64_t place = motion_measured_places[k];
+        const Measurement *by = motion_measurements + place / MOTION_MOST_MEASURED;
+        evaluate(&by->program, (V *)cleared(of), &source, 1, 0, 1, by->rows, by->count, found);
+        of->measured[k] = found[place % MOTION_MOST_MEASURED];
+    }
     evaluate(&motion_outputs, (V *)cleared(of), &source, 1, 0, 1, motion_output_rows, MOTION_RESULTS, of->outputs);
     if (MOTION_RESULTS > MOTION_OUTPUTS && of->warned == 0.0 && !(of->outputs[MOTION_RESULTS - 1] <= MOTION_POOR)) {
         of->warned = 1.0;
@@ -367,6 +387,17 @@ void model_advance(void *model, double end, Report *to) {
 
 void model_set(void *model, unsigned variable, double value, Report *to) {
     Motion *of = model;
+    if (contents[variable].what == COMMAND_VALUE) {
+        of->commands[contents[variable].index] = value;
+        if (of->begun != 0.0) {
+            set_commands(of, of->state);
+            set_commands(of, of->shown);
+            of->known = 0.0;
+        } else {
+            of->dirty = 1.0;
+        }
+        return;
+    }
     of->inputs[contents[variable].index] = value;
     of->dirty = 1.0;
     if (model_variables[variable].causality == INPUT && of->begun != 0.0) {
@@ -380,6 +411,7 @@ double model_get(void *model, unsigned variable, int begun, Report *to) {
     Motion *of = model;
     const Content *content = contents + variable;
     if (content->what == INPUT_VALUE) return of->inputs[content->index];
+    if (content->what == COMMAND_VALUE) return of->commands[content->index];
     if (!begun && of->dirty != 0.0) { /* in initialisation mode, outputs belong to the parameters so far */
         model_initialise(of, to);
         if (to->status >= ERROR) return NAN;
@@ -389,7 +421,7 @@ double model_get(void *model, unsigned variable, int begun, Report *to) {
         return NAN;
     }
     find_outputs(of, to);
-    return of->outputs[content->index];
+    return content->index < MOTION_OUTPUTS ? of->outputs[content->index] : of->measured[content->index - MOTION_OUTPUTS];
 }
 
 void model_differentiate(void *model, const unsigned *unknown, size_t unknowns, const unsigned *known, size_t knowns,

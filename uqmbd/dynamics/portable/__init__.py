@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.dynamics.portable.commands import MotionCommand
 from uqmbd.dynamics.portable.motion import PortableMotion, motion_refusal, motion_source
 
-__all__ = ["PortableMotion", "motion_refusal", "motion_source"]
+__all__ = ["MotionCommand", "PortableMotion", "motion_refusal", "motion_source"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,17 +16,16 @@ from uqmbd.dynamics.integration import explicit_method
 from uqmbd.dynamics.model_building import build
 from uqmbd.dynamics.observation import output_program
 from uqmbd.dynamics.portable.c_source import SourceWriter, driver_sources
+from uqmbd.dynamics.portable.commands import MOST_MEASURED, MotionCommand, commands_of, measured_expressions
+from uqmbd.dynamics.portable.header import is_real, is_whole, motion_header
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import LARGEST, Mechanism
+from uqmbd.mechanism import Mechanism
 from uqmbd.typing import Array
 
 __all__ = ["PortableMotion", "motion_refusal", "motion_source"]
 
 STAGES = 12 + 4 + 7 + 5 + 5
 """Number of states in the workspace of the explicit method: stages, interpolant, nodes and others."""
-
-POOR = 1e-7
-"""Relative residual of accelerations and reactions above which a program warns."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,10 @@ class PortableMotion:
         Names of the outputs, in their order.
     units : tuple of str
         Units of the outputs.
+    commands : tuple of MotionCommand
+        Commands of controllers, which the program that integrates the motion sets. They are constant in each step.
+    measured : tuple of str
+        Measured expressions of controllers, whose values follow those of the outputs.
 
     Examples
     --------
@@ -57,6 +59,8 @@ class PortableMotion:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
+    commands: tuple[MotionCommand, ...] = ()
+    measured: tuple[str, ...] = ()
 
 
 @typechecked
@@ -100,7 +104,8 @@ def motion_source(
     Parameters
     ----------
     mechanism : uqmbd.Mechanism
-        Mechanism with outputs over time.
+        Mechanism with outputs over time. The commands of its controllers become inputs of the motion, and the measured
+        expressions become outputs; the program that integrates the motion calls the controllers.
     times : array_like, shape (T,)
         Output times of a typical simulation, s. The first one is the start. They determine steps for functions of time.
     held : sequence of str
@@ -116,7 +121,7 @@ def motion_source(
     Raises
     ------
     uqmbd.StudyError
-        If the mechanism has impacts, controllers, tables or other parts without a form in C; the message names them.
+        If the mechanism has impacts, tables or other parts without a form in C; the message names them.
 
     Examples
     --------
@@ -139,7 +144,7 @@ def motion_source(
             if unknown:
                 raise StudyError(f"{unknown[0]!r} is not an input; the inputs are {', '.join(model.inputs) or 'none'}")
             _check_held(model, ensemble, held)
-            return _written(model, ensemble, grid, rtol)
+            return _written(model, ensemble, grid, rtol, commands_of(mechanism, model))
         except StudyError as error:
             why = str(error)
     raise StudyError(f"The motion of mechanism {mechanism.name!r} cannot be written in C: {why.rstrip('.')}.")
@@ -150,8 +155,8 @@ def _obstacle(model: Model) -> str:
     if model.events:
         component, label, _ = model.events[0]
         return f"component {component!r} has the event {label!r}, and Python code processes events"
-    if model.controls:
-        return "it has a controller, which is a function in Python; use an input of the motion as the command"
+    if model.speeds_commanded:
+        return "a controller commands the speed of a driver, and Python code computes velocities after a jump"
     if model.paths or model.excitations:
         return "it has sampled paths or excitations"
     if model.start_at != "drawn":
@@ -215,7 +220,9 @@ def _check_held(model: Model, ensemble: Ensemble, held: Sequence[str]) -> None:
                 )
 
 
-def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> PortableMotion:
+def _written(
+    model: Model, ensemble: Ensemble, times: Array, rtol: float, commands: tuple[MotionCommand, ...]
+) -> PortableMotion:
     w, layout, programs = SourceWriter(), model.layout, model.system.programs
     d, method = programs.dynamics, explicit_method(rtol, guarded=bool(layout.rank), attempts=200_000)
     k = d.constraints
@@ -225,6 +232,8 @@ def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> Por
     speeds_text, speeds_memory = w.equations(speeds)
     outputs = output_program(model, model.outputs)
     assert outputs is not None
+    measured = measured_expressions(model)
+    measuring = [output_program(model, loop.measure) for loop in model.controls]
     stated = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
     initial, initial_states = None, np.zeros(0, dtype=np.int64)
     if layout.states:
@@ -237,7 +246,12 @@ def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> Por
         longest = min(longest, float(np.diff(times).max()))
     longest = min(longest, model.max_step)
     equations = 0 if k is None else len(k.residuals)
-    rows = [outputs.rows, d.rows + equations + 1, 0 if initial is None else initial.rows]
+    rows = [
+        outputs.rows,
+        *(x.rows for x in measuring if x is not None),
+        d.rows + equations + 1,
+        0 if initial is None else initial.rows,
+    ]
     work = max(d.rows + STAGES * layout.width + 2 * layout.coordinates + 5 + 2 * len(d.turns), *rows)
     work = max(work, closing_memory, speeds_memory)
     turn = d.turns.shape[1] if d.turns.size else 0
@@ -260,6 +274,11 @@ def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> Por
         for x in model.limits
     ]
     tensors = [f"{{{w.texts([x.body])}, {w.integers(x.index)}}}" for x in model.tensors]
+    seen = [
+        f"{{{w.program(program.part)}, {w.integers(program.results)}, {len(program.results)}}}"
+        for program in measuring
+        if program is not None
+    ]
     constants = w.numbers(model.parameters.constants)
     random, kernel = w.integers(model.parameters.random), w.kernel(model.parameters.kernel)
     values = {
@@ -278,6 +297,8 @@ def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> Por
         "output_counted": w.integers(model.outputs.counted.astype(int)),
         "initial_rows": "NULL" if initial is None else w.integers(initial.results),
         "initial_places": w.integers(initial_states),
+        "command_places": w.integers([x.place for x in commands]),
+        "measured_places": w.integers([which * MOST_MEASURED + number for _, which, number in measured]),
     }
     sizes = {
         "MOTION_INPUTS": len(model.inputs),
@@ -299,6 +320,10 @@ def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> Por
         "MOTION_WORK": work,
         "MOTION_LIMITS": len(limits),
         "MOTION_TENSORS": len(tensors),
+        "MOTION_COMMANDS": len(commands),
+        "MOTION_MEASURED": len(measured),
+        "MOTION_LOOPS": len(seen),
+        "MOTION_MOST_MEASURED": MOST_MEASURED,
         "MOTION_MOVES": int(bool(model.statements) or model.rheonomic),
     }
     data = [
@@ -312,81 +337,31 @@ def _written(model: Model, ensemble: Ensemble, times: Array, rtol: float) -> Por
         f"const Program motion_outputs = {w.program(outputs.part)};",
         f"const Program motion_initial = {empty if initial is None else w.program(initial.part)};",
         f"Kernel *const motion_parameters = {kernel};",
-        *(f"const int64_t *const motion_{name} = {x};" for name, x in values.items() if _whole(name)),
-        *(f"const double *const motion_{name} = {x};" for name, x in values.items() if _real(name)),
+        *(f"const int64_t *const motion_{name} = {x};" for name, x in values.items() if is_whole(name)),
+        *(f"const double *const motion_{name} = {x};" for name, x in values.items() if is_real(name)),
         f"const char *const *const motion_equation_names = {values['equation_names']};",
         f"const Limit motion_limits[] = {{{', '.join(limits) or '{NULL, 0, 0.0, 0.0, 0}'}}};",
         f"const Tensor motion_tensors[] = {{{', '.join(tensors) or '{NULL, NULL}'}}};",
+        f"const Measurement motion_measurements[] = {{{', '.join(seen) or '{' + empty + ', NULL, 0}'}}};",
         f"const double motion_longest = {_end(longest)};",
         "",
     ]
     # tables that a structure names must precede it
     kept = w.source()
     data[1] = kept
-    declared = _header(sizes, values)
+    declared = motion_header(sizes, values)
     found = {**driver_sources(), "motion.h": declared, "motion_data.c": "\n".join(data)}
-    return PortableMotion(found, tuple(model.inputs), tuple(model.outputs.names), tuple(model.outputs.units))
-
-
-def _whole(name: str) -> bool:
-    return name.endswith(("_places", "_values", "_rows", "_counted"))
-
-
-def _real(name: str) -> bool:
-    return name.endswith(("_parameters", "_turns", "_references"))
+    return PortableMotion(
+        found,
+        tuple(model.inputs),
+        tuple(model.outputs.names),
+        tuple(model.outputs.units),
+        commands,
+        tuple(name for name, _, _ in measured),
+    )
 
 
 def _end(value: float) -> str:
     if np.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
-
-
-def _header(sizes: dict[str, int], values: dict[str, Any]) -> str:
-    """Return the header of the tables."""
-    enumerated = ",\n".join(f"    {name} = {size}" for name, size in sizes.items())
-    tables = [f"extern const int64_t *const motion_{name};" for name in values if _whole(name)]
-    tables += [f"extern const double *const motion_{name};" for name in values if _real(name)]
-    return "\n".join(
-        [
-            "/* Sizes and tables of the motion of a mechanism. */",
-            "#ifndef UQMBD_MOTION_H",
-            "#define UQMBD_MOTION_H",
-            "",
-            '#include "dop853.h"',
-            '#include "assembly.h"',
-            "",
-            f"enum {{\n{enumerated},\n}};",
-            "",
-            f"#define MOTION_LARGEST {LARGEST!r}",
-            f"#define MOTION_POOR {POOR**2!r}",
-            "",
-            "/* Parameter with a range. */",
-            "typedef struct {",
-            "    const char *const *name;",
-            "    int64_t index;",
-            "    double minimum, maximum;",
-            "    int exclusive;",
-            "} Limit;",
-            "",
-            "/* Inertia tensor: six parameters Jxx, Jyy, Jzz, Jxy, Jxz, Jyz. */",
-            "typedef struct {",
-            "    const char *const *body;",
-            "    const int64_t *index;",
-            "} Tensor;",
-            "",
-            "extern const Problem motion_problem; /* without tolerances and times */",
-            "extern const Equations motion_closing, motion_speeds;",
-            "extern const Turns motion_turns;",
-            "extern const Program motion_outputs, motion_initial;",
-            "extern Kernel *const motion_parameters;",
-            *tables,
-            "extern const char *const *const motion_equation_names;",
-            "extern const Limit motion_limits[];",
-            "extern const Tensor motion_tensors[];",
-            "extern const double motion_longest;",
-            "",
-            "#endif",
-            "",
-        ]
-    )

@@ -1,0 +1,80 @@
+"""Header of the tables of a motion in C."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from uqmbd.mechanism import LARGEST
+
+__all__ = ["is_real", "is_whole", "motion_header"]
+
+POOR = 1e-7
+"""Relative residual of accelerations and reactions above which a program warns."""
+
+
+def is_whole(name: str) -> bool:
+    """Return whether a table contains integers."""
+    return name.endswith(("_places", "_values", "_rows", "_counted"))
+
+
+def is_real(name: str) -> bool:
+    """Return whether a table contains numbers."""
+    return name.endswith(("_parameters", "_turns", "_references"))
+
+
+def motion_header(sizes: dict[str, int], values: dict[str, Any]) -> str:
+    """Return the header of the tables."""
+    enumerated = ",\n".join(f"    {name} = {size}" for name, size in sizes.items())
+    tables = [f"extern const int64_t *const motion_{name};" for name in values if is_whole(name)]
+    tables += [f"extern const double *const motion_{name};" for name in values if is_real(name)]
+    return "\n".join(
+        [
+            "/* Sizes and tables of the motion of a mechanism. */",
+            "#ifndef UQMBD_MOTION_H",
+            "#define UQMBD_MOTION_H",
+            "",
+            '#include "dop853.h"',
+            '#include "assembly.h"',
+            "",
+            f"enum {{\n{enumerated},\n}};",
+            "",
+            f"#define MOTION_LARGEST {LARGEST!r}",
+            f"#define MOTION_POOR {POOR**2!r}",
+            "",
+            "/* Parameter with a range. */",
+            "typedef struct {",
+            "    const char *const *name;",
+            "    int64_t index;",
+            "    double minimum, maximum;",
+            "    int exclusive;",
+            "} Limit;",
+            "",
+            "/* Inertia tensor: six parameters Jxx, Jyy, Jzz, Jxy, Jxz, Jyz. */",
+            "typedef struct {",
+            "    const char *const *body;",
+            "    const int64_t *index;",
+            "} Tensor;",
+            "",
+            "/* Program of the measured values of a controller. */",
+            "typedef struct {",
+            "    Program program;",
+            "    const int64_t *rows;",
+            "    int64_t count;",
+            "} Measurement;",
+            "",
+            "extern const Problem motion_problem; /* without tolerances and times */",
+            "extern const Equations motion_closing, motion_speeds;",
+            "extern const Turns motion_turns;",
+            "extern const Program motion_outputs, motion_initial;",
+            "extern Kernel *const motion_parameters;",
+            *tables,
+            "extern const char *const *const motion_equation_names;",
+            "extern const Limit motion_limits[];",
+            "extern const Tensor motion_tensors[];",
+            "extern const Measurement motion_measurements[];",
+            "extern const double motion_longest;",
+            "",
+            "#endif",
+            "",
+        ]
+    )
