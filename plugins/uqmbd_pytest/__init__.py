@@ -18,6 +18,7 @@ __all__ = [
     "uqmbd_component",
     "uqmbd_design",
     "uqmbd_excitation",
+    "uqmbd_exporter",
     "uqmbd_integrator",
     "uqmbd_propagator",
     "uqmbd_section",
@@ -62,6 +63,14 @@ def uqmbd_excitation() -> Callable[..., None]:
     from uqmbd.testing import check_excitation
 
     return check_excitation
+
+
+@pytest.fixture(scope="session")
+def uqmbd_exporter() -> Callable[..., None]:
+    """Return the check of an exporter: `uqmbd.testing.check_exporter`."""
+    from uqmbd.testing import check_exporter
+
+    return check_exporter
 
 
 @pytest.fixture(scope="session")

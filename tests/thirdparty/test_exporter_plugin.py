@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from uqmbd.testing import check_exporter
+
 PACKAGE = Path(__file__).parent / "uqmbd-table-plugin"
 
 STUDY = """
@@ -19,6 +21,13 @@ stone = mechanism.body("stone", mass=1, velocity=speed)
 mechanism.output("height", stone.position[0], units="m")
 study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
 """
+
+
+def test_the_exporter_conforms(monkeypatch):
+    monkeypatch.syspath_prepend(PACKAGE)
+    from uqmbd_table import Table
+
+    check_exporter(Table)
 
 
 @pytest.mark.thorough

@@ -123,6 +123,15 @@ PLUGIN_KINDS = {
         page="how-to/other_models.md",
         registry="readers",
     ),
+    "exporter": PluginKind(
+        title="An exporter",
+        what="files of another program",
+        example="tables of means and standard deviations",
+        module="exporter",
+        page="how-to/plugins/exporter.md",
+        registry="exporters",
+        base="uqmbd.extend.Exporter",
+    ),
     "command": PluginKind(
         title="A command",
         what="a subcommand of `uqmbd`",

@@ -14,6 +14,7 @@ from uqmbd.testing.command import check_command
 from uqmbd.testing.components import check_component
 from uqmbd.testing.design import check_design
 from uqmbd.testing.excitation import check_excitation
+from uqmbd.testing.exporter import check_exporter
 from uqmbd.testing.integrators import check_integrator
 from uqmbd.testing.propagators import check_propagator
 from uqmbd.testing.section import check_section
@@ -23,6 +24,7 @@ __all__ = [
     "check_component",
     "check_design",
     "check_excitation",
+    "check_exporter",
     "check_integrator",
     "check_propagator",
     "check_section",
