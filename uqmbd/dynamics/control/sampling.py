@@ -170,9 +170,12 @@ class Sampling:
             if sampled[k] < 0:
                 continue
             state = states[:, memory] if len(memory) else found[:, :0]
-            found[:, commands], found[:, kept] = self._called(
+            found[:, commands], found[:, kept], reasons = self._called(
                 self.loops[k], sampled[k], time, measured[:, seen], state, members
             )
+            # the driver leaves a sample without a value to `alone`, which states the reason
+            for row in reasons:
+                found[row, commands] = np.nan
         return found
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
