@@ -83,7 +83,9 @@ def compare(fmu, mechanism, times, values, tolerance=1e-8):
 @compiled
 @pytest.mark.slow
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("name", ["slider_crank", "four_bar", "agile_eye", "pendulum", "slider_crank_driven"])
+@pytest.mark.parametrize(
+    "name", ["slider_crank", "four_bar", "agile_eye", "pendulum", "slider_crank_driven", "bouncing_ball"]
+)
 def test_mechanisms_of_studies_move_as_in_simulate(name, fmi, tmp_path):
     """At two points far from the means: quantiles between 2 % and 98 %."""
     study = uqmbd.load_study(STUDIES / f"{name}.py")
@@ -235,12 +237,67 @@ def test_a_loop_that_cannot_close_names_its_equation(tmp_path):
     assert "cannot be assembled" in fmu.messages[-1][1] and "equation strut" in fmu.messages[-1][1]
 
 
-def bouncing():
+def bouncing(friction=0, force=False, restitution=0.8, start=1.0):
+    """A ball above a floor."""
     mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
-    ball = mechanism.body("ball", mass=1, position=(0, 1))
-    mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=0.8))
+    ball = mechanism.body("ball", mass=1, position=(0, start))
+    floor = PlaneImpact(
+        "floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=restitution, friction=friction
+    )
+    mechanism.add(floor)
     mechanism.output("height", ball.position[1], units="m")
+    if force:
+        mechanism.output("force", floor.reaction_force[1], units="N")
     return mechanism
+
+
+def hitting_rod():
+    """A rod on a pin that falls onto a stop, with a random restitution, and rebounds."""
+    restitution = uqmbd.RandomVariable("restitution", chaospy.Uniform(0.5, 0.9))
+    mechanism = uqmbd.Mechanism("rod", uqmbd.Planar(gravity=(0, -9.81)))
+    rod = mechanism.body("rod", mass=2, inertia=0.3, position=(0.5, 0))
+    mechanism.add(Revolute("pin", mechanism.ground, rod, (0, 0), (-0.5, 0)))
+    mechanism.add(PlaneImpact("stop", mechanism.ground, rod, (0, -0.6), (0.5, 0), (0, 1), restitution=restitution))
+    mechanism.output("angle", rod.angle, units="rad")
+    mechanism.output("speed", rod.angular_velocity, units="rad/s")
+    return mechanism
+
+
+@compiled
+@pytest.mark.thorough
+def test_impacts_of_a_rod_on_a_pin_are_those_of_simulate(tmp_path):
+    """The impulse also acts on the pin; steps end between and after impacts."""
+    mechanism, times = hitting_rod(), np.linspace(0, 1.2, 38)
+    fmu = exported(mechanism, tmp_path, times=times, rtol=1e-9)
+    compare(fmu, mechanism, times, {"restitution": 0.55})
+    compare(fmu, mechanism, times, {"restitution": 0.88})
+
+
+@compiled
+def test_a_ball_bounces_to_the_closed_form(tmp_path):
+    """Restitution 1 from 1 m: impacts at (1 + 2 k) sqrt(2 / g), one of them inside of each long step."""
+    fmu = exported(bouncing(restitution=1), tmp_path, times=(0.0, 4.0), rtol=1e-10)
+    assert fmu.begin() == 0
+    first = np.sqrt(2 / 9.81)
+    for k in range(4):
+        assert fmu.step(k, 1.0) == 0
+        phase = (k + 1 + first) % (2 * first) - first
+        np.testing.assert_allclose(fmu.get(["height"]), 1 - 9.81 * phase**2 / 2, atol=1e-9)
+
+
+@compiled
+def test_a_contact_that_lasts_ends_with_an_error_that_names_it(tmp_path):
+    """Bounces with restitution 0.5 from 1 m end at sqrt(2 / g) (1 + 0.5) / (1 - 0.5) = 1.3546 s."""
+    fmu = exported(bouncing(restitution=0.5), tmp_path, times=(0.0, 2.0))
+    assert fmu.begin() == 0 and fmu.step(0.0, 1.3) == 0
+    assert fmu.step(1.3, 0.2) == 3
+    assert "contact of floor lasts from t = 1.354" in fmu.messages[-1][1]
+    assert fmu.step(1.5, 0.1) == 3 and fmu.reset() == 0 and fmu.begin() == 0
+    for start, text in ((0.0, "contact of floor lasts from t = 0 s"), (-0.1, "floor: the bodies overlap by 0.1 m")):
+        folder = tmp_path / str(start)
+        folder.mkdir()
+        other = exported(bouncing(start=start), folder)
+        assert other.begin() == 3 and text in other.messages[-1][1]
 
 
 def controlled(state=False, initial=0, speed=False):
@@ -279,7 +336,8 @@ def jumping(speed):
 
 
 REFUSED = {
-    "impact": (bouncing, {}, "component 'floor' has the event"),
+    "friction": (lambda: bouncing(friction=0.2), {}, "impact of component 'floor' has friction"),
+    "force of an impact": (lambda: bouncing(force=True), {}, "outputs contain accelerations or reactions"),
     "state of a controller": (
         lambda: controlled(state=True),
         {},
@@ -309,7 +367,7 @@ def test_what_has_no_form_in_c_is_refused_by_name(case):
 
 
 def test_the_refusal_is_known_beforehand():
-    assert "component 'floor'" in motion_refusal(bouncing()) and motion_refusal(rotor()) == ""
+    assert "component 'floor'" in motion_refusal(bouncing(friction=0.2)) and motion_refusal(rotor()) == ""
 
 
 def test_the_joint_distribution_travels_with_the_mechanism(tmp_path):

@@ -88,12 +88,13 @@ def _one_by_one(
     return found
 
 
-def output_program(model: Model, outputs: OutputMap) -> Program | None:
+def output_program(model: Model, outputs: OutputMap, *, open_contacts: bool = False) -> Program | None:
     """Return outputs as one program of (state, t, 0, parameters, inputs); None: observe states one by one.
 
     If outputs need accelerations, the last result is the residual of their system: poor above `RESIDUAL` ** 2.
+    `open_contacts` states that no contact lasts, so that contacts change no accelerations.
     """
-    if not _compiled(model):
+    if not _compiled(model) and not (open_contacts and model.system is not None and model.system.programs is not None):
         return None
     programs: Programs = model.system.programs
     key = (outputs.kernel.name, outputs.needed.tobytes(), outputs.accelerates)

@@ -124,7 +124,7 @@ def _refused(made: Any, what: str, study: Study, where: str) -> str:
 
 def _check_export(made: Any, source: Any, study: Study, where: str) -> None:
     """Export twice, the second time over an older file, and check files, text and source."""
-    before = source.copy(deep=True) if isinstance(source, xr.DataTree) else _drawn(source)
+    before: Any = source.copy(deep=True) if isinstance(source, xr.DataTree) else _drawn(source)
     with tempfile.TemporaryDirectory() as folder:
         for stem in ("one", "two"):
             path = Path(folder) / stem / f"{stem}{made.suffix}"
@@ -194,7 +194,7 @@ def _node(study: Study) -> xr.DataTree | None:
     )
     # the speed is 3 m/s, plus its standard deviation times the polynomial of degree one
     coefficients = np.array([3 * times, times / np.sqrt(3)])[:, None]
-    chaos = PolynomialChaos(coefficients, [[0], [1]], space, axes)
+    chaos = PolynomialChaos(coefficients, np.array([[0], [1]]), space, axes)
     children = {"chaos": chaos.to_dataset()}
     return propagator_node(
         "method", chaos.statistics(), propagator="any", realisations=2, wall_time=0.0, children=children

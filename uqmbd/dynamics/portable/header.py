@@ -68,6 +68,8 @@ def motion_header(sizes: dict[str, int], values: dict[str, Any]) -> str:
             "extern const Program motion_outputs, motion_initial;",
             "extern Kernel *const motion_parameters;",
             *tables,
+            "extern const Contacts motion_contacts;",
+            "extern const char *const *const motion_event_names;",
             "extern const char *const *const motion_equation_names;",
             "extern const Limit motion_limits[];",
             "extern const Tensor motion_tensors[];",

@@ -18,6 +18,7 @@ from uqmbd.dynamics.observation import output_program
 from uqmbd.dynamics.portable.c_source import SourceWriter, driver_sources
 from uqmbd.dynamics.portable.commands import MOST_MEASURED, MotionCommand, commands_of, measured_expressions
 from uqmbd.dynamics.portable.header import is_real, is_whole, motion_header
+from uqmbd.dynamics.portable.impacts import PARTS_OF_STEPS, contacts_of, impact_obstacle, written_contacts
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism
 from uqmbd.typing import Array
@@ -152,9 +153,8 @@ def motion_source(
 
 def _obstacle(model: Model) -> str:
     """Return why the driver alone does not integrate a model, or an empty text."""
-    if model.events:
-        component, label, _ = model.events[0]
-        return f"component {component!r} has the event {label!r}, and Python code processes events"
+    if why := impact_obstacle(model):
+        return why
     if model.speeds_commanded:
         return "a controller commands the speed of a driver, and Python code computes velocities after a jump"
     if model.paths or model.excitations:
@@ -224,16 +224,19 @@ def _written(
     model: Model, ensemble: Ensemble, times: Array, rtol: float, commands: tuple[MotionCommand, ...]
 ) -> PortableMotion:
     w, layout, programs = SourceWriter(), model.layout, model.system.programs
-    d, method = programs.dynamics, explicit_method(rtol, guarded=bool(layout.rank), attempts=200_000)
+    touching = contacts_of(model)
+    d = programs.dynamics if touching is None else touching[0]
+    # as in simulations with events, refused steps are not decided on
+    method = explicit_method(rtol, guarded=bool(layout.rank) and touching is None, attempts=200_000)
     k = d.constraints
     empty = "{NULL, 0, 0}"
     closing, speeds = equation_programs(model)
     closing_text, closing_memory = w.equations(closing.equations)
     speeds_text, speeds_memory = w.equations(speeds)
-    outputs = output_program(model, model.outputs)
+    outputs = output_program(model, model.outputs, open_contacts=True)
     assert outputs is not None
     measured = measured_expressions(model)
-    measuring = [output_program(model, loop.measure) for loop in model.controls]
+    measuring = [output_program(model, loop.measure, open_contacts=True) for loop in model.controls]
     stated = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
     initial, initial_states = None, np.zeros(0, dtype=np.int64)
     if layout.states:
@@ -245,6 +248,9 @@ def _written(
     if model.rough:
         longest = min(longest, float(np.diff(times).max()))
     longest = min(longest, model.max_step)
+    if touching is not None:
+        longest = min(longest, float(times[-1] - times[0]) / PARTS_OF_STEPS)
+    contacts, contact_rows, contact_sizes, contact_memory = written_contacts(w, model, touching)
     equations = 0 if k is None else len(k.residuals)
     rows = [
         outputs.rows,
@@ -253,7 +259,7 @@ def _written(
         0 if initial is None else initial.rows,
     ]
     work = max(d.rows + STAGES * layout.width + 2 * layout.coordinates + 5 + 2 * len(d.turns), *rows)
-    work = max(work, closing_memory, speeds_memory)
+    work = max(work + contact_memory, closing_memory, speeds_memory)
     turn = d.turns.shape[1] if d.turns.size else 0
     projections = {} if k is None else {"values": k.values, "drift": k.drift, "place": k.place, "move": k.move}
     problem = {
@@ -268,6 +274,7 @@ def _written(
         **{"moving": repr(float(d.moving)), "surplus_allowed": repr(method.surplus), "stiff": repr(method.stiff)},
         **{"patience": "INT64_MAX", "refusals": method.refusals, "attempts": method.attempts},
         **{"guarded": int(method.guarded), "instants": 2, "places": w.recorded_places()},
+        "contacts": "NULL" if touching is None else "&motion_contacts",
     }
     limits = [
         f"{{{w.texts([x.name])}, {x.index}, {_end(x.minimum)}, {_end(x.maximum)}, {int(x.exclusive)}}}"
@@ -295,6 +302,7 @@ def _written(
         "output_turns": w.numbers(model.outputs.turns),
         "output_references": w.numbers(model.outputs.reference),
         "output_counted": w.integers(model.outputs.counted.astype(int)),
+        "contact_rows": contact_rows,
         "initial_rows": "NULL" if initial is None else w.integers(initial.results),
         "initial_places": w.integers(initial_states),
         "command_places": w.integers([x.place for x in commands]),
@@ -324,12 +332,14 @@ def _written(
         "MOTION_MEASURED": len(measured),
         "MOTION_LOOPS": len(seen),
         "MOTION_MOST_MEASURED": MOST_MEASURED,
+        **contact_sizes,
         "MOTION_MOVES": int(bool(model.statements) or model.rheonomic),
     }
     data = [
         '/* Kernels and tables of the mechanism. */\n#include "motion.h"\n',
         w.source(),
         f"static const Tableau method = {w.tableau()};",
+        f"const Contacts motion_contacts = {contacts};",
         "const Problem motion_problem = {" + ",\n    ".join(f".{name} = {x}" for name, x in problem.items()) + "};",
         f"const Equations motion_closing = {closing_text};",
         f"const Equations motion_speeds = {speeds_text};",
@@ -340,6 +350,7 @@ def _written(
         *(f"const int64_t *const motion_{name} = {x};" for name, x in values.items() if is_whole(name)),
         *(f"const double *const motion_{name} = {x};" for name, x in values.items() if is_real(name)),
         f"const char *const *const motion_equation_names = {values['equation_names']};",
+        f"const char *const *const motion_event_names = {w.texts([name for name, *_ in model.events])};",
         f"const Limit motion_limits[] = {{{', '.join(limits) or '{NULL, 0, 0.0, 0.0, 0}'}}};",
         f"const Tensor motion_tensors[] = {{{', '.join(tensors) or '{NULL, NULL}'}}};",
         f"const Measurement motion_measurements[] = {{{', '.join(seen) or '{' + empty + ', NULL, 0}'}}};",

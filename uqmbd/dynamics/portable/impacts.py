@@ -1,0 +1,59 @@
+"""Impacts of a motion in C: contacts without friction, one at a time, whose bounces are in flight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uqmbd.compiled import ContactPrograms, Dynamics
+from uqmbd.dynamics.contact import contact_programs
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.portable.c_source import SourceWriter
+
+__all__ = ["PARTS_OF_STEPS", "contacts_of", "impact_obstacle", "written_contacts"]
+
+PARTS_OF_STEPS = 20
+"""Least number of steps over the output times; guards are evaluated within steps."""
+
+SAMPLES = 8
+"""Number of guard evaluations in a step of the driver."""
+
+
+def impact_obstacle(model: Model) -> str:
+    """Return why the events of a model have no form in C, or an empty text."""
+    for component, label, directions in model.events:
+        if directions == 0:
+            return f"component {component!r} has the event {label!r}, and Python code processes it"
+        if directions > 1:
+            return f"the impact of component {component!r} has friction, and Python code computes it"
+    maps = [model.outputs, *(loop.measure for loop in model.controls)]
+    if model.events and any(one.accelerates for one in maps):
+        return "it has impacts, and its outputs contain accelerations or reactions, which Python code computes"
+    return ""
+
+
+def contacts_of(model: Model) -> tuple[Dynamics, ContactPrograms] | None:
+    """Return the programs of a model with events; None without events."""
+    return contact_programs(model) if model.events else None
+
+
+def written_contacts(
+    w: SourceWriter, model: Model, found: tuple[Dynamics, ContactPrograms] | None
+) -> tuple[str, str, dict[str, int], int]:
+    """Return the C structure of contacts, the table of their rows, sizes, and the workspace of the driver."""
+    names = ("MOTION_EVENTS", "MOTION_SYSTEM", "MOTION_ENTRIES")
+    if found is None:
+        return "{0}", "NULL", dict.fromkeys(names, 0), 0
+    c, events = found[1], len(model.events)
+    text = ", ".join(
+        [
+            f"{events}, {len(c.speed)}, {w.integers(c.first)}",
+            f"{w.program(c.guards)}, {w.integers(c.guard)}, {w.program(c.contact)}",
+            *(w.integers(x) for x in (c.gap, c.law, c.speed, c.bias, c.slope)),
+            f"{c.size}, {len(c.rows)}",
+            *(w.integers(x) for x in (c.rows, c.columns, c.values, c.right)),
+        ]
+    )
+    rows = np.concatenate([c.gap, c.law[:, 0], c.speed, c.bias, c.slope.ravel(), c.values, c.right])
+    n = len(c.speed)
+    memory = 2 * events * (SAMPLES + 2) + c.size * (c.size + 1 + n) + 4 * n * n + 8 * n + 1
+    return f"{{{text}}}", w.integers(rows), dict(zip(names, (events, c.size, len(c.rows)), strict=True)), memory
