@@ -89,19 +89,21 @@ def measured(folder, times, steps):
 
 def main(names):
     """Print a table of the studies."""
+    compiler = find_compiler()
+    assert compiler is not None, "there is no C compiler"
     print(f"{'study':16}{'FMU, kB':>9}{'step, us':>10}{'driver, us':>12}{'ratio':>8}{'steps':>10}{'in one':>9}")
     for name in names:
         study = uqmbd.load_study(STUDIES / f"{name}.py")
         with tempfile.TemporaryDirectory() as work:
             folder = Path(work)
-            done = export_fmu(study.mechanism, folder / "one.fmu", times=study.times, rtol=1e-6)
+            done = export_fmu(study.mechanism, folder / "one.fmu", times=study.times.tolist(), rtol=1e-6)
             with zipfile.ZipFile(done.path) as archive:
                 archive.extractall(folder)
             sources = folder / "sources"
             (sources / "bench.c").write_text(PROGRAM)
             files = ["bench.c", "mechanism.c", "driver.c", "motion_data.c", "data.c"]
             flags = ["-std=gnu11", "-O2", "-ffp-contract=off", "-Wl,--wrap=advance", "-o", str(folder / "bench")]
-            subprocess.run([*find_compiler().command, *flags, *files, "-lm"], cwd=sources, check=True)
+            subprocess.run([*compiler.command, *flags, *files, "-lm"], cwd=sources, check=True)
             steps = len(study.times) - 1
             whole, inside, steps_inside, status = measured(folder, study.times, steps)
             _, _, once, _ = measured(folder, study.times, 1)
