@@ -52,7 +52,7 @@ SIMPLEST: tuple[Way, ...] = ("plain", "events", "phase", COMBINED, "two-frequenc
 """Order of preference of families with equal errors."""
 
 FIRST: tuple[Way, ...] = ("phase", "events", COMBINED, "plain", "two-frequency")
-"""Order of computation: later families reuse the realisations of earlier ones."""
+"""Order of computation: later families reuse the realisations of earlier families."""
 
 ENOUGH = 0.01
 """If errors are below this share of the largest deviation, two frequencies are tried only if the option names them."""
@@ -175,7 +175,7 @@ class _AtTimes(DerivedSource):
     paths: PhaseTrajectories
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
-        """Return realisations from stored trajectories, and compute the missing ones."""
+        """Return realisations from stored trajectories, and compute the missing realisations."""
         return self.paths.at_times(values)
 
 

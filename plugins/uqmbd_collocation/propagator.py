@@ -162,10 +162,10 @@ class Collocation(uqmbd.extend.Propagator):
         densities like squares of polynomials of the inputs, which are large in the tails. The mean square error is
         weighted for the distribution of the inputs (:class:`uqmbd.extend.VerificationPoints`). With eight or more
         realisations, two are at extremes of the outputs, unless elements or an alignment are used. If the stated error
-        is then above 10 %, two further ones are in gaps between points with large errors. The other points are the same
-        for every order. No point affects the coefficients. Verification ends a refinement, after which the stated error
-        is slightly more likely to be too small. Sixteen points state the error within a factor of two for nearly all
-        seeds. 32 points do so even if the error grows fast in the tails of several inputs. The statistic
+        is then above 10 %, two further points are in gaps between points with large errors. The other points are the
+        same for every order. No point affects the coefficients. Verification ends a refinement, after which the stated
+        error is slightly more likely to be too small. Sixteen points state the error within a factor of two for nearly
+        all seeds. 32 points do so even if the error grows fast in the tails of several inputs. The statistic
         ``verification_factor`` states the factor.
     seed : int
         Seed of sampling designs and of the verification points.
@@ -404,7 +404,7 @@ class Collocation(uqmbd.extend.Propagator):
         return len(self._plans(self.node_name).first_nodes(space))
 
     def _possible(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
-        """Return the possible families, and messages on the omitted ones."""
+        """Return the possible families, and messages on the omitted families."""
         ways = self.families or FAMILIES[:1]
         if self.alignment != "auto":
             return ways, ""

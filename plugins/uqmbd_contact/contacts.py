@@ -100,7 +100,7 @@ class SphereContact(_Contact, OnSphere):
 
 
 class RoadContact(_Contact, OnRoad):
-    """Contact of a point of body j with a road in body i: the first axis of body i points forward, the last one up.
+    """Contact of a point of body j with a road in body i: the first axis of body i points forward, the last axis up.
 
     The road profile is an expression in ``uqmbd_contact.distance``, the forward coordinate of the point, and in
     `uqmbd.t`. The profile can contain random variables. ``uqmbd_contact.distance`` is the same symbol as

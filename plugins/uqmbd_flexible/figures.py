@@ -33,9 +33,9 @@ def mode_shapes(model: ModalModel, modes: Annotated[int, uqmbd.extend.Bounds(1, 
     Returns
     -------
     matplotlib.figure.Figure
-        Undeformed nodes in grey and displaced nodes in blue. A node of a beam is joined with the next one. The scale is
-        the factor of the displacement for a coordinate of 1 m. In space, the view is along the axis with the smallest
-        extent of the displaced body.
+        Undeformed nodes in grey and displaced nodes in blue. A line connects each node of a beam with the next node.
+        The scale is the factor of the displacement for a coordinate of 1 m. In space, the view is along the axis with
+        the smallest extent of the displaced body.
 
     Raises
     ------

@@ -203,7 +203,7 @@ class _Motion:
         )
 
     def enclosed(self) -> bool:
-        """Return whether a solid encloses another one at the start."""
+        """Return whether a solid encloses another solid at the start."""
         (one, p), (two, q) = self.poses(self.motion.begin[:1])
         return any(contains(a, b, (one[0], p[0]), (two[0], q[0])) for a in self.solids[0] for b in self.solids[1])
 

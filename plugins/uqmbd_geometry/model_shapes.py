@@ -40,7 +40,7 @@ def add_model_shapes(
     path : str or Path, optional
         Model file. Default: the file of the mechanism.
     which : {"visual", "collision"}
-        Shapes for drawings, or the simpler ones for contact.
+        Shapes for drawings, or simpler shapes for contact.
     folder : str or Path, optional
         Folder that contains all mesh files; a file outside is not read. Default: the folder of the model file. URDF
         files with ``package://`` names need the folder that contains the packages.

@@ -156,7 +156,7 @@ def _joints(loaded: ParsedFile, model: Any, off: set[str], position: Array, spee
 def _equalities(
     loaded: ParsedFile, model: Any, off: set[str]
 ) -> tuple[tuple[LoopClosure, ...], tuple[Coupling, ...], list[uqmbd.extend.Omission]]:
-    """Return loops and couplings from equality constraints, and list disabled ones as omissions."""
+    """Return loops and couplings from equality constraints, and list disabled constraints as omissions."""
     kinds = loaded.mujoco.mjtEq
     loops: list[LoopClosure] = []
     couplings: list[Coupling] = []

@@ -123,7 +123,7 @@ def refuse(document: Document) -> None:
 
 
 def unknown_words(document: Document) -> list[uqmbd.extend.Omission]:
-    """Return a list of ignored elements and attributes, such as misspelt ones."""
+    """Return a list of ignored elements and attributes, such as misspelt names."""
     unknown: dict[str, None] = {}
     foreign: dict[str, None] = {}
     twice: dict[str, None] = {}

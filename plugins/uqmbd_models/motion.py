@@ -74,7 +74,7 @@ def place(tree: Tree, names: dict[int, str]) -> PlacedLinks:
 
 
 def _carried(pose: FramePose, shift: Array, turn: Array, moving: bool) -> FramePose:
-    """Return the pose of a frame that is fixed in another one."""
+    """Return the pose of a frame that is fixed in another frame."""
     velocity = pose.velocity + turned(pose.quaternion, np.cross(pose.spin, shift))
     return FramePose(
         pose.point(shift), product(pose.quaternion, turn), velocity, turned(inverse(turn), pose.spin), moving

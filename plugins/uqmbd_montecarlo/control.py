@@ -15,7 +15,8 @@ __all__ = ["FOLDS", "LEAST_SAMPLES", "Controlled", "controlled_statistics", "con
 
 
 FOLDS = 10
-"""Number of parts of the samples; the factors of a part come from the other parts, so they are independent of it."""
+"""Number of parts of the samples; the factors of a part come from the other parts, and are therefore independent of
+this part."""
 
 LEAST_SAMPLES = 5 * FOLDS
 """Least number of samples; with fewer, uncertain factors of a poor surrogate would increase the error."""
@@ -189,7 +190,7 @@ def _regression(products: Array, target: int, controls: tuple[int, ...]) -> list
 
 
 def _others(folds: Sequence[JointMoments]) -> list[JointMoments]:
-    """Return the moments of all folds except each one, by merging from both ends."""
+    """Return, for each fold, the moments of all other folds, by merging from both ends."""
     empty = folds[0].empty()
     left, right = [empty], [empty]
     for fold in folds[:-1]:

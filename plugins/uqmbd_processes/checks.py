@@ -109,7 +109,7 @@ def _percent(share: float) -> str:
 
 
 def _tail(process: RandomProcess) -> RandomProcess:
-    """Return the process of the frequencies above the sampled ones."""
+    """Return the process of the frequencies above the sampled frequencies."""
     angular: Any = "rad/s" if process.over == "time" else "rad/m"
     function = _Density("".join(process.description.values()), process)
     density = PowerSpectralDensity(function, "two", angular, (process.sampled_band[1], process.band[1]))
@@ -132,7 +132,7 @@ def _expressions_over_time(mechanism: Any) -> list[tuple[str, Any]]:
 def _lost_shares(
     mechanism: Any, expressions: list[tuple[str, Any]], time: float
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the largest lost share of the variance by name at the means, and reasons for unknown ones.
+    """Return the largest lost share of the variance by name at the means, and reasons for unknown shares.
 
     The reason is an empty text if the linear response of an expression is zero.
     """

@@ -15,7 +15,7 @@ __all__ = ["EPS", "controllable", "covariances", "inverses", "is_stable", "separ
 Array = NDArray[np.float64]
 
 DIRECT = 10
-"""Largest order of systems that are solved together; larger ones are solved one by one."""
+"""Largest order of systems that are solved together; larger systems are solved one by one."""
 
 EPS = float(np.finfo(float).eps)
 
@@ -140,7 +140,7 @@ def is_stable(a: Array) -> NDArray[np.bool_]:
 
 
 def inverses(matrices: NDArray[Any]) -> NDArray[Any]:
-    """Return the inverses of matrices (K, n, n); infinite for singular ones."""
+    """Return the inverses of matrices (K, n, n); infinite for singular systems."""
     try:
         return np.asarray(np.linalg.inv(matrices))
     except np.linalg.LinAlgError:  # a singular matrix must not affect the others

@@ -263,7 +263,7 @@ def _normal(source: SampledProcess, key: float, count: int) -> Complex:
 
 
 def _correlate(where: str, harmonics: Complex, points: list[SampledProcess], frequency: Array) -> None:
-    """Replace independent harmonics (K, points, lines) by coherent ones: by Cholesky factors at each line.
+    """Replace independent harmonics (K, points, lines) by coherent harmonics: by Cholesky factors at each line.
 
     The loops over points use products of single numbers. Their rounding does not depend on the number of paths.
     """

@@ -77,8 +77,8 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
     """Return the probability of violation from the weights (N,) of violations and of failed realisations.
 
     Weights of other samples are zero. The probability refers to realisations that do not fail; the interval is valid
-    for any margins of the failed ones. `standard`: number of standard normal samples, for the bound if there is no
-    violation; `pilot`: number of standard normal pilot samples, and of failures among them.
+    for any margins of the failed realisations. `standard`: number of standard normal samples, for the bound if there is
+    no violation; `pilot`: number of standard normal pilot samples, and of failures among them.
     """
     low, high = _bounds(violations, standard)
     lost, most_lost = failing(failures, *pilot)

@@ -167,7 +167,7 @@ class Reliability(uqmbd.extend.Propagator):
     target_cov : float
         Coefficient of variation (standard error divided by probability) at which sampling stops.
     max_realisations : int
-        Largest total number of realisations, including those of searches and of `surrogate`, and failed ones.
+        Largest total number of realisations, including searches, `surrogate` and failed realisations.
     seed : int
         Seed of the random numbers. The same seed gives the same bits for any number of workers.
     surrogate : uqmbd.extend.Propagator, optional

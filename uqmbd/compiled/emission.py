@@ -45,7 +45,7 @@ _INTRINSIC = {"Abs": "fabs", "floor": "floor", "ceiling": "ceil"}
 _COMPARISON = {"LessThan": "ole", "StrictLessThan": "olt", "Equality": "oeq", "Unequality": "une"}
 
 _OPPOSITE = {"LessThan": "ogt", "StrictLessThan": "oge", "Equality": "one", "Unequality": "oeq"}
-"""Comparison that is true if another one is certainly false; both are false if one side is not a real number."""
+"""Comparison that is true if another comparison is certainly false; both are false if one side is not a real number."""
 
 _PARTIAL = {"asin", "acos", "acosh", "atanh", "asec", "acsc", "acoth", "log", "gamma"}
 """Functions, in addition to powers, that are not real everywhere."""

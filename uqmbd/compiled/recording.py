@@ -58,7 +58,7 @@ places to Chebyshev coefficients, and `_FINE` maps these to values at `FINE`."""
 
 
 class RecordedSteps(NamedTuple):
-    """Recorded steps of realisations, in chronological order; later steps replace earlier ones."""
+    """Recorded steps of realisations, in chronological order; later steps replace earlier steps."""
 
     owner: Index  # (P,): index of the realisation of each step
     ends: Array  # (P, 2): begin and end, s

@@ -29,7 +29,7 @@ PURE = frozenset(
         "statistics", "string", "symengine", "sympy", "types", "typing", "uqmbd", "warnings",
     }
 )  # fmt: skip
-"""Packages in `LIBRARIES` with functions that are deterministic in their arguments, except the `IMPURE` ones."""
+"""Packages in `LIBRARIES` whose functions, except `IMPURE`, are deterministic in their arguments."""
 
 IMPURE = frozenset(
     {

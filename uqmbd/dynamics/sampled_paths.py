@@ -54,7 +54,7 @@ class SampledPaths:
     def reach(self, begin: float, end: float) -> None:
         """Sample the paths between two times, s, unless they reach that far already.
 
-        Each realisation has an interval of its own, so that its path, and the failure of its path, do not depend on
+        Each realisation has a separate interval, so that its path, and the failure of its path, do not depend on
         others.  Equal keys with equal intervals share a path.  Raise the error of the source if no path can be sampled.
         """
         if self._interval is not None and self._interval[0] <= begin and end <= self._interval[1]:

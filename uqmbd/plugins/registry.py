@@ -116,7 +116,7 @@ def propagator(name: str) -> type:
     Raises
     ------
     uqmbd.StudyError
-        If there is no such propagator; the message lists the installed ones.
+        If there is no such propagator; the message lists the installed names.
 
     Examples
     --------

@@ -1,9 +1,10 @@
 """Measure the error of the time integration by a second integration of some realisations at a tighter tolerance.
 
-The sample is one in twenty successful realisations of a method, evenly spread, and at least three. Of stored samples of
-few inputs, a quarter of them are the most sensitive ones, which have most of the error next to a separatrix. The choice
-does not depend on the workers. A method that solves for all realisations together computes no separate realisations.
-For such a method, the points are the medians of the inputs and two further points of their distribution.
+The sample is one in twenty successful realisations of a method, evenly spread, and at least three. With stored samples
+of few inputs, a quarter of these realisations are the most sensitive samples. Near a separatrix, sensitive samples have
+most of the error. The choice does not depend on the workers. A method that solves for all realisations together
+computes no separate realisations. For such a method, the points are the medians of the inputs and two further points of
+their distribution.
 
 The second integration uses the built-in integrator ``auto`` at one hundredth of the tolerance. The comparison is
 therefore also an independent check of IDA and of integrators of plugins. If all steps end at samples of a controller or

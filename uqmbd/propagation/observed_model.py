@@ -120,7 +120,7 @@ def friction_at_rest(model: Model, values: Array, every: bool = False) -> tuple[
 def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:
     """Return findings on components that refer to bodies of a mechanism but were never passed to its `add`.
 
-    The findings exclude rejected components and components that another one with the same name has replaced.
+    The findings exclude rejected components and components that another component with the same name has replaced.
     """
     touched: dict[tuple[str, str], list[str]] = {}
     for body in mechanism.bodies.values():

@@ -194,7 +194,7 @@ class JointInput:
         Returns
         -------
         array, shape (sample, input)
-            Inputs with their joint distribution. Appending rows does not change the bits of the first ones.
+            Inputs with their joint distribution. Appending rows does not change the bits of the first rows.
 
         Raises
         ------

@@ -10,7 +10,7 @@ __all__ = ["path_key"]
 
 @checked
 def path_key(name: str) -> RandomVariable:
-    """Return the key of sampled paths: a random variable between 0 and 1 whose every value stands for another path.
+    """Return the key of sampled paths: a random variable between 0 and 1, each value of which selects another path.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ ENDS = (0.001, 0.999)
 """Levels of the distribution at the ends of a slider."""
 
 CLOSE = 1e-6
-"""Distance of the points of a joint, in sizes of the mechanism, that counts as zero."""
+"""Distance of the points of a joint, relative to the size of the mechanism, that counts as zero."""
 
 SLACK = 1e-9
 """Negative sum of moments of inertia, relative to the largest moment, that counts as rounding."""
@@ -62,8 +62,8 @@ def structure(mechanism: Mechanism, study: Study | None) -> dict[str, Any]:
 def pose_scene(mechanism: Mechanism, values: Mapping[str, float], time: float) -> dict[str, Any]:
     """Return the assembled and the drawn pose of a mechanism at values of its inputs.
 
-    The key ``gaps`` lists joints whose points are apart in the drawn pose, and whether the assembly closed them.
-    ``moved`` lists displacements of bodies by the assembly.
+    The key ``gaps`` lists joints whose points do not coincide in the drawn pose, and whether the assembly closed the
+    joints. ``moved`` lists displacements of bodies by the assembly.
     """
     assembled, stated = drawn_pose(mechanism, values, time), stated_pose(mechanism, values, time)
     note = str(assembled.attrs["note"])
@@ -103,7 +103,7 @@ def _values(data: xr.Dataset) -> dict[str, float]:
 
 
 def _inputs(mechanism: Mechanism) -> list[dict[str, Any]]:
-    """Return name, units, mean and range of each random input; the others are at their medians for the range."""
+    """Return name, units, mean and range of each random input; the other inputs have their medians in the range."""
     inputs = mechanism.inputs
     count = len(inputs)
     if not count:

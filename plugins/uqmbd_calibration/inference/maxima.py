@@ -35,7 +35,7 @@ class Parts:
 
     @classmethod
     def separate(cls, vectors: Sequence[Array], hessians: Sequence[Array]) -> tuple[Parts, list[int]]:
-        """Return maxima with sufficient distance, giving preference to earlier ones, and their indices."""
+        """Return maxima with sufficient distance, with preference for earlier maxima, and their indices."""
         kept: list[int] = []
         for k in range(len(vectors)):
             nearest = [

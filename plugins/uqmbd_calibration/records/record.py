@@ -274,8 +274,8 @@ class Record:
         Raises
         ------
         uqmbd.StudyError
-            If the study has no such output or known input, units differ, or only one of the two has times for an
-            output. Also if times precede the start of the study, or a known value is impossible for its input.
+            If the study has no such output or known input, units differ, or only the record or only the study has times
+            for an output. Also if times precede the start of the study, or a known value is impossible for its input.
             Also if values are too large to compute with, or the noise is below their rounding errors.
 
         Warns

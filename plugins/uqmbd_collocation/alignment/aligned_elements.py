@@ -60,7 +60,7 @@ class _AlignedElements(ElementFits):
     source: Paths
 
     def points(self, boxes: list[uqmbd.extend.GermBox]) -> list[uqmbd.extend.VerificationPoints]:
-        """Return the verification points of the next elements; given verification points replace random ones."""
+        """Return the verification points of the next elements; given verification points replace random points."""
         drawn = super().points(boxes)
         if self.given is None:
             return drawn

@@ -93,7 +93,7 @@ class PhaseTrajectories:
     """First and last time, s, at which nodes pass the last common phase before their clock comes to rest."""
     starts: Starts | None = None
     better: str = ""
-    """Name of a clock that runs in all nodes, if the option names another one."""
+    """Name of a clock that runs in all nodes, if the option names another clock."""
     tentative: bool = False
     """Whether to search for a clock up to the last output time before all nodes are integrated for longer."""
     events: EventTrajectories | None = None

@@ -29,7 +29,7 @@ class Watching(DerivedSource):
     _seen: list[Array] = field(default_factory=list)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
-        """Compute realisations, and store the observed quantities of successful ones."""
+        """Compute realisations, and store the observed quantities of successful realisations."""
         found = self.problem.watching().realise(values)
         self._seen.append(found.response[found.good])
         return replace(found, response=found.response[:, : self.problem.labels.shape[0]])

@@ -41,7 +41,7 @@ class Allocation:
     std_error, lower, upper : float
         Standard error and 95 % interval of `probability`.
     realisations, failures : int
-        Number of realisations in all steps, and number of failed ones.
+        Number of realisations in all steps, and number of failed realisations.
     surrogate_error : float
         Leave-one-out error of the last surrogate, relative to the standard deviation of the margins.
     notes : tuple of str

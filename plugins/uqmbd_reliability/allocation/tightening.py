@@ -37,7 +37,7 @@ class Tightened:
     costs: tuple[Callable[[float], float], ...]  # functions of a half width
 
     def values(self, values: Array, factors: Array) -> Array:
-        """Return inputs (K, input) with the changeable ones contracted to their means."""
+        """Return inputs (K, input) in which the changeable inputs are contracted to their means."""
         found = values.copy()
         found[:, self.columns] = self.means + factors * (values[:, self.columns] - self.means)
         return found

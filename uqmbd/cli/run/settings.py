@@ -36,7 +36,7 @@ def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -
 
     `settings` are as on the command line; the last of several settings of an option applies. `propagators` are the
     methods of the study, which do not change. Raise StudyError if a setting has another form, or if the label, the
-    option or the value is invalid; the message lists valid ones.
+    option or the value is invalid; the message lists valid labels.
     """
     changes: dict[str, dict[str, Any]] = {}
     known = {propagator.node_name: propagator for propagator in propagators}

@@ -268,7 +268,7 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
 
 
 def independent_rows(gradient: Array, first: Index, last: Index | None = None) -> tuple[Index, Index]:
-    """Split equations into independent and redundant ones (sorted indices) by gradients (equation, coordinate).
+    """Split equations into independent and redundant equations (sorted indices) by gradients (equation, coordinate).
 
     The gradients are ``Phi_q`` at an assembled pose, or ``D`` for velocity equations.  Equations `first` (unit
     quaternions) have priority over all others.  Equations `last` (velocity equations) have the lowest priority and

@@ -200,7 +200,7 @@ def _lasting_solution(problem: Collision) -> tuple[Array, bool] | None:
     """Return the first stable forces (direction,) that satisfy the laws, and whether unstable forces also satisfy them.
 
     Forces are unstable if the stiffness of a compliant contact, coupled by the bodies, does not return the contact to
-    them. If all forces are unstable, return the first ones. If none satisfy the laws, return None.
+    them. If all forces are unstable, return the first forces. If none satisfy the laws, return None.
     """
     unstable: Array | None = None
     for force in solutions(problem):

@@ -53,7 +53,7 @@ class Records:
         ]
 
     def times(self, owners: Index, count: int) -> dict[str, Array]:
-        """Return event times by name for `count` realisations; `owners` (M,) are the numbers of the recorded ones."""
+        """Return event times by name for `count` realisations; `owners` (M,) are numbers of recorded realisations."""
         members, times, events, labels = self.sorted()
         components = list(dict.fromkeys(component for component, *_ in self.model.events))
         component = np.array([components.index(name) for name, *_ in self.model.events], dtype=np.int64)

@@ -40,7 +40,7 @@ def solve_single_impacts(contacts: ContactQuantities, events: Index) -> tuple[Ar
 
 
 def _smooth(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Return impulses (T, 1) without friction, and a mask of valid ones."""
+    """Return impulses (T, 1) without friction, and a mask of valid impulses."""
     impulse = -(1 + law[:, :1]) * before / matrix[:, 0]
     return impulse, (law[:, 0] >= 0) & (law[:, 0] <= 1) & (impulse[:, 0] > 0) & np.isfinite(impulse[:, 0])
 

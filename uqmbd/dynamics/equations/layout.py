@@ -102,7 +102,7 @@ class Layout:
 
     @cached_property
     def number(self) -> Index:
-        """Index of each constraint equation among the independent ones; -1: dependent."""
+        """Index of each constraint equation among the independent equations; -1: dependent."""
         found = np.full(self.constraints, -1, dtype=np.int64)
         found[self.kept] = np.arange(len(self.kept))
         return found

@@ -126,7 +126,7 @@ class Model:
 
     @property
     def of_bodies(self) -> int:
-        """Number of coordinates of bodies, which are the first ones."""
+        """Number of coordinates of bodies, which are the first coordinates."""
         return len(self.bodies) * self.size
 
     def by_body(self, values: Array) -> Array:
@@ -161,7 +161,7 @@ class Model:
     def between_samples(self, time: float) -> Model:
         """Return the model with another initial time, s, and constant commands instead of controllers.
 
-        The new model reuses the cached index maps and counts of this one.
+        The new model reuses the cached index maps and counts of this model.
         """
         other = replace(self, time=time, controls=())
         for name in ("_places", "block_parameters", "counts", "pattern", "rheonomic"):

@@ -1,11 +1,11 @@
 """Sample functions of time in the equations of motion on a fine grid before the integration.
 
 A short pulse in a long quiet interval may be between the stages of a step. The integration then misses the pulse,
-because the step errors do not contain it. Every function of time is therefore sampled beforehand. A cell of the grid is
-smooth if a polynomial through every other point predicts the points between. Smooth cells are merged in pairs while the
-merged cell is smooth. Other cells are divided into 16, at most 12 times. The sizes of the smooth cells show how fast
-the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`). Functions with uniform behaviour
-(polynomials, sines of linear phases, and pieces of them) cannot be stepped over, and are not sampled.
+because the step errors do not contain it. Every function of time is therefore sampled before the integration. A cell of
+the grid is smooth if a polynomial through every other point predicts the points between. Smooth cells are merged in
+pairs while the merged cell is smooth. Other cells are divided into 16, at most 12 times. The sizes of the smooth cells
+show how fast the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`). Functions with uniform
+behaviour (polynomials, sines of linear phases, and pieces of them) cannot be stepped over, and are not sampled.
 """
 
 from __future__ import annotations

@@ -248,7 +248,7 @@ class SingularPoseWatcher:
         return course
 
     def _continue(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> None:
-        """Continue the motion beyond a singular pose; store the continuation if it is better than earlier ones."""
+        """Continue the motion beyond a singular pose; store the continuation if no earlier continuation is better."""
         block = np.repeat(self.parameters[None], len(states), axis=0)
         q, s, v = self.model.layout.split(states)
         a, _, changes = accelerations(self.model, q, s, v, times, block)

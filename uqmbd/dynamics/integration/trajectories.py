@@ -107,7 +107,7 @@ class Trajectories:
 
     Examples
     --------
-    Return value of an integrator for two realisations; one stands still, and the other one fails:
+    Return value of an integrator for two realisations; one stands still, and the other realisation fails:
 
     >>> import numpy as np
     >>> import uqmbd

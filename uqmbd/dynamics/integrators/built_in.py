@@ -193,7 +193,7 @@ class Radau:
 
 @dataclass(frozen=True)
 class Auto:
-    """`Dop853` for small enough mechanisms; stiff realisations are left to `Radau`, failed ones to `Ida`.
+    """`Dop853` for small enough mechanisms; `Radau` continues stiff realisations, and `Ida` failed realisations.
 
     The costs of the methods are compared by counts, separately for each realisation.
     """

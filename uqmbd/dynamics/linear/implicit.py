@@ -131,7 +131,7 @@ class _ContactUnknowns:
         return along | {(i, d) for d, i in along} | {(self.first + d,) * 2 for d in range(self.directions)}
 
     def placed(self, entries: list[Entry]) -> ContactEntries | None:
-        """Return the numbers of the entries among all given ones; None without contacts."""
+        """Return the numbers of the entries among all given entries; None without contacts."""
         if not self.directions:
             return None
         numbers = {entry: k for k, entry in enumerate(entries)}
@@ -144,7 +144,7 @@ class _ContactUnknowns:
         )
 
     def bordered(self, matrix: Array, eta: float) -> Array:
-        """Return systems with open contacts, and the same systems with persistent ones."""
+        """Return systems with open contacts, and the same systems with persistent contacts."""
         count, size = len(matrix), self.first + self.directions
         both = np.zeros((2 * count, size, size))
         both[:count, : self.first, : self.first] = both[count:, : self.first, : self.first] = matrix

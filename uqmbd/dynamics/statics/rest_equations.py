@@ -112,7 +112,7 @@ class RestEquations:
         return q[:, self.model.layout.free]
 
     def whole(self, members: Index, q: Array) -> Array:
-        """Return all coordinates, including the frozen ones."""
+        """Return all coordinates, including the frozen coordinates."""
         layout = self.model.layout
         result = np.zeros((len(q), layout.coordinates))
         result[:, layout.free], result[:, layout.frozen] = q, self.frozen[members]

@@ -73,9 +73,10 @@ STEPS = ("owner", "begin", "end", "last", "kept")
 
 
 def motion_of(batch: Batch, path: RecordedSteps, members: Index, time: float, states: Array) -> SteppedMotion:
-    """Return the motion of some realisations (ascending numbers) from recorded steps; later steps replace earlier ones.
+    """Return the motion of some realisations (ascending numbers) from recorded steps.
 
-    With a single time there are no steps; the realisations then stay in their `states` (K, width).
+    Later steps replace earlier steps.  With a single time there are no steps; the realisations then stay in their
+    `states` (K, width).
     """
     if len(still := np.setdiff1d(members, path.owner)):
         ends, kept = np.tile([time, time], (len(still), 1)), np.zeros(len(still), dtype=bool)

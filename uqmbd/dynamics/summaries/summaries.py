@@ -56,7 +56,7 @@ def custom_values(parts: StepParts, column: int, declared: DeclaredSummary, numb
 
 
 def polynomial_values(parts: StepParts, seen: SummaryMap) -> dict[int, tuple[Array, list[str]]]:
-    """Apply declared functions of polynomials; return values (R,) and reasons of missing ones, by summary.
+    """Apply declared functions of polynomials; return values (R,) and reasons of missing values, by summary.
 
     The functions of one realisation are called in turn, so that they can share intermediate results.
     """

@@ -221,7 +221,7 @@ class _Walk:
         return None
 
     def _further(self, part: CustomSummary) -> None:
-        """Compare the units of further expressions with the declared ones."""
+        """Compare the units of further expressions with the declared units."""
         for expression, units in zip(part.further, part.declared.further, strict=True):
             measure, declared = self.measure(expression), read_units(units)
             if isinstance(measure, MeasuredProduct) and units and declared is not None:
@@ -358,7 +358,7 @@ class _Walk:
         return True
 
     def compare(self, expression: Any, found: MeasuredProduct, declared: Unit, units: str) -> None:
-        """Compare the units of an expression with the stated ones."""
+        """Compare the units of an expression with the stated units."""
         text = _short(expression)
         if found.unit.dimension != declared.dimension:
             if not found.free and not self._explained([found.unit.dimension, declared.dimension]):

@@ -159,7 +159,7 @@ def varying(chaos: Surrogate, rtol: NotNegative) -> Mask:
         Surrogate of outputs over time.
     rtol : float
         Relative tolerance of the integration. The limit is the error of 100 steps, or of one step of an output
-        with the same units if larger. That output may be a term of this one.
+        with the same units if larger. That output may be a term of this output.
 
     Examples
     --------

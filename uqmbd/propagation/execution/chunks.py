@@ -105,7 +105,7 @@ class Chunk:
         return self if kind == "outputs" else None
 
     def companions(self, kind: Kind, *, margins: bool) -> dict[Kind, Chunk]:
-        """Return chunks of other kinds that were computed with this one; `margins` includes margins of requirements.
+        """Return chunks of other kinds that were computed with this chunk; `margins` includes margins of requirements.
 
         Only this chunk contains the counters of the solver.
         """

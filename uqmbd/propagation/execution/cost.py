@@ -168,7 +168,7 @@ def solver_counters(counters: Mapping[str, Any]) -> dict[str, Any]:
 def machine_attribute(counters: Mapping[str, float]) -> dict[str, str]:
     """Return the attribute with the number of realisations by type of machine, as a JSON object.
 
-    The result is empty if machines of the same type as this one computed all realisations.
+    The result is empty if machines of the type of this machine computed all realisations.
 
     >>> machine_attribute({"steps": 12, "on aarch64 neon glibc-2.36": 64})
     {'machines': '{"aarch64 neon glibc-2.36": 64}'}

@@ -313,7 +313,7 @@ class _Dispatcher(Generic[Piece, Result]):
             self.suspects.append((index, submission.deaths))
 
     def _note_begun(self, index: int) -> None:
-        """Record that tasks sent before this one are running."""
+        """Record that tasks sent before this task are running."""
         for other, submission in self.submissions.items():
             if other == index:
                 return
@@ -330,7 +330,7 @@ class _Dispatcher(Generic[Piece, Result]):
         self.held += size
 
     def _end(self) -> None:
-        """Cancel tasks in progress, and store finished ones."""
+        """Cancel tasks in progress, and store finished tasks."""
         for index, submission in self.submissions.items():
             for future in submission.futures:
                 if future.cancel() or not future.done() or future.cancelled() or future.exception() is not None:

@@ -240,8 +240,8 @@ AGAIN, MOST = 3, 100
 """Minimum and maximum number of realisations that are integrated again."""
 
 EACH = 20
-"""Number of successful realisations for each one that is integrated again. An integration with one hundredth of the
-tolerance costs up to twice as much."""
+"""Number of successful realisations for each realisation that is integrated again. An integration with one hundredth of
+the tolerance costs up to twice as much."""
 
 NUMBERS = 1 << 24
 """Maximum number of response values of realisations that are integrated again; the first `AGAIN` are exempt."""

@@ -26,7 +26,7 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["Handover", "ReductionOrder", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk"]
 
 Reduction = Callable[..., Arrays]
-"""Function that maps realisations, the index of the first one, and further arguments to arrays by name."""
+"""Function that maps realisations, the index of the first realisation, and further arguments to arrays by name."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Handover:
 def compute_reduced(
     packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: ReductionOrder
 ) -> Handover:
-    """Compute realisations, or read stored ones, and reduce them.
+    """Compute realisations, or read stored realisations, and reduce them.
 
     `compute_chunk` documents the arguments. Requested responses are written once.
     """

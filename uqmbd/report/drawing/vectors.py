@@ -38,7 +38,7 @@ _INK = ("#1b1f24", "#e6e9ed")
 
 
 def mixed(colour: str, other: str, share: float) -> str:
-    """Mix a colour ``#rrggbb`` with a share of another one.
+    """Mix a colour ``#rrggbb`` with a share of another colour.
 
     >>> mixed("#000000", "#ffffff", 0.2)
     '#333333'

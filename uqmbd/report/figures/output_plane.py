@@ -198,8 +198,8 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
     If the other output is monotonic in every realisation, the curves are functions of it. The figure then shows their
     mean, and the bands that contain 50 % and 95 % of the curves, over the range that all curves cover. Otherwise (a
     wheel that goes up and down) lines show single realisations, and the means of both outputs at each time. Curves of a
-    polynomial chaos are samples of it. With several methods, the first has filled bands, or lines; the others have the
-    mean and the edges of the 95 % band.
+    polynomial chaos are drawn from its samples. With several methods, the first has filled bands, or lines; the others
+    have the mean and the edges of the 95 % band.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def compressed(coefficients: Array, allowed: Array, lags: Sequence[int] = ()) ->
 
 
 def expanded(data: Mapping[str, Any]) -> Array:
-    """Return the coefficients (E, P, O, C) from compressed ones."""
+    """Return the coefficients (E, P, O, C) from compressed coefficients."""
     found = []
     for one in cast(Sequence[Mapping[str, Any]], data["outputs"]):
         left = unpacked(one["left"]).astype(float)

@@ -219,7 +219,7 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     """Return the first screen of the report of a result, its methods, and charts of its outputs over time.
 
     `tree` is the result of a study, or the node of one method. `outputs` are the drawn outputs; the default is the six
-    most uncertain ones. Raise StudyError if the tree is not a result, or lacks an output.
+    most uncertain outputs. Raise StudyError if the tree is not a result, or lacks an output.
     """
     from uqmbd.report.sections import most_uncertain
     from uqmbd.report.view import StudyResult

@@ -85,7 +85,7 @@ def stated_accuracy(
         are relative to the largest standard deviation of that output over time. For a scalar output they are relative
         to its standard deviation. The half-width is 1.96 standard errors; for replicates, the quantile of Student's t
         replaces 1.96. For a surrogate it is the root mean square error of single realisations, from its verification.
-        Errors of mean and standard deviation are at most as large (Cauchy-Schwarz inequality), and usually a fifth of
+        Errors of mean and standard deviation do not exceed it (Cauchy-Schwarz inequality), and are usually a fifth of
         it. Outputs that do not vary are ignored. The integration error, which more realisations do not reduce, is
         stated separately.
 

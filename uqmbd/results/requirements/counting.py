@@ -33,7 +33,7 @@ class Violations:
         Number of realisations that violate each requirement until each time. If there are several requirements, the
         last row counts violations of any of them.
     total, failed : int
-        Number of realisations, and number of failed ones, which count neither as safe nor as violations.
+        Number of realisations, and number of failed realisations, which count neither as safe nor as violations.
 
     Examples
     --------

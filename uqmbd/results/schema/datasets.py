@@ -101,7 +101,7 @@ _COMMENTS = {
 
 
 def check_version(attrs: Mapping[Any, Any], where: str) -> None:
-    """Check that the schema of results is not later than this one.
+    """Check that the schema of results is not later than the schema of this version.
 
     `attrs`: attributes of the root; `where`: file, for the message. Raise StudyError for later or invalid versions.
 

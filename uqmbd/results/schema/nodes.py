@@ -70,7 +70,7 @@ def propagator_node(
     propagator : str
         Registered name of the method, such as ``monte-carlo``.
     realisations : int
-        Number of computed realisations, including failed ones.
+        Number of computed realisations, including failed realisations.
     wall_time : float
         Wall-clock time, s.
     failures : int, optional

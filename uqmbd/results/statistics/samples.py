@@ -47,14 +47,13 @@ def sample_statistics(
 
     For :math:`n` independent samples, 1.96 standard errors to either side of an estimate contain the true value in 95 %
     of runs. The estimates are the mean and the standard deviation. This includes few samples of a skewed output. For
-    many samples with short tails, the errors are the usual ones: :math:`s / \sqrt{n}` and
-    :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)`. Here :math:`s^2` is the unbiased variance
-    and :math:`m_4` the fourth central moment (divisor :math:`(n-1)^2 / n`). The second error follows from the exact
-    variance of :math:`s^2` for any distribution ([1]_, section 2.3). For fewer samples, the errors are larger. The
-    error of the mean includes Student's t and a term for the skewness [2]_. The error of :math:`s` is
-    :math:`(u - s) / 1.96` with the upper end :math:`u` of the interval of chi-square. The degrees of freedom follow
-    from the kurtosis [3]_. The kurtosis is increased first, because few samples of a long tail have too small a
-    kurtosis.
+    many samples with short tails, the errors equal the usual errors: :math:`s / \sqrt{n}` and :math:`\sqrt{\left(m_4 -
+    \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)`. Here :math:`s^2` is the unbiased variance and :math:`m_4` the fourth
+    central moment (divisor :math:`(n-1)^2 / n`). The second error follows from the exact variance of :math:`s^2` for
+    any distribution ([1]_, section 2.3). For fewer samples, the errors are larger. The error of the mean includes
+    Student's t and a term for the skewness [2]_. The error of :math:`s` is :math:`(u - s) / 1.96` with the upper end
+    :math:`u` of the interval of chi-square. The degrees of freedom follow from the kurtosis [3]_. The kurtosis is
+    increased first, because few samples of a long tail have too small a kurtosis.
 
     The divisor :math:`n - 1` of :math:`s^2` compensates for the variance :math:`\sigma^2 / n` of the mean of
     independent samples. The mean over points of a design (Latin hypercube, Sobol', Halton) is much more accurate: their

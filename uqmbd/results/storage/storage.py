@@ -107,7 +107,7 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     Returns
     -------
     xarray.DataTree
-        Result as it was saved. ``encoding["digest"]`` is ``"verified"`` if the digest, or the manifest of the folder,
+        The saved result. ``encoding["digest"]`` is ``"verified"`` if the digest, or the manifest of the folder,
         shows that the file is unchanged. Otherwise it is ``"not verified"``, as for files of other programs.
 
     Warns

@@ -48,14 +48,14 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: Reference = None, 
     """Compare every method with a reference, in outputs over time, scalar outputs and requirements.
 
     `nodes`: propagator nodes by label; `reference`: label of the reference, or several labels. Of these labels, or of
-    all, :func:`uqmbd.results.choose_reference` chooses the reference for outputs over time, and that for scalar
-    outputs; `rtol`: relative tolerance of the integration. The result for outputs over time is the return value of
+    all, :func:`uqmbd.results.choose_reference` chooses one reference for outputs over time, and one for scalar outputs;
+    `rtol`: relative tolerance of the integration. The result for outputs over time is the return value of
     :func:`uqmbd.results.compare`. With scalar outputs, it also contains ``scalar_mean_difference`` and
     ``scalar_std_difference (method, scalar)``, absolute, in the units of the outputs, NaN for methods without them. The
-    scale of these is ``scalar_reference_std (scalar)``. ``scalar_verdict`` and ``scalar_verdict_kind (method, scalar)``
-    are the verdicts. Without outputs over time, the recommendation is for scalar outputs. With requirements, the result
-    also contains ``violation_probability (method, requirement)``, the ends of the intervals, and ``violation_verdict``.
-    Methods whose inputs have other distributions (`comparable`) are excluded.
+    scale of these differences is ``scalar_reference_std (scalar)``. ``scalar_verdict`` and ``scalar_verdict_kind
+    (method, scalar)`` are the verdicts. Without outputs over time, the recommendation is for scalar outputs. With
+    requirements, the result also contains ``violation_probability (method, requirement)``, the ends of the intervals,
+    and ``violation_verdict``. Methods whose inputs have other distributions (`comparable`) are excluded.
     """
     nodes = comparable(nodes)
     found = _compared_outputs(nodes, reference, rtol)

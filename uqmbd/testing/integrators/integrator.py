@@ -48,7 +48,8 @@ def check_integrator(
     - *events*: a ball bounces in time, and the times of its impacts are returned.
     - *sampled_control*: a controller that pushes a body is sampled in time; with *events* also across its impacts.
     - *segments*: the segments of the motion of the ball are between its impacts.
-    - *releases_gil*: simultaneous integrations of ensembles in several threads give the same bits as consecutive ones.
+    - *releases_gil*: simultaneous integrations of ensembles in several threads give the same bits as consecutive
+    integrations.
     - *projected*: coefficients agree with the motions at the nodes; *stoppable*: the integration stops on request.
 
     The last six are checked only if the integrator declares them in its `Capabilities`.

@@ -1,4 +1,4 @@
-"""Compare distributions of a node with exact ones: quantiles, samples, and stated errors."""
+"""Compare distributions of a node with exact distributions: quantiles, samples, and stated errors."""
 
 from __future__ import annotations
 

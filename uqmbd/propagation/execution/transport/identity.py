@@ -48,7 +48,7 @@ class Worker:
         return self.host, self.process, self.thread
 
     def differs(self, expected: Versions) -> str:
-        """Describe the versions that differ from the expected ones; return an empty text if all agree."""
+        """Describe the versions that differ from the expected versions; return an empty text if all agree."""
         wanted = dict(expected)
         return ", ".join(
             f"{name} {found} instead of {wanted.get(name, 'none')}"
