@@ -61,7 +61,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
     Parameters
     ----------
     samples : int
-        Number of samples.
+        Number of samples. The default suits all designs, with and without Sobol' indices: Sobol' points need
+        `replicates` times a power of two samples.
     seed : int
         Seed of the random numbers. The same seed gives the same bits for any number of workers.
     sampling : str
@@ -69,7 +70,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         scrambled points; or a design of a plugin.
     replicates : int
         Number of independent replicates of a design with dependent points. The standard errors are computed over the
-        replicates. Sobol' points need `replicates` times a power of two samples.
+        replicates.
     max_failures : float
         Share of failed samples above which the run is an error. Smaller shares give a warning.
     keep : int
@@ -119,12 +120,14 @@ class MonteCarlo(uqmbd.extend.Propagator):
     --------
     >>> MonteCarlo(samples=500, seed=1).sampling
     'random'
+    >>> MonteCarlo(sampling="sobol").samples
+    512
     """
 
     name: ClassVar[str] = "monte-carlo"
     accepts_keys: ClassVar[bool] = True
     requirements: ClassVar[bool] = True
-    samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 500
+    samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 512
     seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
     sampling: str = "random"
     replicates: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 16

@@ -204,6 +204,17 @@ def test_bad_options_are_explained(options: dict, words: list[str]) -> None:
         assert word in str(caught.value)
 
 
+@pytest.mark.parametrize("indices", [False, True])
+@pytest.mark.parametrize("design", ["random", "latin-hypercube", "sobol", "halton"])
+def test_the_default_number_of_samples_suits_every_design(design: str, indices: bool) -> None:
+    """Sobol' points of each replicate are balanced: each of 2^m equal intervals contains one of 2^m points."""
+    method = MonteCarlo(sampling=design, sobol_indices=indices)
+    if design == "sobol":
+        points = uniform_samples(design, replicate_sizes(design, method.samples, method.replicates), 3, 0)
+        for part in np.split(points, method.replicates):
+            assert (np.sort(np.floor(part * len(part)), axis=0) == np.arange(len(part))[:, None]).all()
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_too_few_replicates_are_the_reason_of_a_missing_error(seed: int) -> None:
     """A run with failed samples that is allowed is valid: its standard errors are numbers, or NaN with the reason."""
