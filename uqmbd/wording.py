@@ -51,6 +51,10 @@ SMALLEST_IN_PER_CENT = 1e-6
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+ROUNDED = 0.0005
+"""Excess of a Sobol' index over its limits that counts as rounding."""
+
+
 def format_number(value: float, error: float | None = None) -> str:
     """Return a number as text with four digits, or with as many digits as its standard error allows.
 
@@ -296,6 +300,24 @@ def format_share(share: float) -> str:
     if not math.isfinite(share):
         return "–"
     return f"{100 * share:.0f} %" if share >= 0.0995 else (f"{100 * share:.1f} %" if share >= 0.0005 else "0 %")
+
+
+def format_index(value: float, lower: float = math.nan, upper: float = math.nan) -> str:
+    """Return a Sobol' index as text; an estimate below 0 or above 100 % as this limit, with estimate and 95 % interval.
+
+    >>> format_index(0.42), format_index(1.08)
+    ('42 %', '100 % (estimate 108 %, limited by sampling error)')
+    >>> format_index(1.08, 0.9, 1.26)
+    '100 % (estimate 108 %, 95 % interval 90 % to 126 %, limited by sampling error)'
+    >>> format_index(-0.03, -0.1, 0.04)
+    '0 % (estimate −3 %, 95 % interval −10 % to 4 %, limited by sampling error)'
+    """
+    nearest = min(max(value, 0.0), 1.0)
+    if not math.isfinite(value) or abs(value - nearest) < ROUNDED:
+        return format_share(nearest if math.isfinite(value) else value)
+    estimate, low, high = (minus(f"{100 * x:.{1 if abs(x) < 0.0095 else 0}f} %") for x in (value, lower, upper))
+    within = f", 95 % interval {low} to {high}" if math.isfinite(lower) and math.isfinite(upper) else ""
+    return f"{format_share(nearest)} (estimate {estimate}{within}, limited by sampling error)"
 
 
 def format_probability(value: float, width: float = 0.0, largest: float = 0.0) -> str:

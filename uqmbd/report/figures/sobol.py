@@ -16,6 +16,7 @@ from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_outpu
 from uqmbd.report.figures.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
 from uqmbd.results import varies
 from uqmbd.typing import Array
+from uqmbd.wording import format_index
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,16 +59,42 @@ class Indices:
     std: Array
     meaningful: NDArray[np.bool_]
     units: str
+    first_interval: Array | None = None  # (2, G, T): 95 % intervals of estimates from samples
+    total_interval: Array | None = None
 
     @property
     def weighted(self) -> tuple[Array, Array]:
         """First-order and total indices (G,), averaged over time with the variance as weight; NaN without spread."""
+        return self._averaged(self.first), self._averaged(self.total)
+
+    @property
+    def averaged_interval(self) -> Array | None:
+        """Average of the 95 % intervals of total indices (G, 2), which contains that of the average; None without."""
+        if self.total_interval is None:
+            return None
+        return np.stack([self._averaged(end) for end in self.total_interval], axis=1)
+
+    @property
+    def written(self) -> list[tuple[str, str]]:
+        """First-order and total index of each input as text, averaged over time.
+
+        The averages of the ends of intervals contain the interval of the average.
+        """
+        found = [(self.first, self.first_interval), (self.total, self.total_interval)]
+        columns = []
+        for values, ends in found:
+            low, high = np.full((2, len(self.names)), np.nan) if ends is None else map(self._averaged, ends)
+            columns.append([format_index(*x) for x in zip(self._averaged(values), low, high, strict=True)])
+        return list(zip(*columns, strict=True))
+
+    def _averaged(self, values: Array) -> Array:
+        """Average values (G, T) over time with the variance as weight; NaN without spread."""
         weight = np.where(self.meaningful, self.std / (self.std.max() or 1.0), 0.0) ** 2
         if len(self.times) > 1:
             weight = weight * np.gradient(self.times)
         if not weight.sum() > 0:
-            return np.full(len(self.names), np.nan), np.full(len(self.names), np.nan)
-        return self.first @ weight / weight.sum(), self.total @ weight / weight.sum()
+            return np.full(len(self.names), np.nan)
+        return np.asarray(values @ weight / weight.sum())
 
 
 def has_indices(node: xr.DataTree) -> bool:
@@ -116,9 +143,10 @@ def indices_of(node: xr.DataTree, output: str) -> Indices:
     first, total = (np.asarray(data[f"sobol_{kind}{end}"].values, dtype=float) for kind in ("first", "total"))
     std = np.asarray(data["std"].values, dtype=float)
     meaningful = varies_over_time(std, data["mean"].values) & varies(node, output)
-    return Indices(
-        tuple(map(str, names)), bool(end), first, total, times, std, meaningful, str(data["output_units"].item())
-    )
+    units, row = str(data["output_units"].item()), tuple(map(str, names))
+    ends = [data.get(f"sobol_{kind}_interval") for kind in ("first", "total")] if not end else [None, None]
+    intervals = [None if one is None else np.asarray(one.values, dtype=float) for one in ends]
+    return Indices(row, bool(end), first, total, times, std, meaningful, units, *intervals)
 
 
 def indices_chart(found: Indices, output: str, most: int = 5) -> Chart:

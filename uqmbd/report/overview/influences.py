@@ -15,7 +15,7 @@ from uqmbd.results.assessment import COARSE
 from uqmbd.results.chaos import exceeds_locally, spread_words
 from uqmbd.status import Status
 from uqmbd.typing import Array
-from uqmbd.wording import format_at_most, format_share, minus
+from uqmbd.wording import format_at_most, format_index, format_share, minus
 
 __all__ = ["Influences", "of_history", "of_requirement", "of_scalar"]
 
@@ -43,6 +43,8 @@ class Influences:
     correlations: bool = False  # whether the numbers are correlations instead of shares
     # for shares of the variance, the part that each input alone explains, in the same order; otherwise empty
     alone: tuple[float, ...] = ()
+    # for shares of the variance, the estimates from samples with 95 % intervals in the same order; otherwise empty
+    intervals: tuple[tuple[float, float], ...] = ()
 
     @property
     def together(self) -> str:
@@ -50,6 +52,12 @@ class Influences:
         total = sum(self.shares)
         if not self.alone or not total > 1 + COMMON:
             return ""
+        # interactions are certain only if the excess is larger than the widths of the 95 % intervals together
+        if total - 1 <= sum(high - low for low, high in self.intervals):
+            return (
+                f"They add up to {format_share(total)}; the excess over 100 % is within their sampling errors. Solid: "
+                "the first-order index."
+            )
         return (
             f"They add up to {format_share(total)}, because interactions count for each input involved. "
             "Solid: the first-order index."
@@ -72,8 +80,10 @@ class Influences:
         share = self.shares[k]
         if self.correlations:
             return minus(f"{share:+.2f}")
+        if not self.signed:
+            return format_index(share, *(self.intervals[k] if self.intervals else ()))
         text = format_share(abs(share))
-        return f"{'−' if share < 0 else '+'}{text}" if self.signed and text != "0 %" else text
+        return f"{'−' if share < 0 else '+'}{text}" if text != "0 %" else text
 
 
 def _order(result: StudyResult) -> list[str]:
@@ -91,7 +101,7 @@ def of_history(result: StudyResult, name: str, *, correlations: bool = False) ->
             kind = "Total Sobol’ indices: share of the variance, over all times, to which each input contributes"
             alone, total = found.weighted
             text = f"{kind} ({label_of(node)})." + _of_poor_surrogate(node, name)
-            return _sorted(found.names, total, text, alone=alone)
+            return _sorted(found.names, total, text, alone=alone, intervals=found.averaged_interval)
     return _of_samples(result, name, scalar=False, correlations=correlations)
 
 
@@ -154,7 +164,9 @@ def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None
             continue
         kind = f"Total Sobol’ indices: share of the variance {of_what}to which each input contributes ({label})."
         first = _over_time(data[f"sobol_first{end}"].values, std) if f"sobol_first{end}" in data else None
-        return _sorted(data[dim].values, values, kind, alone=first)
+        ends = data[f"sobol_total{end}_interval"].values if f"sobol_total{end}_interval" in data else None
+        intervals = None if ends is None else np.stack([_over_time(one, std) for one in ends], axis=1)
+        return _sorted(data[dim].values, values, kind, alone=first, intervals=intervals)
     return None
 
 
@@ -231,9 +243,13 @@ def _sorted(
     signed: bool = False,
     correlations: bool = False,
     alone: Array | None = None,
+    intervals: Array | None = None,
 ) -> Influences:
     known = [str(name) for name in names]
     order = sorted(range(len(shares)), key=lambda k: (-abs(shares[k]), k))
     numbers = tuple(float(shares[k]) for k in order)
     own = () if alone is None or not np.isfinite(alone).all() else tuple(float(alone[k]) for k in order)
-    return Influences(tuple(known[k] for k in order), numbers, kind, signed, correlations, own)
+    ends: tuple[tuple[float, float], ...] = ()
+    if intervals is not None and np.isfinite(intervals).all():
+        ends = tuple((float(intervals[k, 0]), float(intervals[k, 1])) for k in order)
+    return Influences(tuple(known[k] for k in order), numbers, kind, signed, correlations, own, ends)

@@ -15,7 +15,7 @@ from uqmbd.report.sections.about_results.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
 from uqmbd.results.assessment import STILL
-from uqmbd.wording import format_percent, format_share, typeset_units
+from uqmbd.wording import format_percent, typeset_units
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermSpace
@@ -116,10 +116,11 @@ def influence(result: StudyResult) -> Content | None:
     minor = [n for k, n in enumerate(first.names) if all(total[k] < _MINOR for _, total in shares.values())]
     if minor:
         words.append(f"Inputs with total indices below 1 % for every output: {', '.join(minor)}.")
+    written = [one.written for one in varying.values()]
     rows = [
         {
             "name": name,
-            "cells": [f"{format_share(total[k])} ({format_share(alone[k])})" for alone, total in shares.values()],
+            "cells": [f"{total} ({alone})" for alone, total in (one[k] for one in written)],
         }
         for k, name in enumerate(first.names)
     ]
@@ -145,13 +146,13 @@ INFLUENCE = TemplateSection("Sensitivity to inputs", "influence", influence)
 
 def _in_words(name: str, one: Indices) -> str:
     """State the largest total indices, averaged over time."""
-    _, total = one.weighted
+    (_, total), written = one.weighted, one.written
     ranked = sorted(range(len(total)), key=lambda k: -total[k])
     largest = [k for k in ranked[:3] if total[k] >= _MINOR] or ranked[:1]
     parts = [
-        f"{one.names[k]} contributes to {format_share(total[k])} of the variance of {name}"
+        f"{one.names[k]} contributes to {written[k][1]} of the variance of {name}"
         if not n
-        else f"{one.names[k]} to {format_share(total[k])}"
+        else f"{one.names[k]} to {written[k][1]}"
         for n, k in enumerate(largest)
     ]
     return f"Averaged over time, {', '.join(parts)}."

@@ -18,7 +18,7 @@ from uqmbd.report.sections.about_results.output_words import quantile_interval
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results.assessment import worst_integration_share
-from uqmbd.wording import Cell, format_at_most, format_cells, format_count, format_percent, format_share
+from uqmbd.wording import Cell, format_at_most, format_cells, format_count, format_index, format_percent, format_share
 
 __all__ = ["EVENTS", "SCALARS"]
 
@@ -103,7 +103,8 @@ def _influence(data: xr.Dataset) -> str:
         if name in data and float(data["std"]) > 0:
             values = data[name].values
             top = int(np.argmax(values))
-            return f"{data[dim].values[top]!s} ({format_share(min(max(float(values[top]), 0.0), 1.0))})"
+            ends = data[f"{name}_interval"].values[:, top] if f"{name}_interval" in data else ()
+            return f"{data[dim].values[top]!s} ({format_index(float(values[top]), *map(float, ends))})"
     return ""
 
 
