@@ -22,7 +22,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 880,
+    "uqmbd": 890,
     "uqmbd.arguments": 500,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_650,
     "uqmbd.randomness": 5_570,
-    "uqmbd.report": 8_450,
+    "uqmbd.report": 8_480,
     "uqmbd.results": 9_630,
     "uqmbd.testing": 2_800,
     "uqmbd.units": 285,
