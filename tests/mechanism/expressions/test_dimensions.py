@@ -244,3 +244,35 @@ def test_all_findings_of_a_mechanism_are_reported_together():
 def test_a_mechanism_that_fits_has_no_findings(mechanism):
     mechanism.output("x", mechanism.bodies["crank"].position[0], units="m")
     assert find_unit_problems(mechanism) == ()
+
+
+FREQUENCY, DAMPING = uqmbd.eigenfrequency(1), uqmbd.damping_ratio(1)
+
+
+@pytest.mark.parametrize(
+    ("expression", "units", "words"),
+    [
+        (FREQUENCY, "m/s", "is in Hz, but its declared units are m/s"),
+        (FREQUENCY, "m", "is in Hz, but its declared units are m;"),
+        (DAMPING, "m", "is in 1, but its declared units are m;"),
+        (FREQUENCY, "rad/s", r"wrong by a factor of 6.28319. Write 2\*pi\*eigenfrequency"),
+        (FREQUENCY, "rpm", r"wrong by a factor of 60. Write 60\*eigenfrequency"),
+        (FREQUENCY, "deg/s", r"wrong by a factor of 360. Write 360\*eigenfrequency"),
+        (uqmbd.eigenfrequency(2) - FREQUENCY, "rad/s", "wrong by a factor of 6.28319"),
+        *((FREQUENCY, units, "") for units in ("Hz", "1/s")),
+        *((2 * sympy.pi * FREQUENCY, units, "") for units in ("rad/s", "1/s")),
+        (60 * FREQUENCY, "rpm", ""),
+        (360 * FREQUENCY, "deg/s", ""),
+    ],
+)
+def test_units_of_natural_frequencies(expression, units, words) -> None:
+    """Definitions: 1 Hz is 2 pi rad/s, 60 rpm, 360 deg/s. Masses and lengths of 1 are no invisible factors of a symbol."""
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    mechanism.body("mass", mass=1, position=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        if not words:
+            mechanism.output("value", expression, units=units)
+            return
+        with pytest.raises((uqmbd.StudyError, uqmbd.UnitsWarning), match=words):
+            mechanism.output("value", expression, units=units)

@@ -10,7 +10,7 @@ import sympy
 import uqmbd
 from uqmbd.report.figures import indices_of
 from uqmbd.report.overview.influences import of_history, of_scalar
-from uqmbd.report.sections.about_results.scalars import _influence
+from uqmbd.report.sections.about_results.scalars import strongest_input
 from uqmbd.report.view import StudyResult
 from uqmbd_montecarlo import MonteCarlo
 
@@ -45,7 +45,7 @@ def test_every_text_of_an_index_above_its_range_states_interval_and_reason(beyon
     texts = [
         of_scalar(result, "last").written(0),
         of_history(result, "x").written(0),
-        _influence(data.to_dataset().isel(output=0)).removeprefix("a ("),
+        strongest_input(data.to_dataset().isel(output=0)).removeprefix("a ("),
         indices_of(beyond["monte-carlo"], "x").written[0][1],
     ]
     assert all(text.startswith(expected) for text in texts), texts

@@ -23,6 +23,7 @@ Length: one traversal, with its messages and both sets of rules for numbers.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -58,7 +59,7 @@ from uqmbd.mechanism.expressions.summaries import (
     TimeOfMinimum,
 )
 from uqmbd.mechanism.expressions.time import step, t
-from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeShape
+from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeShape, ScalarSymbol
 from uqmbd.units import PURE, TABLE, Dimension, Unit, in_words, read_units, warn
 
 Unseen = Iterable[Dimension]
@@ -71,6 +72,9 @@ SEEN = "If a factor with units has the value 1, write it explicitly, e.g. 1.0 * 
 
 DECLARE = "If a number of the term has units, declare a parameter for it."
 """Sentence on how to confirm a correct term of a component."""
+
+_CYCLES, _ANGLES = re.compile(r"Hz|hertz"), re.compile(r"rad|deg|rev|rpm|turn|°")
+"""Units of frequencies in cycles, and units of angular frequencies: both are 1/s, and differ by 2 pi."""
 
 _NUMERATORS, _DENOMINATORS = (1, 2, 3, 4), (1, 2, 3, 4, 6, 8, 12)
 _SMALL_FRACTIONS = tuple({n / d for n in _NUMERATORS for d in _DENOMINATORS} - {1.0})
@@ -135,6 +139,7 @@ def mismatches(
     found = walk.measure(expression)
     declared = read_units(units)
     if declared is not None and isinstance(found, MeasuredProduct):
+        found = _in_cycles(expression, found, declared, units)
         walk.compare(expression, found, declared, units)
     return walk.found
 
@@ -361,7 +366,9 @@ class _Walk:
         """Compare the units of an expression with the stated units."""
         text = _short(expression)
         if found.unit.dimension != declared.dimension:
-            if not found.free and not self._explained([found.unit.dimension, declared.dimension]):
+            # a frequency or a damping ratio alone is not a product with an invisible factor
+            alone = isinstance(expression, ScalarSymbol)
+            if not found.free and (alone or not self._explained([found.unit.dimension, declared.dimension])):
                 self.found.append(
                     Mismatch(
                         f"{self.where}: {text} is in {_own(expression, found.unit)}, but its declared units are "
@@ -379,6 +386,16 @@ class _Walk:
                     certain=True,
                 )
             )
+
+
+def _in_cycles(expression: Any, found: MeasuredProduct, declared: Unit, units: str) -> MeasuredProduct:
+    """Return the measure of a frequency, in rad/s if the declared units are those of an angular frequency."""
+    if found.unit.dimension != declared.dimension or declared.dimension != TABLE["Hz"].dimension:
+        return found
+    cycles = any(_CYCLES.search(getattr(s, "units", "") or "") for s in expression.free_symbols)
+    if not (cycles and _ANGLES.search(units)):
+        return found
+    return replace(found, unit=replace(found.unit, factor=2 * math.pi * found.unit.factor))
 
 
 def _sum_of(one: Dimension, other: Dimension) -> Dimension:
@@ -423,11 +440,18 @@ def _short(expression: Any) -> str:
 
 def _own(expression: Any, unit: Unit) -> str:
     """Return a name for the units of an expression: the units of one of its symbols, if they are equal."""
-    named = sorted(text for s in expression.free_symbols if read_units(text := getattr(s, "units", "")) == unit)
+    named = sorted(text for s in expression.free_symbols if _reads(text := getattr(s, "units", ""), unit))
     if named:
         return named[0]
     words = in_words(unit.dimension)
     return words if math.isclose(unit.factor, 1.0, rel_tol=SAME) else f"{unit.factor:.6g} {words}"
+
+
+def _reads(text: str, unit: Unit) -> bool:
+    """Return whether a text means a unit; a unit of cycles may be counted in radians."""
+    found = read_units(text)
+    turned = replace(found, factor=2 * math.pi * found.factor) if found and _CYCLES.search(text) else found
+    return unit in (found, turned)
 
 
 def _size(ratio: float) -> str:

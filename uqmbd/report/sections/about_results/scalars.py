@@ -82,7 +82,7 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
         columns[f"q{level}"] = format_cells(known, units, scale=scale)
         columns[f"within{level}"] = [_within(one, level, scale) for one in data]
     return [
-        {"output": name, "method": method.label, "influence": _influence(one), "error": _error(one)}
+        {"output": name, "method": method.label, "influence": strongest_input(one), "error": _error(one)}
         | {key: cells[k] for key, cells in columns.items()}
         for k, (method, one) in enumerate(zip(some, data, strict=True))
     ]
@@ -97,7 +97,7 @@ def _within(data: xr.Dataset, level: float, scale: float) -> str:
     return f"{low} to {high}"
 
 
-def _influence(data: xr.Dataset) -> str:
+def strongest_input(data: xr.Dataset) -> str:
     """Name the input with the largest share in the variance."""
     for name, dim in (("sobol_total", "input"), ("sobol_total_germ", "germ")):
         if name in data and float(data["std"]) > 0:
