@@ -46,8 +46,9 @@ class RotationalFriction(uqmbd.Component):
     )
     damping = uqmbd.Parameter("N m s/rad", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(
-        "rad/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0
-    )
+        "rad/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0,
+        at_minimum="the joint sticks",
+    )  # fmt: skip
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
 
     if TYPE_CHECKING:
@@ -86,8 +87,9 @@ class SlidingFriction(uqmbd.Component):
     friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none", minimum=0)
     damping = uqmbd.Parameter("N s/m", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(
-        "m/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0
-    )
+        "m/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0,
+        at_minimum="the joint sticks",
+    )  # fmt: skip
 
     if TYPE_CHECKING:
 

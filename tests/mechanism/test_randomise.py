@@ -20,7 +20,7 @@ from uqmbd_contact import PlaneImpact
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import Gravity, PointForce, RotationalFriction, SpringDamper
+from uqmbd_springs import Bushing, Gravity, PointForce, RotationalFriction, SpringDamper
 
 
 def rocker(mass=2.0, inertia=0.05, stiffness=50.0, friction=0.1, com=(0.1, 0.0), add=True):
@@ -390,3 +390,17 @@ def test_inertia_of_a_body_is_read_like_its_mass():
     stone = uqmbd.Mechanism("stone", uqmbd.Translational()).body("stone", mass=1)
     with pytest.raises(AttributeError, match="point mass"):
         _ = stone.inertia
+
+
+def test_rows_of_numbers_are_refused_by_name() -> None:
+    """One of them alone is an error; next to other quantities, a warning names them."""
+    mechanism = uqmbd.Mechanism("bushing", uqmbd.Planar())
+    body = mechanism.body("body", mass=1, inertia=1)
+    mechanism.add(Bushing("bush", mechanism.ground, body, at=(0, 0), stiffness=(10, 20, 3)))
+    mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 1), (0, 0), stiffness=5))
+    for pattern in ("bush.stiffness", "bush.stiffness.x", "bush.stiff*"):
+        with pytest.raises(uqmbd.StudyError, match="bush.stiffness is a row or a matrix.*Pass random variables when"):
+            mechanism.randomise(pattern, relative=0.1)
+    with pytest.warns(uqmbd.StudyWarning, match="not randomised: bush.stiffness is a row or a matrix"):
+        (found,) = mechanism.randomise("*.stiffness", relative=0.1)
+    assert found.name == "spring.stiffness"

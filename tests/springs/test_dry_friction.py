@@ -210,3 +210,27 @@ def test_a_locked_joint_does_not_affect_decisions_on_others(lock) -> None:
     assert found["block a"].values == pytest.approx([0.005] * 2, rel=1e-9)
     assert found["block f"].values == pytest.approx([-3] * 2, rel=1e-9)
     assert found["other a"].values == pytest.approx([0, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", [SlidingFriction, RotationalFriction])
+def test_a_random_transition_of_zero_states_place_value_and_remedy(kind) -> None:
+    """By a value of the user, and in half of the realisations of a distribution that contains zero."""
+    turning = kind is RotationalFriction
+    speed = uqmbd.RandomVariable("speed", chaospy.DiscreteUniform(0, 1), units="rad/s" if turning else "m/s")
+    mechanism = uqmbd.Mechanism("block", uqmbd.Planar() if turning else uqmbd.Line())
+    block = mechanism.body("block", mass=1, **({"inertia": 1, "angular_velocity": 1} if turning else {"velocity": 1}))
+    place = {} if turning else {"at": 0, "axis": 1}
+    mechanism.add(kind("rub", mechanism.ground, block, friction=1, transition=speed, **place))
+    mechanism.output("v", block.angular_velocity if turning else block.velocity[0])
+    expected = (
+        f"the transition of {kind.__name__} 'rub' is 0 .*: expected a distribution above 0 .with the constant 0, the"
+    )
+    with pytest.raises(uqmbd.AssemblyError, match=expected):
+        uqmbd.simulate(mechanism, [0, 1], {"speed": 0.0})
+    study = uqmbd.Study("s", mechanism, [0, 1], [MonteCarlo(samples=40, seed=1)])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        study.run()
+    text = " ".join(str(x.message) for x in caught)
+    assert "in 50 % of the realisations: these fail" in text and "Most frequent reason: the transition of" in text
+    assert any("outside of its range (a distribution above 0" in x.message for x in uqmbd.findings(study))

@@ -26,6 +26,8 @@ KINDS = ("scalar", "point", "vector", "moment")
 """Kinds of numeric parameters; axes and rotations are directions, and options are not numbers."""
 
 ROUNDING = 1e-12
+ROW = "a row or a matrix of numbers, whose entries depend on each other"
+REMEDY = "Pass random variables when you make the component, for example one factor that multiplies all entries"
 LISTED = 40
 """Largest number of names that a message lists."""
 
@@ -139,7 +141,8 @@ def randomise_numbers(
     """
     where = f"mechanism {mechanism.name!r}: randomise({pattern!r})"
     law = _law(where, relative, absolute, distribution)
-    chosen = _chosen(where, mechanism, pattern)
+    chosen, rows = _chosen(where, mechanism, pattern)
+    law.left += [f"{name} is {ROW}" for name in rows]
     changes: list[tuple[RandomisedQuantity, Any]] = []
     found: list[RandomVariable] = []
     for quantity, indices in chosen:
@@ -215,12 +218,32 @@ def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
                 yield RandomisedQuantity(component.name, key, component, p.units, p.minimum, p.maximum, stated, unused)
 
 
-def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[RandomisedQuantity, list[int]]]:
-    """Return the quantities that match patterns, each with the indices of the selected numbers."""
+def _rows(mechanism: Described) -> list[str]:
+    """Return the names of rows and matrices of numbers of components, which do not become random."""
+    return [
+        f"{component.name}.{key}"
+        for component in mechanism.components.values()
+        for key, p in component.parameters().items()
+        if p.kind in ("numbers", "option") and _is_row(component.values.get(key)) and p.fits(mechanism.space)
+    ]
+
+
+def _is_row(value: Any) -> bool:
+    """Return whether a value is a non-empty row or matrix of numbers and expressions."""
+    if isinstance(value, (tuple, list)):
+        return bool(value) and all(_is_row(x) or isinstance(x, (int, float, np.number, sympy.Expr)) for x in value)
+    return isinstance(value, (np.ndarray, sympy.MatrixBase)) and bool(len(value))
+
+
+def _chosen(
+    where: str, mechanism: Described, pattern: Any
+) -> tuple[list[tuple[RandomisedQuantity, list[int]]], list[str]]:
+    """Return the quantities that match patterns, with the indices of the selected numbers, and the matching rows."""
     patterns = [pattern] if isinstance(pattern, str) else pattern
     if not isinstance(patterns, Sequence) or not patterns or not all(isinstance(x, str) for x in patterns):
         raise StudyError(f"{where}: expected a pattern such as '*.mass' or 'arm.com', or a list of patterns.")
-    quantities = list(_quantities(mechanism))
+    quantities, every = list(_quantities(mechanism)), _rows(mechanism)
+    rows = list[str]()
     indices: dict[int, set[int]] = {}
     for one in patterns:
         hits = 0
@@ -233,6 +256,14 @@ def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Random
             hits += len(picked)
             if picked:
                 indices.setdefault(k, set()).update(picked)
+        refused = [
+            name
+            for name in every
+            if name == one or one.startswith(f"{name}.") or (not exact and fnmatch.fnmatchcase(name, one))
+        ]
+        rows += refused
+        if not hits and refused:
+            raise StudyError(f"{where}: {refused[0]} is {ROW}. {REMEDY}.")
         if not hits:
             names = [quantity.name for quantity in quantities]
             listed = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
@@ -240,7 +271,7 @@ def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Random
                 f"{where}: no quantity matches {one!r}{did_you_mean(one, names) or '.'} Available: "
                 f"{listed or 'no numbers at all'}."
             )
-    return [(quantities[k], sorted(found)) for k, found in sorted(indices.items())]
+    return [(quantities[k], sorted(found)) for k, found in sorted(indices.items())], list(dict.fromkeys(rows))
 
 
 def _ends(minimum: float, maximum: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -39,14 +39,19 @@ class Limit:
     maximum: float = math.inf  # in these units
     exclusive: bool = False  # whether the ends are excluded
     inputs: Inputs = ()  # for each random variable in it: name, and index among the model parameters
+    constant: str = ""  # effect of a constant equal to the minimum, which a random number must not equal
 
     @property
     def expected(self) -> str:
         """Range in words."""
+        if self.constant:
+            return f"a distribution above {self.minimum:g} (with the constant {self.minimum:g}, {self.constant})"
         return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
 
     def outside(self, values: Array) -> NDArray[np.bool_]:
         """Return whether values, shape (K,), are outside; values that are not finite are reported elsewhere."""
+        if self.constant:
+            return (values <= self.minimum) | (values > self.maximum)
         if self.exclusive:
             return (values <= self.minimum) | (values >= self.maximum)
         return (values < self.minimum) | (values > self.maximum)
@@ -114,7 +119,7 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
     for name, entry, parameter in _numbers(mechanism):
         if parameter.ranged:
             ends = (parameter.minimum, parameter.maximum, parameter.exclusive)
-            limits.append(limit(name, entry, parameter.units, ends))
+            limits.append(replace(limit(name, entry, parameter.units, ends), constant=parameter.at_minimum))
     return tuple(limits), tuple(tensors)
 
 

@@ -83,6 +83,9 @@ class Parameter(Generic[Given]):
         time or motion.
     exclusive : bool
         Whether the range excludes its ends.
+    at_minimum : str
+        Effect of a constant equal to `minimum`, if it selects other equations, such as "the joint sticks". Random
+        numbers must then be above the minimum. Default: none.
     one_sign : bool
         Whether a random number, such as a stiffness, should have the same sign in all realisations as at the means.
         Realisations with the opposite sign still run, and the study warns about them.
@@ -127,6 +130,7 @@ class Parameter(Generic[Given]):
     minimum: OrInfinite = field(default=-math.inf, kw_only=True)
     maximum: OrInfinite = field(default=math.inf, kw_only=True)
     exclusive: bool = field(default=False, kw_only=True)
+    at_minimum: str = field(default="", kw_only=True)
     one_sign: bool = field(default=False, kw_only=True)
     body: str = field(default="", kw_only=True)
     about: str = field(default="", kw_only=True)
@@ -157,6 +161,11 @@ class Parameter(Generic[Given]):
                 "omit minimum= and maximum=."
             )
 
+        if self.at_minimum and (self.exclusive or not self.ranged or self.minimum == -math.inf):
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): at_minimum is {self.at_minimum!r}, but the range "
+                "contains no minimum; give minimum=, without exclusive=True."
+            )
         if self.one_sign and self.kind != "scalar":
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): a parameter of kind {self.kind!r} has no sign; "
