@@ -30,7 +30,7 @@ STATEMENTS = {
     "uqmbd.dynamics": 15_880,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 190,
-    "uqmbd.mechanism": 5_530,
+    "uqmbd.mechanism": 5_570,
     "uqmbd.new": 231,
     "uqmbd.plugins": 410,
     "uqmbd.progress": 416,
