@@ -61,8 +61,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
     Parameters
     ----------
     samples : int
-        Number of samples. The default suits all designs, with and without Sobol' indices: Sobol' points need
-        `replicates` times a power of two samples.
+        Number of samples. The default suits all designs; Sobol' points need `replicates` times a power of two.
     seed : int
         Seed of the random numbers. The same seed gives the same bits for any number of workers.
     sampling : str
@@ -118,9 +117,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
 
     Examples
     --------
-    >>> MonteCarlo(samples=500, seed=1).sampling
-    'random'
-    >>> MonteCarlo(sampling="sobol").samples
+    >>> MonteCarlo(sampling="sobol", seed=1).samples
     512
     """
 
