@@ -261,7 +261,8 @@ class EventDrivenMotion:
         for row in np.flatnonzero(many | (self.stalled[members] > AT_ONCE)).tolist():
             how = f"more than {MOST} events until" if many[row] else "events follow each other without end at"
             self.messages[members[row]] = f"{how} t = {now[row]:.6g} s, at {self.model.events[events[row]][0]!r}"
-        contacts, inside = self._contacts(members), self._inside(members)
+        inside = self._inside(members)
+        contacts = self.evaluator(inside, run.z[members], self.batch.block[members])
         done = self._bounced(members, contacts)
         self.decisions.until[members] = run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])]
         left = np.flatnonzero(~done)
@@ -339,6 +340,8 @@ class EventDrivenMotion:
 
     def _guard(self, members: Index) -> None:
         """Find the guards that rise from zero, and estimate flight times."""
+        if not len(members):
+            return
         run, e, bodies = self.run, self.encounters, self.bodies
         e.slow[members] = slow = np.maximum(self.chatter.slow(members), self.decisions.starting[members])
         self._rest(members)
@@ -346,7 +349,7 @@ class EventDrivenMotion:
         free = mode == Touching.OPEN
         gaps = self.evaluator.guards(self._inside(members), states, self.batch.block[members])[:, bodies]
         some = np.any(~free | (gaps <= CLOSED * self.length[members, None]), axis=1)
-        if not len(members) or not some.any():
+        if not some.any():
             return
         members, mode, free, slow = members[some], mode[some], free[some], slow[some]
         contacts, normals = self._contacts(members), self.first[bodies]
