@@ -5,7 +5,6 @@ static const double SINGULAR = 1e-11; /* relative size of a singular value that 
 
 /* Arrays of one lane, in the workspace of the caller. */
 typedef struct {
-    double *matrix;   /* (size, size) */
     double *solution; /* (size, 1 + direction): without forces, then per force in each direction that may act */
     double *answer;   /* (direction, direction): rates of the speeds per force */
     double *free;     /* (direction): rates of the speeds without forces */
@@ -18,8 +17,8 @@ typedef struct {
 
 int64_t contact_workspace(const Contacts *c) {
     int64_t n = c->directions;
-    int64_t vectors = 2 * c->events * (SAMPLES + 2);
-    return vectors * LANES + c->size * (c->size + 1 + n) + 4 * n * n + 8 * n + LANES;
+    int64_t vectors = 2 * c->events * (SAMPLES + 2) + c->size * (c->size + 1 + n);
+    return vectors * LANES + c->size * (1 + n) + 4 * n * n + 8 * n + LANES;
 }
 
 static void place_contacts(const Contacts *c, Group *g, V *at) {
@@ -27,6 +26,10 @@ static void place_contacts(const Contacts *c, Group *g, V *at) {
     at += 2 * c->events;
     g->samples = at;
     at += 2 * c->events * (SAMPLES + 1);
+    g->system = at;
+    at += c->size * c->size;
+    g->answers = at;
+    at += c->size * (1 + c->directions);
     g->numbers = (double *)at;
 }
 
@@ -34,8 +37,6 @@ static Lane lane_of(const Contacts *c, const Group *g) {
     int64_t n = c->directions;
     Lane s;
     double *at = g->numbers;
-    s.matrix = at;
-    at += c->size * c->size;
     s.solution = at;
     at += c->size * (1 + n);
     s.answer = at;
@@ -65,51 +66,72 @@ static int touches(const Contacts *c, const Encounters *e, int64_t m) {
     return 0;
 }
 
-/* -- linear algebra of one lane ------------------------------------------------------------------------------------- */
+/* -- linear algebra of all lanes ------------------------------------------------------------------------------------ */
 
-/* Solve a x = b, with `columns` right-hand sides, by elimination with row pivots; infinite or NaN: it is singular. */
-static void eliminate(double *a, double *b, int64_t size, int64_t columns) {
+static void exchange(V *a, V *b, Mask which, int64_t count) {
+    for (int64_t j = 0; j < count; j++) {
+        V x = a[j];
+        a[j] = choose(which, b[j], x);
+        b[j] = choose(which, x, b[j]);
+    }
+}
+
+/* Solve a x = b, with `columns` right-hand sides, by elimination with the row pivots of each lane; infinite or NaN: it is
+   singular. */
+static void eliminate(V *a, V *b, int64_t size, int64_t columns) {
     for (int64_t i = 0; i < size; i++) { /* rows of light bodies are scaled up */
-        double most = 0.0;
-        for (int64_t j = 0; j < size; j++) {
-            double x = __builtin_fabs(a[i * size + j]);
-            if (x > most) most = x;
-        }
-        double scale = most > 0.0 ? 1.0 / most : 1.0;
+        V most = splat(0.0);
+        for (int64_t j = 0; j < size; j++) most = larger(magnitude(a[i * size + j]), most);
+        V scale = choose(most > splat(0.0), 1.0 / most, splat(1.0));
         for (int64_t j = 0; j < size; j++) a[i * size + j] *= scale;
         for (int64_t j = 0; j < columns; j++) b[i * columns + j] *= scale;
     }
     for (int64_t k = 0; k < size; k++) {
-        int64_t best = k;
-        for (int64_t i = k + 1; i < size; i++)
-            if (__builtin_fabs(a[i * size + k]) > __builtin_fabs(a[best * size + k])) best = i;
-        if (best != k) {
-            for (int64_t j = k; j < size; j++) {
-                double x = a[k * size + j];
-                a[k * size + j] = a[best * size + j];
-                a[best * size + j] = x;
-            }
-            for (int64_t j = 0; j < columns; j++) {
-                double x = b[k * columns + j];
-                b[k * columns + j] = b[best * columns + j];
-                b[best * columns + j] = x;
-            }
-        }
-        double inverse = 1.0 / a[k * size + k];
+        V most = magnitude(a[k * size + k]), best = splat((double)k);
         for (int64_t i = k + 1; i < size; i++) {
-            double factor = a[i * size + k] * inverse;
-            if (factor == 0.0) continue;
+            Mask better = magnitude(a[i * size + k]) > most;
+            most = choose(better, magnitude(a[i * size + k]), most);
+            best = choose(better, splat((double)i), best);
+        }
+        for (int64_t i = k + 1; i < size; i++) {
+            Mask which = best == splat((double)i);
+            if (!any(which)) continue;
+            exchange(a + k * size + k, a + i * size + k, which, size - k);
+            exchange(b + k * columns, b + i * columns, which, columns);
+        }
+        V inverse = 1.0 / a[k * size + k];
+        for (int64_t i = k + 1; i < size; i++) {
+            V factor = a[i * size + k] * inverse;
+            if (!any(factor != splat(0.0))) continue;
             for (int64_t j = k + 1; j < size; j++) a[i * size + j] -= factor * a[k * size + j];
             for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
         }
     }
-    for (int64_t k = size - 1; k >= 0; k--)
-        for (int64_t j = 0; j < columns; j++) {
-            double x = b[k * columns + j];
-            for (int64_t i = k + 1; i < size; i++) x -= a[k * size + i] * b[i * columns + j];
-            b[k * columns + j] = x / a[k * size + k];
+    for (int64_t k = size - 1; k >= 0; k--) {
+        for (int64_t i = k + 1; i < size; i++) {
+            V x = a[k * size + i];
+            if (!any(x != splat(0.0))) continue;
+            for (int64_t j = 0; j < columns; j++) b[k * columns + j] -= x * b[i * columns + j];
         }
+        for (int64_t j = 0; j < columns; j++) b[k * columns + j] /= a[k * size + k];
+    }
 }
+
+/* Accelerations without and per force in each direction; the contacts are in the work array. */
+static void solve_lanes(const Problem *p, Group *g) {
+    const Contacts *c = p->contacts;
+    int64_t n = p->coordinates, size = c->size, columns = 1 + c->directions;
+    fill(g->system, 0.0, size * size);
+    for (int64_t e = 0; e < c->entries; e++) g->system[c->rows[e] * size + c->columns[e]] = g->work[c->values[e]];
+    for (int64_t i = 0; i < size; i++) {
+        g->answers[i * columns] = g->work[c->right[i]];
+        for (int64_t d = 0; d < c->directions; d++)
+            g->answers[i * columns + 1 + d] = i < n ? g->work[c->slope[d * n + i]] : splat(0.0);
+    }
+    eliminate(g->system, g->answers, size, columns);
+}
+
+/* -- linear algebra of one lane ------------------------------------------------------------------------------------- */
 
 /* Solve inner x = right for the x of least length, each entry in its unit: contacts may be redundant (a table's legs).
 
@@ -170,7 +192,7 @@ static void least_solution(Lane *s, int64_t size) {
 
 /* -- persistent contacts of one lane -------------------------------------------------------------------------------- */
 
-/* Accelerations and rates of the speeds of a lane, without and per force; its contacts are in the work array. */
+/* Accelerations and rates of the speeds of a lane, without and per force; after `solve_lanes`. */
 static void answer(const Problem *p, const Group *g, int64_t l, Lane *s) {
     const Contacts *c = p->contacts;
     const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
@@ -182,14 +204,11 @@ static void answer(const Problem *p, const Group *g, int64_t l, Lane *s) {
         for (int64_t d = c->first[k]; d < end; d++) s->active[s->count++] = d;
     }
     int64_t count = s->count, columns = 1 + count;
-    for (int64_t i = 0; i < size * size; i++) s->matrix[i] = 0.0;
-    for (int64_t e = 0; e < c->entries; e++) s->matrix[c->rows[e] * size + c->columns[e]] = g->work[c->values[e]][l];
     for (int64_t i = 0; i < size; i++) {
-        s->solution[i * columns] = g->work[c->right[i]][l];
-        for (int64_t j = 0; j < count; j++)
-            s->solution[i * columns + 1 + j] = i < n ? g->work[c->slope[s->active[j] * n + i]][l] : 0.0;
+        const V *found = g->answers + i * (1 + c->directions);
+        s->solution[i * columns] = found[0][l];
+        for (int64_t j = 0; j < count; j++) s->solution[i * columns + 1 + j] = found[1 + s->active[j]][l];
     }
-    eliminate(s->matrix, s->solution, size, columns);
     for (int64_t j = 0; j < count; j++) {
         s->free[j] = g->work[c->bias[s->active[j]]][l];
         for (int64_t k = 0; k < count; k++) s->answer[j * count + k] = 0.0;
@@ -285,6 +304,7 @@ static void correct(const Problem *p, Group *g, int64_t l, Lane *s, int64_t to, 
 static void add_forces(const Problem *p, Group *g, V *rate) {
     Lane s = lane_of(p->contacts, g);
     run_program(&p->contacts->contact, g->work);
+    solve_lanes(p, g);
     for (int64_t l = 0; l < LANES; l++) {
         if (!g->touching[l]) continue;
         answer(p, g, l, &s);
@@ -304,6 +324,7 @@ static void put_on_contacts(const Problem *p, Group *g, Mask which) {
     if (!any(which)) return;
     Lane s = lane_of(c, g);
     run_program(&c->contact, g->work);
+    solve_lanes(p, g);
     for (int64_t l = 0; l < LANES; l++) {
         if (!which[l]) continue;
         const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
@@ -338,7 +359,7 @@ static Mask turn_headings(const Problem *p, Group *g, Mask which, int64_t *happe
     which &= g->touching;
     if (!any(which)) return stopped;
     Lane s = lane_of(c, g);
-    int64_t known = 0;
+    int64_t known = 0, solved_all = 0;
     for (int64_t l = 0; l < LANES; l++) {
         if (!which[l]) continue;
         const Encounters *e = g->pool->encounters;
@@ -362,6 +383,8 @@ static Mask turn_headings(const Problem *p, Group *g, Mask which, int64_t *happe
             if (!(fast > 0.0)) continue;
             if (fast <= e->slow[m] && along >= 0.0) {
                 if (!solved) {
+                    if (!solved_all) solve_lanes(p, g);
+                    solved_all = 1;
                     answer(p, g, l, &s);
                     find_forces(p, g, l, &s);
                     solved = 1;

@@ -15,6 +15,7 @@ typedef struct {
     Mask touching;      /* contacts of theirs last */
     V *lengths, *shrink; /* factors of e' and w' (turning.c), for what is in the work array */
     V *guards, *samples;
+    V *system, *answers; /* of contacts: the matrix of the index-1 system, and its solutions */
     /* of implicit steps (radau.c): stages, those of the step before, changes, a rate; matrices and sides of systems */
     V *stages, *history, *changes, *slope, *matrices, *inertia, *stiffness, *factors, *right, *solution, *shift;
     V before, contraction, growth;  /* size of the step before, of its iterations; a factor of the next size */

@@ -139,6 +139,7 @@ static void solve_contacts(const Problem *p, Group *g) {
     const Implicit *m = p->implicit;
     Lane s = lane_of(p->contacts, g);
     run_program(&p->contacts->contact, g->work);
+    solve_lanes(p, g);
     for (int64_t l = 0; l < LANES; l++) {
         if (!g->touching[l]) continue;
         answer(p, g, l, &s);
