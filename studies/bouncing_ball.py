@@ -61,7 +61,7 @@ study = uqmbd.Study(
     convergence={
         "propagators": [
             Collocation(label="plain"),
-            Collocation(order=2, index_set="tensor", max_elements=64, label="multi-element"),
+            Collocation(order=2, index_set="tensor", label="multi-element"),
             Collocation(alignment="events", label="event-aligned"),
         ],
         "order": {"plain": [2, 4, 6, 8], "event-aligned": [2, 3, 4, 5, 6]},

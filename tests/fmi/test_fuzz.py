@@ -12,18 +12,20 @@ import pytest
 from uqmbd_fmi import export_fmu
 
 from .surrogates import KINDS, node
-from .test_mechanism_fmu import rotor
+from .test_mechanism_fmu import controlled, hitting_rod, rotor
+
+MECHANISMS = {"mechanism": (rotor, ("torque",)), "impacts": (hitting_rod, ()), "controller": (controlled, ())}
 
 SANITIZED = ("-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-@pytest.mark.parametrize("kind", ["composed", "dependent", "mechanism"])
+@pytest.mark.parametrize("kind", ["composed", "dependent", *MECHANISMS])
 def test_no_sequence_of_calls_crashes(kind, tmp_path):
-    mechanism = kind == "mechanism"
-    source = rotor() if mechanism else node(KINDS[kind]())
-    done = export_fmu(source, tmp_path / "one.fmu", compiler="none", inputs=("torque",) if mechanism else ())
+    mechanism, (make, inputs) = kind in MECHANISMS, MECHANISMS.get(kind, (None, ()))
+    source = make() if mechanism else node(KINDS[kind]())
+    done = export_fmu(source, tmp_path / "one.fmu", compiler="none", inputs=inputs)
     with zipfile.ZipFile(done.path) as archive:
         archive.extractall(tmp_path)
     own = ("mechanism.c", "driver.c", "motion_data.c") if mechanism else ("surrogate.c",)
