@@ -47,8 +47,9 @@ _INTRINSICS = {"maximum": "larger_number", "minimum": "smaller_number"}
 _CONNECTED = {"and": "&", "or": "|", "xor": "^"}
 
 HELPERS = """/* Largest and smallest numbers; NaN if one of them is NaN. */
-static inline double larger_number(double a, double b) { return isnan(a) || isnan(b) ? NAN : a > b ? a : b; }
-static inline double smaller_number(double a, double b) { return isnan(a) || isnan(b) ? NAN : a < b ? a : b; }
+#define HELPER static inline __attribute__((unused))
+HELPER double larger_number(double a, double b) { return isnan(a) || isnan(b) ? NAN : a > b ? a : b; }
+HELPER double smaller_number(double a, double b) { return isnan(a) || isnan(b) ? NAN : a < b ? a : b; }
 """
 
 
