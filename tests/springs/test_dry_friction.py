@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.dynamics import build
 from uqmbd_contact import PlaneImpact
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
@@ -234,3 +235,15 @@ def test_a_random_transition_of_zero_states_place_value_and_remedy(kind) -> None
     text = " ".join(str(x.message) for x in caught)
     assert "in 50 % of the realisations: these fail" in text and "Most frequent reason: the transition of" in text
     assert any("outside of its range (a distribution above 0" in x.message for x in uqmbd.findings(study))
+
+
+def test_only_dry_friction_has_a_given_load() -> None:
+    """Its term states it; a rigid contact has none, whatever the derivatives of its speed are."""
+    mechanism = uqmbd.Mechanism("block", uqmbd.Line())
+    block = mechanism.body("block", mass=1, velocity=1)
+    mechanism.add(SlidingFriction("rub", mechanism.ground, block, at=0, axis=1, friction=1))
+    mechanism.add(PlaneImpact("wall", mechanism.ground, block, 5, 0, -1))
+    assert dict(zip([x for x, *_ in build(mechanism).events], build(mechanism).given_loads, strict=True)) == {
+        "rub": True,
+        "wall": False,
+    }

@@ -11,7 +11,7 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import System, index1_system
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["ContactEvaluator", "ContactQuantities", "without_motion"]
+__all__ = ["ContactEvaluator", "ContactQuantities"]
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,12 @@ class ContactQuantities:
     free: Array  # (T, coordinate + multiplier): accelerations without contacts, then multipliers of the kept equations
     answer: Array  # (T, coordinate + multiplier, direction): changes per force (jumps per impulse)
     delassus: Array  # (T, direction, direction): rates of the relative velocities per force
+    given: tuple[int, ...] = ()  # directions of given loads: the normal directions of dry friction
 
     def select(self, states: Index) -> ContactQuantities:
         """Return the quantities of some states."""
-        taken = {f.name: getattr(self, f.name)[states] for f in fields(self) if f.name != "first"}
-        return ContactQuantities(first=self.first, **taken)
+        taken = {f.name: getattr(self, f.name)[states] for f in fields(self) if f.name not in ("first", "given")}
+        return ContactQuantities(first=self.first, given=self.given, **taken)
 
     @property
     def coordinates(self) -> int:
@@ -48,11 +49,13 @@ class ContactQuantities:
 
     @property
     def loads(self) -> Mask:
-        """Return a mask (direction,) of normal directions of dry friction at the first state.
+        """Return a mask (direction,) of normal directions of dry friction.
 
         Their forces are given limits, which state nothing about the size of the forces of contacts.
         """
-        return without_motion(self.slope[0])
+        found = np.zeros(self.first[-1], dtype=bool)
+        found[list(self.given)] = True
+        return found
 
     def size_of(self, force: Array) -> float:
         """Return the largest of the forces (direction,) at the first state, N, without given limits of friction."""
@@ -74,6 +77,7 @@ class ContactEvaluator:
         self.model = model
         self.first = tuple(np.cumsum([0, *(count for *_, count in model.events)]).tolist())
         self.directions, self.n = self.first[-1], model.layout.coordinates
+        self.given = tuple(self.first[k] for k, dry in enumerate(model.given_loads) if dry)
         self.system: System = model.system or index1_system(model, None)
 
     def guards(self, times: Array, states: Array, blocks: Array) -> Array:
@@ -92,18 +96,11 @@ class ContactEvaluator:
         solved = _solved(self.system.matrix(values), right)
         answer = solved[:, :, 1:]
         delassus = found["slope"] @ answer[:, :n]
-        # a direction without motion has the given normal force of dry friction: its response is one
-        which, directions = np.nonzero(without_motion(found["slope"]))
-        delassus[which, directions, directions] = 1.0
-        return ContactQuantities(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
-
-
-def without_motion(slope: Array) -> Mask:
-    """Return a mask (..., direction) of directions whose speeds contain no velocity, from slopes (..., coordinate).
-
-    Only the normal directions of dry friction have no motion.
-    """
-    return np.asarray(~slope.any(axis=-1))
+        # the direction of a given load has no motion: its response is one
+        delassus[:, self.given, self.given] = 1.0
+        return ContactQuantities(
+            first=self.first, given=self.given, free=solved[:, :, 0], answer=answer, delassus=delassus, **found
+        )
 
 
 def _solved(matrix: Array, right: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
-from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities, without_motion
+from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.redundant import AT_LIMIT, forces_with_largest_reserve, motionless_combinations, reserves
 from uqmbd.typing import Array
 
@@ -310,7 +310,7 @@ def states_in_contact(
     with np.errstate(all="ignore"):
         seen = evaluator(times, states, blocks)
         # dry friction under load has a small negative gap
-        gaps, loads = seen.guard[:, bodies], without_motion(seen.slope[:, normals])
+        gaps, loads = seen.guard[:, bodies], seen.loads[normals]
         closed = np.where(loads, gaps, np.abs(gaps)) <= CLOSED * size[:, None]
         closed &= np.abs(seen.speed[:, normals]) <= STILL * fast[:, None]
         for k in np.flatnonzero(closed.any(axis=1)).tolist():

@@ -13,7 +13,7 @@ import numpy as np
 
 from uqmbd.compiled import Touching
 from uqmbd.dynamics.contact.decisions import HELD, Decisions
-from uqmbd.dynamics.contact.evaluator import ContactQuantities, without_motion
+from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.persistent import CLOSED, Mode, onto_contacts
 from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
 from uqmbd.dynamics.linear import excess
@@ -66,7 +66,7 @@ class SingleContacts:
         alone = self._nothing_else(contacts, events, length)
         alone &= lasting.sum(axis=1) == own
         alone &= (np.diff(self.first)[events] > 0) & (friction <= own)
-        alone &= ~without_motion(contacts.slope[rows, np.minimum(normals, self.first[-1] - 1)])
+        alone &= ~contacts.loads[np.minimum(normals, self.first[-1] - 1)]
         alone &= np.array([not d.messages[m] for m in members.tolist()], dtype=bool)
         done = np.zeros(len(members), dtype=bool)
         for some, decide in (
