@@ -200,7 +200,8 @@ def estimated_psd(
     frequencies : float or sequence of float
         Frequencies in the unit `per`, at least two per segment.
     segment : float
-        Length L of a segment, s. The window averages the density over frequencies within 2 / L.
+        Length L of a segment, s. The window averages the density over frequencies within 2 / L. The estimate is biased
+        where the density changes within 2 / L, which is frequent near the lowest frequency, 2 / L.
     sided : {"one", "two"}
         Sides of the density.
     per : {"Hz", "rad/s"}

@@ -47,6 +47,10 @@ def _paths(node: xr.DataTree) -> set[str]:
     return {one.relative_to(node) for one in node.subtree}
 
 
+BEYOND = "; an estimate outside 0 to 100 % is limited by sampling error"
+"""Reason of a share that no variance has: unbiased estimates of parts may be negative, and others above the whole."""
+
+
 def _table(label: str, parts: list[xr.Dataset]) -> str:
     """Return a table of the shares of scalar outputs with their 95 % intervals."""
     rows = []
@@ -55,7 +59,9 @@ def _table(label: str, parts: list[xr.Dataset]) -> str:
         for origin in ORIGINS:
             low, high = one["variance_share_interval"].sel(origin=origin).transpose("bound").values * 100
             share = 100 * float(one["variance_share"].sel(origin=origin))
-            shown = f"{share:.1f} % ({low:.1f} to {high:.1f})".replace("-", MINUS)
+            shown = f"{share:.1f} % ({low:.1f} to {high:.1f}{BEYOND if not 0 <= share <= 100 else ''})".replace(
+                "-", MINUS
+            )
             cells.append(f'<td class="number">{shown}</td>')
         rows.append(f'<tr><th scope="row">{html.escape(str(one["output"].item()))}</th>{"".join(cells)}</tr>')
     heads = "".join(f'<th scope="col">{text}</th>' for text in ("Output", *ORIGINS.values()))
@@ -74,7 +80,8 @@ def _chart(label: str, one: xr.Dataset) -> str:
         curves.append(Curve(text, share, (Band("95 % interval", low, high),), quantity="share of the variance"))
     mean = _weighted(one)
     means = ", ".join(f"{text} {100 * mean[origin]:.0f} %" for origin, text in ORIGINS.items())
-    caption = f"Shares of the variance of {name}{f' ({label})' if label else ''}; over all times: {means}."
+    beyond = f"{BEYOND}" if not all(-5e-3 <= x <= 1.005 for x in mean.values()) else ""
+    caption = f"Shares of the variance of {name}{f' ({label})' if label else ''}; over all times: {means}{beyond}."
     title = f"share of the variance of {name}"
     return chart_html(title, one["time"].values, curves, caption, caption, units="1")
 
