@@ -55,5 +55,6 @@ def written_contacts(
     )
     rows = np.concatenate([c.gap, c.law[:, 0], c.speed, c.bias, c.slope.ravel(), c.values, c.right])
     n = len(c.speed)
-    memory = 2 * events * (SAMPLES + 2) + c.size * (c.size + 1 + n) + 4 * n * n + 8 * n + 1
+    # twice the workspace of contacts.c, which the driver checks
+    memory = 2 * (2 * events * (SAMPLES + 2) + c.size * (c.size + 1 + n) + c.size * (1 + n) + 4 * n * n + 8 * n + 1)
     return f"{{{text}}}", w.integers(rows), dict(zip(names, (events, c.size, len(c.rows)), strict=True)), memory
