@@ -22,6 +22,7 @@ import uqmbd
 
 __all__ = [
     "CASES",
+    "HELD_OUT",
     "QUICK",
     "Array",
     "Reference",
@@ -47,6 +48,29 @@ OF_STUDIES = {
 
 QUICK = ("damped oscillator", "two modes of stiffness", "pendulum", "bouncing ball", "double well", "six inputs")
 """Mechanisms of the short comparison: smooth, kinked, rotating, with impacts, with two equilibria, many inputs."""
+
+HELD_OUT = (
+    "start phase over a turn",
+    "two frequencies",
+    "disc, weight and friction",
+    "rotating slider-crank",
+    "Kraichnan-Orszag",
+    "four-bar",
+    "dropped ball",
+    "trampoline",
+    "controller with limits",
+    "damped chain",
+    "relaxation oscillation",
+    "forty inputs",
+    "reach of an arm",
+    "driver's seat",
+    "dependent mass and stiffness",
+    "censored passage",
+    "bouncing ball compliant",
+    "clearance",
+    "robot",
+)
+"""Mechanisms that were not used when the rules of recommendation were chosen."""
 
 
 def of_study(name: str, kind: str) -> TestedMechanism:

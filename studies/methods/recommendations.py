@@ -21,7 +21,7 @@ from .cases import CASES, Reference
 from .runs import answers, first_line, largest
 from .truths import Truth, load_truth
 
-__all__ = ["ACCURACIES", "RULES", "Recommendation", "recommendation_of"]
+__all__ = ["ACCURACIES", "RULES", "Recommendation", "before_run", "recommendation_of"]
 
 ACCURACIES = 0.1, 0.01, 0.001
 """Wanted errors of means and standard deviations, over the largest standard deviation of the output."""
@@ -98,6 +98,18 @@ def methods(mechanism: str, sampling: str = "sobol") -> list[Propagator]:
     if len(tested.inputs) > SEPARATE:
         chaos = Collocation(adaptive="dimension")
     return [MonteCarlo(samples=512, sampling=sampling, seed=1), chaos]
+
+
+def before_run(mechanism: str, accuracy: float) -> list[tuple[str, str]]:
+    """Return the method and size that the page recommends before any run; the second if the first does not exist.
+
+    The choice follows from the number of inputs alone, which ``uqmbd check`` prints.
+    """
+    k = ACCURACIES.index(accuracy)
+    if len(Reference(CASES[mechanism]).inputs) > SEPARATE:
+        return [("Collocation, adaptive=dimension", f"tolerance={(0.1, 0.01, 0.001)[k]:g}")]
+    order = f"order={(2, 3, 4)[k]}"
+    return [("Collocation, alignment=auto", order), ("Collocation", order)]
 
 
 def recommendation_of(mechanism: str, accuracy: float, rules: str) -> Recommendation:

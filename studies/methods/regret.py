@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .recommendations import ACCURACIES, Recommendation
+from .recommendations import ACCURACIES, Recommendation, before_run
 from .runs import Row
 
-__all__ = ["Best", "Regret", "best_methods", "costs_of", "regrets"]
+__all__ = ["Best", "Regret", "before_runs", "best_methods", "costs_of", "moments", "regrets"]
 
 KNOWN = 1 / 3
 """Largest error of the reference over the accuracy at which a question is judged."""
@@ -99,4 +99,30 @@ def regrets(rows: Sequence[Row], recommended: Iterable[Recommendation]) -> list[
         ratio = one.realisations / least if least and one.method else np.nan
         about = one.mechanism, one.kind, one.accuracy, one.rules, one.method
         found.append(Regret(*about, title, ratio, one.error, one.stated <= one.accuracy))
+    return found
+
+
+def before_runs(rows: Sequence[Row], kinds: Mapping[str, str]) -> list[Regret]:
+    """Return the regret of a choice before any run, from the kind of a mechanism and its number of inputs alone.
+
+    `reached` is whether the true error is at most the accuracy; the error is that at all seeds.
+    """
+    costs, found = costs_of(rows), []
+    sizes: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
+    for row in rows:
+        if row.question in ("mean", "std") and not row.failure:
+            sizes[row.mechanism, row.method, row.size].append(row)
+    for mechanism, kind in kinds.items():
+        for accuracy in ACCURACIES:
+            solved = moments(costs, mechanism, accuracy).values()
+            own = next(
+                (sizes[mechanism, *one] for one in before_run(mechanism, accuracy) if (mechanism, *one) in sizes), []
+            )
+            best = min(solved, key=lambda b: b.realisations, default=None)
+            if best is None or not own:
+                continue
+            error, cost = max(row.error for row in own), float(np.mean([row.realisations for row in own]))
+            about = mechanism, kind, accuracy, "before", own[0].method
+            title = f"{best.method}, {best.size}"
+            found.append(Regret(*about, title, cost / best.realisations, error, error <= accuracy))
     return found

@@ -136,10 +136,12 @@ def errors(node: xr.DataTree, truth: Truth, one: Candidate) -> dict[str, tuple[f
 def largest(value: dict[str, Array], truth: Truth, statistic: str) -> tuple[float, float]:
     """Return the largest error of a statistic over outputs and times, and the error of the reference there.
 
-    Outputs that do not vary, such as a driven travel, are left out.
+    Outputs that do not vary, such as a driven travel, are left out, as are outputs without a true statistic.
     """
     worst = -1.0, np.nan
     for name, own in value.items():
+        if name not in truth.outputs:
+            continue
         k = truth.outputs.index(name)
         if truth.scale[k] <= STILL * np.nanmax(np.abs(truth.values["mean"][k])):
             continue
@@ -165,7 +167,7 @@ def answers(node: xr.DataTree) -> dict[str, dict[str, Array]]:
             levels = np.nanquantile(data.values.reshape(len(data), len(names), -1), QUANTILES, axis=0)
         elif "chaos" in group.children:
             chaos = surrogate(group)
-            names = [str(x) for x in group["statistics"].dataset["output"].values]
+            names = [one.name for one in chaos.labels.outputs]
             levels = chaos.quantiles(QUANTILES, samples=DRAWS)
         else:
             continue

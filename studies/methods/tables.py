@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from .cases import HERE
 from .diagram import diagram
+from .pages import store_page
 from .recommendations import ACCURACIES, RULES, Recommendation
 from .regret import costs_of, moments, regrets
 from .runs import Row
@@ -150,6 +151,7 @@ def store_tables(rows: Sequence[Row], recommended: Sequence[Recommendation], doc
         writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table)
+    store_page(rows, recommended, docs / "how-to" / "choose_method.md")
     (docs / "_static" / "choose_method.svg").write_text(diagram(data), encoding="utf-8")
     for name in CLASSES:
         if any(class_of(row.kind) == name for row in rows):

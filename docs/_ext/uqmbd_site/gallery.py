@@ -32,6 +32,7 @@ TOPICS = {
     "Vehicles": ("motorcycle", "quarter_car", "quarter_car_paths", "half_car", "suspension"),
     "Random vibration": ("earthquake",),
     "Spatial mechanisms and robots": ("agile_eye", "robot"),
+    "Flexible bodies": ("flexible_slider_crank",),
     "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),
     "Long simulations": ("slider_crank_rotating", "long_time"),
     "Requirements, tolerances and design": ("limits", "tolerances", "undamped_oscillator"),
@@ -39,6 +40,14 @@ TOPICS = {
     "Calibration from measurements": ("calibration", "two_storey_oscillator"),
 }
 """Studies by topic; studies without a topic are shown at the end."""
+
+COMPARISONS = {
+    "Numerical properties of the methods": (
+        ("Which method when", "/how-to/choose_method", "../pictures/methods_rotating.png",
+         "Error against cost of all methods on 47 mechanisms, and how good the recommended method is."),
+    ),
+}  # fmt: skip
+"""Pages with measurements that are shown next to the studies of a topic: title, page, picture and text."""
 
 DRAWN = {"mechanism": "The mechanism", "output": "Mean and bands of an output by all methods, or densities"}
 """Pictures of a study, and their alternative texts."""
@@ -222,6 +231,9 @@ def _index(root: Path, mechanisms: dict[str, str]) -> str:
             lines += [f":::{{grid-item-card}} {_title(path)}{published}", f":link: {name}", ":link-type: doc"]
             lines += [f":img-top: {mechanisms[name]}"] if name in mechanisms else []
             lines += ["", _parts(path)[0], ":::", ""]
+        for text, page, picture, words in COMPARISONS.get(title, ()):
+            lines += [f":::{{grid-item-card}} {text}", f":link: {page}", ":link-type: doc", f":img-top: {picture}"]
+            lines += ["", words, ":::", ""]
         lines += ["::::", "", "```{toctree}", ":hidden:", "", *chosen, "```", ""]
     lines += [
         "## Results",
