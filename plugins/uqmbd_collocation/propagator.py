@@ -361,6 +361,13 @@ class Collocation(uqmbd.extend.Propagator):
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Return options for an accuracy: the order; refinements and splits end at the accuracy or their limit."""
+
+        def tighter(factor: float) -> uqmbd.extend.Sizing:
+            assert accuracy is not None
+            found = self.sizing(study, factor * accuracy)
+            assert found is not None
+            return found
+
         if self.adaptive != "no":
             tolerance = self.tolerance if accuracy is None else accuracy / BOUND
             space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
@@ -371,6 +378,7 @@ class Collocation(uqmbd.extend.Propagator):
                 falls="itself",
                 also=("tolerance",),
                 bound=self.max_realisations,
+                tighten=None if accuracy is None else tighter,
             )
         given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "expansion"))
         if given or not self.verify:
@@ -388,6 +396,7 @@ class Collocation(uqmbd.extend.Propagator):
                 falls="itself",
                 also=("threshold",),
                 bound=self.max_realisations,
+                tighten=None if accuracy is None else tighter,
             )
         return uqmbd.extend.Sizing(
             option="order",

@@ -143,6 +143,16 @@ def test_designs_take_numbers_that_they_allow(sampling):
     same(found, fall(replace(method, samples=option(found, "samples"))).run()["monte-carlo"])
 
 
+@pytest.mark.parametrize("accuracy", [0.05, 0.002])
+def test_a_design_ends_at_the_first_of_steps_of_two_to_four_that_reaches_the_accuracy(accuracy):
+    """Its error may fall like 1 / samples: a larger step would pay for an accuracy that nobody requested."""
+    found = fall(MonteCarlo(samples=512, seed=1, sampling="sobol")).run(accuracy=accuracy)
+    stages = told(found)["monte-carlo"]["stages"]
+    sizes = np.array([one["size"] for one in stages])
+    assert set(sizes[1:] / sizes[:-1]) <= {2, 4}
+    assert [one["accuracy"] <= accuracy for one in stages] == [False] * (len(stages) - 1) + [True]
+
+
 @pytest.mark.parametrize("budget", [100, 700, 3000])
 def test_a_budget_of_realisations_is_never_exceeded_and_is_used(budget):
     executor = Counting()
@@ -272,6 +282,60 @@ def test_a_refinement_is_bounded_and_ends_at_the_accuracy():
     assert told(tree)["collocation"]["met"]
     assert option(tree["collocation"], "tolerance") < 0.01
     assert tree["collocation"].attrs["realisations"] <= 400
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimist(uqmbd.extend.Propagator):
+    """Ends by a tolerance; its error is `factor` over the root of its realisations, and falls more slowly."""
+
+    name: ClassVar[str] = "optimist"
+    factor: float = 3.0
+    tolerance: float = 0.01
+    most: int = 1000
+
+    def sizing(self, study, accuracy):
+        return uqmbd.extend.Sizing(
+            option="most", at=lambda most: replace(self, most=most, tolerance=accuracy), least=10, falls="itself",
+            bound=1000, tighten=lambda factor: self.sizing(study, factor * accuracy),
+        )  # fmt: skip
+
+    def propagate(self, problem):
+        count = min(self.most, int(1 / self.tolerance))
+        problem.realise(np.full((count, 1), MEAN))
+        error = [[self.factor / math.sqrt(count)] * 2]
+        known = uqmbd.extend.statistics_dataset(
+            problem.labels, mean=[[0.0, MEAN]], std=[[STD, STD]], std_error_mean=error, std_error_std=error
+        )
+        return problem.node(self, known, realisations=count)
+
+
+@pytest.mark.parametrize(
+    ("factor", "runs", "met"), [(0.02, 1, True), (0.03, 2, True), (0.04, 3, True), (0.3, 3, False)]
+)
+def test_a_method_that_ends_above_the_accuracy_runs_again_with_smaller_tolerances(factor, runs, met):
+    """Its own estimate may be too small; twice at most, and the best result is the one that is kept."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", uqmbd.StudyWarning)
+        tree = fall(Optimist(factor=factor)).run(accuracy=0.05)
+    about = told(tree)["optimist"]
+    assert len(about["stages"]) == runs
+    assert about["met"] is met
+    costs = [one["cost"] for one in about["stages"]]
+    assert costs == sorted(costs)
+    assert tree["optimist"].attrs["realisations"] == costs[-1]
+
+
+def test_a_refinement_of_many_inputs_that_missed_the_accuracy_reaches_it_with_a_smaller_tolerance():
+    """A sum of waves of eight inputs: its variance in closed form."""
+    mechanism = uqmbd.Mechanism("sum", uqmbd.Line())
+    mechanism.body("mass", mass=1)
+    inputs = [uqmbd.RandomVariable(f"x{k}", chaospy.Uniform(-1, 1)) for k in range(8)]
+    mechanism.output("sum", sum(sympy.sin(2 * x) * (1 + 0.3 * inputs[k - 1]) for k, x in enumerate(inputs)))
+    tree = uqmbd.Study("sum", mechanism, [0.0, 1.0], [Collocation(adaptive="dimension")]).run(accuracy=0.003)
+    node, one = tree["collocation"], 0.5 * (1 - np.sinc(4 / np.pi))
+    assert told(tree)["collocation"]["met"]
+    variance = 8 * one * (1 + 0.09 / 3)
+    assert abs(node["statistics"]["variance"].values.max() - variance) <= 0.01 * variance
 
 
 def test_a_method_without_sizes_runs_as_it_is_and_that_is_reported():

@@ -30,6 +30,19 @@ An intermediate size is used if the error may decrease faster than the inverse r
 Examples are errors of a design, and errors that are widened because there are few samples.
 """
 
+DESIGN_GROWTH = 2, 4
+"""Minimum and maximum growth of the size of a design per step.
+
+The error of a design may decrease like 1 / size, and few points in each replicate overestimate it.  The size therefore
+grows by the square root of the growth that independent samples would need, within these limits.
+"""
+
+TIGHTENINGS = 2
+"""Maximum number of repetitions with smaller tolerances of a method that ends automatically above the accuracy."""
+
+TIGHTER = 0.7
+"""Ratio of the next stated error to the accuracy, if the stated error is proportional to the tolerance."""
+
 GROWTH = 256
 """Maximum growth of the sample size per step, because few samples do not determine the spread reliably."""
 
@@ -101,6 +114,8 @@ class Sized:
     taken: Stage | None = None
     problem: str = ""  # reason against a larger size; otherwise empty
     _costs: dict[int, int] = field(default_factory=dict)
+    _tightenings: int = 0
+    _pending: bool = False  # whether tolerances are smaller than those of the last stage
 
     @property
     def label(self) -> str:
@@ -116,8 +131,15 @@ class Sized:
         """Add a completed size, and choose it unless an earlier order stated a smaller error."""
         self.stages.append(stage)
         worse = self.taken is not None and stage.accuracy > self.taken.accuracy
-        if not (worse and self.sizing.falls == "steps"):
+        if not (worse and (self.sizing.falls == "steps" or self._tightenings)):
             self.node, self.taken = node, stage
+        self._pending = False
+        early = self.sizing.falls == "itself" and 2 * stage.cost <= stage.size  # not because of the limit
+        if early and self.accuracy is not None and self.accuracy < stage.accuracy < math.inf:
+            tighten = self.sizing.tighten
+            if tighten is not None and self._tightenings < TIGHTENINGS:
+                self.sizing = tighten(TIGHTER * self.accuracy / stage.accuracy)
+                self._tightenings, self._pending = self._tightenings + 1, True
 
     def cost(self, size: int) -> int:
         """Return the number of realisations of a size; raise `uqmbd.StudyError` if there is no such size."""
@@ -197,10 +219,16 @@ class Sized:
             return self._following_bound(left)
         wanted = min(self.wanted(), GROWTH * last.size)
         if self.accuracy is not None and last.kind in ("mean", "std") and last.usual >= last.accuracy:
-            wanted = math.sqrt(wanted * last.size) if wanted > LEAP * last.size else wanted
+            step = math.sqrt(wanted * last.size)
+            if not self.sizing.extends:
+                least, most = (factor * last.size for factor in DESIGN_GROWTH)
+                wanted = min(wanted, max(least, min(step, most)))
+            elif wanted > LEAP * last.size:
+                wanted = step
         if math.isinf(left.realisations) and math.isinf(left.seconds):
             wanted = min(wanted, MOST)
-        size = self._affordable(self._upwards(wanted), left)
+        design = not self.sizing.extends and self.sizing.largest(wanted) > last.size
+        size = self._affordable(self.sizing.largest(wanted) if design else self._upwards(wanted), left)
         if size <= last.size:
             self.problem = self._why(left)
             return None
@@ -319,11 +347,13 @@ class Sized:
 
     def _following_bound(self, left: RemainingBudget) -> int | None:
         last = self.stages[-1]
+        wanted = self.wanted()
+        room = min(left.realisations, self._timely(left.seconds))
+        if self._pending and last.cost < room:
+            return self.sizing.largest(min(max(float(last.size), wanted), room))
         if last.cost < last.size:
             self.problem = f"the method ended with {last.cost} realisations"
             return None
-        wanted = self.wanted()
-        room = min(left.realisations, self._timely(left.seconds))
         size = self.sizing.largest(min(wanted, room)) if math.isfinite(min(wanted, room)) else last.size
         if size <= last.size * WORTH:
             self.problem = self._why(left)

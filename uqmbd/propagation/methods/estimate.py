@@ -84,6 +84,9 @@ class Sizing:
         Names of further options that `at` sets.
     bound : int, optional
         Size of a run without a budget, for a method that ends automatically.
+    tighten : callable, optional
+        Function that maps a factor below 1 to the sizing with tolerances multiplied by this factor, for a method that
+        ends automatically. If its stated error exceeds the accuracy, a run repeats the method with smaller tolerances.
 
     Examples
     --------
@@ -102,6 +105,7 @@ class Sizing:
     of: Literal["moments", "probabilities"] = "moments"
     also: tuple[str, ...] = ()
     bound: Size | None = None
+    tighten: Callable[[float], Sizing] | None = None
 
     def largest(self, number: Annotated[float, Bounds(0)]) -> int:
         """Return the largest allowed size up to a number, or the smallest size if no allowed size is that small."""

@@ -194,6 +194,9 @@ def compare(
         raise StudyError(f"The reference is {reference!r}; expected one of the methods {', '.join(map(repr, nodes))}.")
     errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     chosen = _most_reliable(nodes, errors) if reference is None else reference
+    wanted = max((float(node.attrs.get("requested_accuracy", 0.0)) for node in nodes.values()), default=0.0)
+    # an error that reaches the requested accuracy is not too large
+    coarse = {label: np.where(one.accuracies() <= wanted, np.inf, COARSE) for label, one in errors.items()}
     base = nodes[chosen].children["statistics"].to_dataset()
     times, timed = _times(base), "time" in base["mean"].dims
     units = [str(u) for u in base["output_units"].values]
@@ -240,6 +243,7 @@ def compare(
                 floor=floor,
                 names=(label, chosen),
                 own=own[label],
+                coarse=(coarse[label], coarse[chosen]),
             )
         )
     columns["detectable"] = [np.array([v.within for v in row]) for row in verdicts]
@@ -272,14 +276,14 @@ def compare(
     if len(nodes) < 2:
         return found
     found = found.assign(_counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
-    large = errors[chosen].stated > COARSE
+    large = errors[chosen].stated > coarse[chosen]
     if poor := base["output"].values[large].tolist():
         remedies = dict.fromkeys(errors[chosen].words[o][1] for o in np.flatnonzero(large))
         found = found.assign_attrs(
             reference_under_resolved=json.dumps(poor, ensure_ascii=False),
             reference_remedy="; ".join(filter(None, remedies)),
         )
-    if wanted := max((float(a.get("requested_accuracy", 0.0)) for a in attributes), default=0.0):
+    if wanted:
         values = [stated_accuracy(node, rtol=max(rtol, rtol_of(node))).value for node in nodes.values()]
         found = found.assign(stated_accuracy=("method", np.array(values)))
         found = found.assign_attrs(requested_accuracy=wanted, reference_sampled=int(errors[chosen].drawn))

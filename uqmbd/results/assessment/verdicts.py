@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.results.assessment.limits import COARSE, ENOUGH_SAMPLES, EXACT, LEAST_SAMPLES, ROUGH
 from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, OwnError, root_mean_square
@@ -63,6 +63,7 @@ def compare_with_reference(
     floor: Array,
     names: tuple[str, str] = ("the method", "the reference"),
     own: Sequence[str] | None = None,
+    coarse: tuple[ArrayLike, ArrayLike] = (COARSE, COARSE),
 ) -> list[Verdict]:
     """Compare a method with a reference, output by output.
 
@@ -71,12 +72,17 @@ def compare_with_reference(
     in any output at any time. Half of the level is for the means and half for the standard deviations, in equal parts
     for the outputs. Over time the largest deviation is tested, see :mod:`uqmbd.results.assessment.simultaneous`.
     `floor` (O,): differences that are ignored, in the units of the outputs; `names`: labels of the method and the
-    reference; `own`: statements of the method on its own error.
+    reference; `own`: statements of the method on its own error; `coarse`: stated errors of each output, over the
+    standard deviation, above which the method is under-resolved, and above which the reference verifies nothing.
     """
     own = [""] * len(units) if own is None else own
     found, base = found.informed(base), base.informed(found)
     share = level / (2 * max(len(units), 1))
-    return [_verdict(found, base, o, times, units[o], share, float(floor[o]), names, own[o]) for o in range(len(units))]
+    limits = np.stack([np.broadcast_to(np.asarray(limit, dtype=float), len(units)) for limit in coarse], axis=1)
+    return [
+        _verdict(found, base, o, times, units[o], share, float(floor[o]), names, own[o], limits[o])
+        for o in range(len(units))
+    ]
 
 
 def _verdict(
@@ -89,6 +95,7 @@ def _verdict(
     floor: float,
     names: tuple[str, str],
     own: str,
+    limits: Array,
 ) -> Verdict:
     if not len(times):
         return Verdict(UNDER_RESOLVED, "not compared: the results have no common time", np.inf)
@@ -111,14 +118,14 @@ def _verdict(
     of_base = float(base.stated[o])
     # large terms of the highest order indicate missing terms, unless verification shows that the surrogate is exact
     truncated = float(found.top_order[o]) > COARSE and not stated <= EXACT
-    coarse = stated > COARSE or (truncated and (beyond or (unexplained and np.isnan(stated))))
+    coarse = stated > limits[0] or (truncated and (beyond or (unexplained and np.isnan(stated))))
     if not base.varies[o] and not (found.varies[o] and tests[True][1].significant):
         moved = "; ".join(_differences(found, base, o, times, units, tests[True][:1]))
         if rare and not moved:
             return _of_few(rare, names, within)
         return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
     what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
-    if beyond and not coarse and not (found.drawn and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
+    if beyond and not coarse and not (found.drawn and found.samples < LEAST_SAMPLES) and not of_base > limits[1]:
         if few and base.drawn and base.samples < LEAST_SAMPLES:
             return _of_few(few, names, within)
         return Verdict(DIFFERS, f"differs: {what}", within)
@@ -131,7 +138,7 @@ def _verdict(
         return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
     if few:
         return _of_few(few, names, within)
-    if of_base > COARSE:
+    if of_base > limits[1]:
         text = f"the stated error of {names[1]}, the reference, is {format_percent(of_base)}: too large for a verdict"
         return Verdict(UNVERIFIED, f"not verified: {text}", within)
     unseen = (
