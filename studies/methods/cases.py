@@ -22,11 +22,13 @@ import uqmbd
 
 __all__ = [
     "CASES",
+    "CLASSES",
     "HELD_OUT",
     "QUICK",
     "Array",
     "Reference",
     "TestedMechanism",
+    "class_of",
     "console",
     "first_output",
     "index_estimates",
@@ -49,6 +51,14 @@ OF_STUDIES = {
 QUICK = ("damped oscillator", "two modes of stiffness", "pendulum", "bouncing ball", "double well", "six inputs")
 """Mechanisms of the short comparison: smooth, kinked, rotating, with impacts, with two equilibria, many inputs."""
 
+CLASSES = {
+    "smooth": ("smooth", "dependent inputs", "without motion", "censored"),
+    "rotating": ("rotating", "closed loop"),
+    "contact": ("contact",),
+    "controlled or stiff": ("controller", "stiff"),
+    "many inputs": ("many inputs",),
+}
+"""Classes of mechanisms, with the kinds that they contain."""
 HELD_OUT = (
     "start phase over a turn",
     "two frequencies",
@@ -71,6 +81,11 @@ HELD_OUT = (
     "robot",
 )
 """Mechanisms that were not used when the rules of recommendation were chosen."""
+
+
+def class_of(kind: str) -> str:
+    """Return the class of a kind of mechanism."""
+    return next(name for name, kinds in CLASSES.items() if kind in kinds)
 
 
 def of_study(name: str, kind: str) -> TestedMechanism:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cases import HELD_OUT
+from .cases import CLASSES, HELD_OUT, class_of
 from .recommendations import ACCURACIES, Recommendation
 from .regret import Regret, before_runs, costs_of, moments, regrets
 from .runs import Row
@@ -17,19 +17,33 @@ __all__ = ["store_page"]
 
 NAMES = {"collocation": "chaos", "monte-carlo": "Sobol' points"}
 """Names of the recommended methods on the page."""
-HEADER = ("rules", "mechanisms", "tasks", "accuracy reached", "median regret", "nine of ten below", "10 % (tasks)",
-          "1 %", "0.1 %", "errors above twice the accuracy")  # fmt: skip
+HEADER = (
+    "rules", "mechanisms", "tasks", "accuracy reached", "median regret", "90 % quantile of the regret",
+    "regret below 3", "median at 10 % (tasks)", "at 1 %", "at 0.1 %", "errors above twice the accuracy",
+)  # fmt: skip
 
 
 def store_page(rows: Sequence[Row], recommended: Sequence[Recommendation], page: Path) -> None:
     """Write the tables between the markers ``<!-- NAME -->`` and ``<!-- end -->`` of the page."""
     text = page.read_text(encoding="utf-8")
-    for name, table in {"best": best(rows, recommended), "regrets": regret_table(rows, recommended)}.items():
+    tables = {
+        "mechanisms": mechanisms(rows),
+        "best": best(rows, recommended),
+        "regrets": regret_table(rows, recommended),
+    }
+    for name, table in tables.items():
         pattern = rf"(<!-- {name} -->\n).*?(<!-- end -->)"
         if not re.search(pattern, text, re.DOTALL):
             raise ValueError(f"{page} has no markers <!-- {name} --> and <!-- end -->")
         text = re.sub(pattern, lambda m, table=table: m[1] + table + m[2], text, flags=re.DOTALL)
     page.write_text(text, encoding="utf-8")
+
+
+def mechanisms(rows: Sequence[Row]) -> str:
+    """Return the measured mechanisms by class."""
+    kinds = {row.mechanism: row.kind for row in rows}
+    own = {title: [name for name, kind in kinds.items() if class_of(kind) == title] for title in CLASSES}
+    return markdown(("class", "mechanisms"), [(title, "; ".join(names)) for title, names in own.items() if names])
 
 
 def best(rows: Sequence[Row], recommended: Sequence[Recommendation], accuracy: float = 0.01) -> str:
@@ -87,6 +101,7 @@ def line(title: str, own: Sequence[Regret]) -> list[object]:
         sum(one.reached for one in own),
         f"{np.median(ratios):.2f}" if len(ratios) else "",
         f"{np.quantile(ratios, 0.9):.1f}" if len(ratios) else "",
+        f"{np.mean(ratios < 3):.0%}".replace("%", " %") if len(ratios) else "",
         *(f"{np.median(each):.2g} ({len(each)})" if each else "" for each in by),
         sum(one.error > 2 * one.accuracy for one in own if one.method),
     ]

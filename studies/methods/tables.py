@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from .cases import HERE
+from .cases import CLASSES, HERE, class_of
 from .diagram import diagram
 from .pages import store_page
 from .recommendations import ACCURACIES, RULES, Recommendation
@@ -28,14 +28,6 @@ from .runs import Row
 __all__ = ["best_table", "cost_table", "draw", "store_tables"]
 
 DOCS = HERE.parents[1] / "docs"
-CLASSES = {
-    "smooth": ("smooth", "dependent inputs", "without motion", "censored"),
-    "rotating": ("rotating", "closed loop"),
-    "contact": ("contact",),
-    "controlled or stiff": ("controller", "stiff"),
-    "many inputs": ("many inputs",),
-}
-"""Classes of mechanisms, with the kinds that they contain."""
 DRAWN = {
     "Monte Carlo": "#666666",
     "Monte Carlo, sobol": "#0072b2",
@@ -48,11 +40,6 @@ DRAWN = {
     "Galerkin": "#000000",
 }
 """Methods in the figures, with their colours."""
-
-
-def class_of(kind: str) -> str:
-    """Return the class of a kind of mechanism."""
-    return next(name for name, kinds in CLASSES.items() if kind in kinds)
 
 
 def cost_table(rows: Sequence[Row]) -> xr.Dataset:

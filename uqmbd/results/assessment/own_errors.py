@@ -128,9 +128,8 @@ class OwnError:
         The half-width is infinite if no error is stated, and 0 for outputs that do not vary.
         """
         widths = 1.96 * np.maximum(self.noise_mean, self.noise_std) + self.missed
-        found = np.nan_to_num(widths, nan=np.inf).max(axis=-1, initial=0.0) / divisor(
-            np.nan_to_num(self.std).max(axis=-1, initial=0.0)
-        )
+        largest = np.where(np.isnan(widths), np.inf, widths).max(axis=-1, initial=0.0)
+        found = largest / divisor(np.nan_to_num(self.std).max(axis=-1, initial=0.0))
         stated = self.drawn | (self.samples > 0) | np.isfinite(self.stated)
         return np.where(self.varies, np.where(stated, found, np.inf), 0.0)
 
