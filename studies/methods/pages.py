@@ -35,7 +35,7 @@ def store_page(rows: Sequence[Row], recommended: Sequence[Recommendation], page:
         pattern = rf"(<!-- {name} -->\n).*?(<!-- end -->)"
         if not re.search(pattern, text, re.DOTALL):
             raise ValueError(f"{page} has no markers <!-- {name} --> and <!-- end -->")
-        text = re.sub(pattern, lambda m, table=table: m[1] + table + m[2], text, flags=re.DOTALL)
+        text = re.sub(pattern, rf"\g<1>{table}\g<2>", text, flags=re.DOTALL)
     page.write_text(text, encoding="utf-8")
 
 

@@ -90,6 +90,10 @@ def test_results_say_so(results, tmp_path):
     compared = results["comparison"].to_dataset()
     assert compared.attrs["censored"] == "reached"
     assert compared["scalar"].values.tolist() == ["fastest", "middle"]
+    words = "has no statistics of reached, which does not occur in all realisations; use monte-carlo for this output."
+    recommended = json.loads(compared.attrs["recommended"])
+    assert (words in compared.attrs["recommendation"]) == bool({"collocation", "galerkin"} & set(recommended))
+    assert recommended
     text = write_report(results, tmp_path / "report.html").read_text()
     assert "could not be drawn" not in text
     names = [axes.get_xlabel() for axes in scalar_densities(results).axes]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -88,6 +89,9 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
     compared = _compare(nodes, reference, rtol) if over_time or not inner else None
     if left_out and compared is not None:
         compared = compared.assign_attrs(censored=", ".join(left_out))
+        if said := _unanswered(nodes, left_out, str(compared.attrs.get("recommended", "[]"))):
+            lead, *others = str(compared.attrs["recommendation"]).split("\n")
+            compared = compared.assign_attrs(recommendation="\n".join((f"{lead} {said}", *others)))
     if not inner:
         return compared if compared is not None else xr.Dataset()
     # a reference that is chosen for outputs over time may have too few samples for scalar outputs
@@ -113,6 +117,29 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
+
+
+def _unanswered(nodes: Mapping[str, xr.DataTree], left_out: Sequence[str], chosen: str) -> str:
+    """Return a sentence on censored outputs whose statistics a recommended method does not have; empty if it has all.
+
+    `chosen`: labels of the recommended methods, JSON.
+    """
+    known: dict[str, list[str]] = {name: [] for name in left_out}
+    for label, node in scalar_nodes(nodes).items():
+        statistics = node.children["statistics"].to_dataset()
+        for name, mean in zip(statistics["output"].values, statistics["mean"].values, strict=True):
+            if str(name) in known and np.isfinite(mean):
+                known[str(name)].append(label)
+    found = []
+    for label in json.loads(chosen):
+        missing = [name for name, labels in known.items() if label not in labels]
+        if missing:
+            others = dict.fromkeys(other for name in missing for other in known[name])
+            which, these = ("does", "this output") if len(missing) == 1 else ("do", "these outputs")
+            instead = f"; use {' or '.join(others)} for {these}" if others else ""
+            names = ", ".join(missing)
+            found.append(f"{label} has no statistics of {names}, which {which} not occur in all realisations{instead}.")
+    return " ".join(found)
 
 
 def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
