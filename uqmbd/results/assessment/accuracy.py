@@ -11,12 +11,12 @@ import xarray as xr
 
 from uqmbd.arguments import Bounds, NotNegativeOrInfinite, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.results.assessment.own_errors import own_error
+from uqmbd.results.assessment.own_errors import OwnError, own_error
 from uqmbd.results.requirements import answers
-from uqmbd.results.statistics import over_time
+from uqmbd.results.statistics import divisor, over_time
 from uqmbd.typing import Array
 
-__all__ = ["StatedAccuracy", "stated_accuracy"]
+__all__ = ["StatedAccuracy", "accuracies", "stated_accuracy"]
 
 TWO_SIDED = 1.96
 """Half-width of a two-sided 95 % confidence interval, in standard errors."""
@@ -148,6 +148,18 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
                 unknown = "" if math.isfinite(found[0]) else " is unknown"
                 worst = StatedAccuracy(found[0], f"{words} of {names[row]}{at}{unknown}", kind)
     return worst
+
+
+def accuracies(own: OwnError) -> Array:
+    """Return the largest half-width (O,) of mean and standard deviation over the largest standard deviation.
+
+    The half-width is infinite if no error is stated, and 0 for outputs that do not vary.
+    """
+    widths = TWO_SIDED * np.maximum(own.noise_mean, own.noise_std) + own.missed
+    largest = np.where(np.isnan(widths), np.inf, widths).max(axis=-1, initial=0.0)
+    found = largest / divisor(np.nan_to_num(own.std).max(axis=-1, initial=0.0))
+    stated = own.drawn | (own.samples > 0) | np.isfinite(own.stated)
+    return np.where(own.varies, np.where(stated, found, np.inf), 0.0)
 
 
 def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:

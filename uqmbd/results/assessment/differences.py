@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, Share, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.results.assessment.accuracy import stated_accuracy
+from uqmbd.results.assessment.accuracy import accuracies, stated_accuracy
 from uqmbd.results.assessment.distances import distributions
 from uqmbd.results.assessment.limits import COARSE, ROUGH
 from uqmbd.results.assessment.own_errors import OwnError, own_error, own_statements, root_mean_square
@@ -196,7 +196,7 @@ def compare(
     chosen = _most_reliable(nodes, errors) if reference is None else reference
     wanted = max((float(node.attrs.get("requested_accuracy", 0.0)) for node in nodes.values()), default=0.0)
     # an error that reaches the requested accuracy is not too large
-    coarse = {label: np.where(one.accuracies() <= wanted, np.inf, COARSE) for label, one in errors.items()}
+    coarse = {label: np.where(accuracies(one) <= wanted, np.inf, COARSE) for label, one in errors.items()}
     base = nodes[chosen].children["statistics"].to_dataset()
     times, timed = _times(base), "time" in base["mean"].dims
     units = [str(u) for u in base["output_units"].values]

@@ -122,17 +122,6 @@ class OwnError:
         error, scale = _over_known(1.96 * self.noise_std + self.bias, self.std, times, np.isfinite(self.std))
         return np.where(self.varies & (scale != 0), np.nan_to_num(error / divisor(scale), nan=np.inf), 0.0)
 
-    def accuracies(self) -> Array:
-        """Return the largest half-width (O,) of mean and standard deviation over the largest standard deviation.
-
-        The half-width is infinite if no error is stated, and 0 for outputs that do not vary.
-        """
-        widths = 1.96 * np.maximum(self.noise_mean, self.noise_std) + self.missed
-        largest = np.where(np.isnan(widths), np.inf, widths).max(axis=-1, initial=0.0)
-        found = largest / divisor(np.nan_to_num(self.std).max(axis=-1, initial=0.0))
-        stated = self.drawn | (self.samples > 0) | np.isfinite(self.stated)
-        return np.where(self.varies, np.where(stated, found, np.inf), 0.0)
-
     def largest(self, times: Array | None) -> tuple[Array, Array]:
         """Return the largest stated error (O,) of the standard deviation over times (T,), and its time (O,), in s.
 
