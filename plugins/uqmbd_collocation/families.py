@@ -46,7 +46,7 @@ FAMILIES: tuple[Family, ...] = get_args(Family)
 
 Way = Literal[Family, "events+phase"]
 COMBINED: Final = "events+phase"
-"""Name of the family with both kinds of markers; it is tried if both families are possible."""
+"""Name of the family with event and phase markers; it is tried if the families `events` and `phase` succeed."""
 
 SIMPLEST: tuple[Way, ...] = ("plain", "events", "phase", COMBINED, "two-frequency")
 """Order of preference of families with equal errors."""
@@ -55,7 +55,9 @@ FIRST: tuple[Way, ...] = ("phase", "events", COMBINED, "plain", "two-frequency")
 """Order of computation: later families reuse the realisations of earlier families."""
 
 ENOUGH = 0.01
-"""If errors are below this share of the largest deviation, two frequencies are tried only if the option names them."""
+"""Errors, relative to the largest standard deviation over time, that are small enough.
+
+If errors are at most this share, the family `two-frequency` is tried only if the option names it."""
 
 Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
@@ -180,7 +182,7 @@ class _AtTimes(DerivedSource):
 
 
 def impossible(problem: uqmbd.extend.Problem, family: Family) -> str:
-    """Return the reason why a family is impossible; empty if the reason requires a computation, or there is none."""
+    """Return why a family is impossible, as far as this is known without realisations; otherwise an empty text."""
     try:
         if family == "events":
             EventTrajectories(problem)
@@ -206,8 +208,8 @@ def expand_families(
     """Expand by several families; select for each output the smallest error at the verification realisations.
 
     With both events and phases, their combination is another family if it is possible. Raise StudyError or
-    IntegrationError if all families are impossible. Raise one of them also if a single family is impossible and
-    `wanted` is true. If `wanted` is false, an impossible family is omitted.
+    IntegrationError if all families are impossible. If `wanted` is true, raise the error as soon as any named family
+    is impossible. If `wanted` is false, an impossible family is omitted.
     """
     work = _FamilyContext(
         problem, space, plans, limits, tolerance, PhaseTrajectories(problem, clock, tentative=not wanted)
@@ -255,7 +257,10 @@ def expand_families(
 def _composed(
     work: _FamilyContext, chaoses: Mapping[str, Part], taken: Sequence[Runs], errors: Mapping[str, Array]
 ) -> Expanded:
-    """Return the outputs as a combination of families; errors (O,) are given for all families and for "taken"."""
+    """Return the outputs as a combination of families.
+
+    `errors` contains the errors (O,) of each family by its name, and the errors of the combination as "taken".
+    """
     outputs = [o.name for o in work.problem.labels.outputs]
     times = np.asarray(work.problem.labels.times)
     words = [runs_in_words(runs, times) for runs in taken]

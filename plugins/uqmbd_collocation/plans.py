@@ -203,13 +203,19 @@ class Plans:
     def points_of_elements(
         self, boxes: Sequence[uqmbd.extend.GermBox], done: int
     ) -> list[uqmbd.extend.VerificationPoints]:
-        """Return the verification points of each new box after `done` elements; a single box has the usual points."""
+        """Return the verification points of each new box; `done` is the number of earlier elements.
+
+        If the only box is the whole germ space, its points are those of `verification_points`.
+        """
         if len(boxes) == 1 and boxes[0].probability == 1.0:
             return [self.verification_points(boxes[0].space)]
         return uqmbd.extend.VerificationPoints.of_elements(boxes, done, self.verify, self.seed, STREAM)
 
     def further(self, chaos: PiecewiseChaos | AlignedChaos, spent: int) -> list[uqmbd.extend.VerificationPoints]:
-        """Return further verification points in elements with large errors; `spent` realisations limit the number."""
+        """Return further verification points in elements with large errors.
+
+        `spent` realisations have been computed; at most `max_realisations` - `spent` points are returned.
+        """
         room = max(self.max_realisations - spent, 0)
         points = uqmbd.extend.VerificationPoints.of_errors(chaos, spent, self.seed, STREAM)
         if (wanted := sum(map(len, points))) > room:

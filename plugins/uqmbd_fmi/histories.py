@@ -153,8 +153,8 @@ class _Pool:
             return _CallHistory(time)
         if len(other.rows) < number:
             raise StudyError(
-                f"a realisation must repeat {number} samples of FMU {self.function.name!r}; at most {REPEATED} samples "
-                "are stored. Use another integrator, or a lower rate."
+                f"a realisation needed a replay of {number} past samples of FMU {self.function.name!r}; only "
+                f"{len(other.rows)} are stored. Use another integrator, or a lower rate."
             )
         found = _CallHistory(other.start)
         for k, row in enumerate(other.rows[:number]):

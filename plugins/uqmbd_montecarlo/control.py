@@ -83,7 +83,7 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
     square of the mean (with the same controls) plus the variance of the mean. So the estimate is unbiased except for
     the error of the variance of the mean. Standard errors are computed from the residuals of each fold, with the
     factors of the other folds. Errors of the variance are computed from fourth powers. With heavy tails, these errors
-    are too small, and more often so if the surrogate is accurate except in the tails.
+    may be too small; this is more frequent if the surrogate is accurate except in the tails.
 
     If the expectations of the controls are unknown, their means over `further` replace them. `further` contains moments
     of `controls` at two or more independent realisations of the surrogate. This method is known as approximate control

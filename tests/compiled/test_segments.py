@@ -85,7 +85,7 @@ def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="was given a basis"):
         table.edges_at(np.zeros((5, 3)))
     for room in (np.zeros((5, 1, 4)), np.zeros((5, 2, 3)), np.zeros((5, 1, 6))[..., ::2]):
-        with pytest.raises(ValueError, match="were given room"):
+        with pytest.raises(ValueError, match="the array for outputs"):
             table.evaluate(np.zeros((5, 2)), np.zeros(3), slice(None), room, np.arange(5))
     for rows in (np.arange(4), np.arange(1, 6), np.arange(-1, 4)):
         with pytest.raises(ValueError, match="were given rows"):

@@ -224,7 +224,7 @@ def test_keys_outside_their_range_are_refused():
     mechanism = oscillator(uqmbd.extend.excitation(Wave(), uqmbd.t))
     for key in (-2.0, 1.5, 1e6):
         with pytest.raises(
-            uqmbd.StudyError, match="'shaking' is .* the key of a sampled path; expected a number from 0"
+            uqmbd.StudyError, match="shaking = .* this variable selects a sampled path; expected a number from 0"
         ):
             uqmbd.simulate(mechanism, TIMES, {"shaking": key})
 

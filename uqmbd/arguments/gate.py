@@ -142,7 +142,8 @@ def _annotations(
     """Return names, annotations and parameters of the annotated arguments of a function."""
     found = []
     names: dict[str, Any] | None = None
-    known = inspect.unwrap(function).__globals__  # the wrapper, as of a context manager, is from another module
+    # a wrapper, for example by `contextlib.contextmanager`, has the globals of another module
+    known = inspect.unwrap(function).__globals__
     if owner is not None:
         known = {**known, "Self": owner}
     for name, parameter in signature.parameters.items():

@@ -68,9 +68,9 @@ class ProgramPart(Addressed):
         """Return the C structure of the steps for the driver."""
         table = self._table()
         found = c.ProgramStruct(ctypes.addressof(table), len(self.steps), self.scratch)
-        found.kept = (
-            table  # the structure keeps its data alive, because another thread may also make a separate structure
-        )
+        # the structure stores only the address of its table; two threads may both make a structure, so each structure
+        # holds a reference to its own table
+        found.kept = table
         return found
 
     def _table(self) -> Any:

@@ -81,7 +81,11 @@ class SegmentTable:
         first, last, step = outputs.indices(self.used.shape[1])
         count, width = len(times), last - first
         if step != 1 or found.shape[1:] != (width, count) or not found.flags.c_contiguous or found.dtype != float:
-            raise ValueError(f"outputs {outputs} at {count} times were given room {found.shape}")
+            raise ValueError(
+                f"the array for outputs {outputs} at {count} times has the shape {found.shape} and the type "
+                f"{found.dtype}; expected a contiguous array of float with the shape (R, {width}, {count}), and a "
+                "slice with step 1"
+            )
         if rows.shape != (len(basis),) or len(rows) and not 0 <= rows.min() <= rows.max() < len(found):
             raise ValueError(f"{len(basis)} samples were given rows {rows.shape} of {len(found)}")
         if not found.size:

@@ -97,7 +97,10 @@ def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
 
 
 def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[Finding, ...]:
-    """Return findings on requirements for quantities undetermined by redundant constraints; see `not_unique`."""
+    """Return findings on requirements that limit reactions which redundant constraints leave undetermined.
+
+    See `not_unique`.
+    """
     moving = None if model.margins is None else model.margins.moving
     names = () if moving is None else not_unique(model, moving, q, time, parameters)
     return tuple(
@@ -113,7 +116,7 @@ def undetermined_margins(model: Model, q: Array, time: float, parameters: Array)
 
 
 def _unknown(seen: MarginMap, number: int) -> str:
-    """Return a message on the unknown result of a requirement without a time, by its number."""
+    """Return a message that it is unknown whether requirement `number`, among those without a time, is met."""
     name = [one.name for one in seen.requirements if not one.over_time][number]
     what = "an event" if seen.still is not None and seen.still.of_events(number) else "a first time"
     return (
@@ -137,7 +140,8 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
     if seen.still is not None:
         found = scalars_of(ensemble, trajectories, seen.still, never=float(times[-1]))
         fail(found.status, found.messages)
-        # without a first time or an event, the margin is beyond its value at the end
+        # if a first time or an event does not occur, only a bound of the margin is known: its value at the last output
+        # time
         above = np.array([one.open for one in seen.requirements], dtype=np.int64)[~over_time]
         unknown = found.censored & ~np.where(found.values < 0, above < 0, above > 0)
         reasons = [_unknown(seen, int(np.argmax(row))) if row.any() else "" for row in unknown]

@@ -282,7 +282,7 @@ def test_members_that_chaospy_loses_are_found_again():
     try:
         found = uqmbd.random_vector(tuple(f"x{k:02d}" for k in range(10)), lost)
     except uqmbd.StudyError as error:
-        assert "chaospy ignores parameters" in str(error)
+        assert "chaospy ignores members" in str(error)
     else:
         assert [v.mean for v in found] == pytest.approx([0, 5, 10, 15, 0, 0, 0, 1, 20, 25])
 

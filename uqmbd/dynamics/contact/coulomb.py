@@ -50,7 +50,7 @@ class Touch:
     normal: int  # index of its normal direction
     tangents: tuple[int, ...] = ()  # indices of its tangential directions; empty without friction
     friction: float = 0.0  # coefficient of friction
-    given: bool = False  # whether the normal force is a given limit of dry friction
+    given: bool = False  # whether the normal impulse is prescribed, as for dry friction with a given limit
 
 
 @dataclass(frozen=True)
@@ -61,12 +61,16 @@ class Collision:
     before: Array  # (direction,): speeds, m/s
     touches: tuple[Touch, ...]
     wanted: Array  # (touch,): least normal speeds after the collision, m/s
-    # largest jump of a speed, m/s, in earlier collisions at the same instant; the speeds contain its rounding
+    # largest jump of a speed, m/s, in earlier collisions at the same instant; its rounding error remains in
+    # the speeds
     earlier: float = 0.0
 
     @cached_property
     def units(self) -> Array:
-        """Return the approximate impulse per speed in each direction, (direction,), as masses may differ widely."""
+        """Return a unit of impulse for each direction, shape (direction,), because masses may differ widely.
+
+        The unit is the approximate impulse for a change of the speed by 1 m/s.
+        """
         found = np.full(len(self.before), float(self.answers.max(initial=1.0)))
         for touch, answer in zip(self.touches, self.answers, strict=True):
             found[[touch.normal, *touch.tangents]] = answer
@@ -74,7 +78,10 @@ class Collision:
 
     @cached_property
     def free(self) -> Mask:
-        """Mask (direction,) without given limits of dry friction, which may be much larger than all forces."""
+        """Mask (direction,): false for normal directions with a given limit of dry friction.
+
+        Such limits may be much larger than all forces.
+        """
         found = np.ones(len(self.before), dtype=bool)
         found[[x.normal for x in self.touches if x.given]] = False
         return found
@@ -99,7 +106,10 @@ class Collision:
         return float(np.abs(impulse) @ np.abs(self.before))
 
     def mended(self, impulse: Array) -> Array:
-        """Return impulses from the laws at the speeds after the given impulses; a solution remains unchanged."""
+        """Compute the speeds after the given impulses, and return the impulses that the laws require at these speeds.
+
+        A solution remains unchanged.
+        """
         after, found = self.after(impulse), np.zeros_like(impulse)
         for touch, wanted, answer in zip(self.touches, self.wanted, self.answers, strict=True):
             n, t = touch.normal, list(touch.tangents)
@@ -111,7 +121,7 @@ class Collision:
         return found
 
     def violation(self, impulse: Array) -> float:
-        """Return the violation of the laws by impulses, relative to their size, both as speeds."""
+        """Return the violation of the laws, relative to the speeds and impulses; all are converted to speeds."""
         if not np.isfinite(impulse).all():
             return math.inf
         size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
@@ -202,7 +212,10 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
     inner, across, along = collision.matrix[n, n], collision.matrix[n, t], collision.matrix[np.ix_(t, t)]
 
     def turned(angle: float) -> float:
-        """Return the sliding across the direction, times the divisor of the normal impulse."""
+        """Return the component of the sliding perpendicular to the direction.
+
+        It is multiplied by the denominator of the normal impulse.
+        """
         d = np.array([math.cos(angle), math.sin(angle)])
         slide = sliding * (inner - mu * across @ d) + needed * (across - mu * along @ d)
         return float(d[0] * slide[1] - d[1] * slide[0])
@@ -288,7 +301,10 @@ def _facets(sliding: Array, count: int) -> Array:
 
 
 def _improved(collision: Collision, impulse: Array) -> Array:
-    """Improve impulses by Newton's method, with shorter steps or a fixed-point step without improvement."""
+    """Improve impulses by Newton's method.
+
+    If a step gives no improvement, try shorter steps, and then a fixed-point step.
+    """
     units = collision.units
     rest = impulse - collision.mended(impulse)
     for _ in range(NEWTON):
@@ -309,7 +325,7 @@ def _improved(collision: Collision, impulse: Array) -> Array:
 
 
 def _slope(collision: Collision, impulse: Array) -> Array:
-    """Return the derivative of impulses minus impulses from the laws, shape (direction, direction)."""
+    """Return the derivative of the difference ``impulse - mended(impulse)``, shape (direction, direction)."""
     found, after = np.eye(len(impulse)), collision.after(impulse)
     for touch, wanted, answer in zip(collision.touches, collision.wanted, collision.answers, strict=True):
         n, t = touch.normal, list(touch.tangents)

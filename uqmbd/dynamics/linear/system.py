@@ -107,8 +107,8 @@ ELIMINATION_LIMIT = 100
 
 The elimination of larger systems is compiled by kinds of blocks (`uqmbd.dynamics.linear.fronts`). For chains of 23 to
 647 unknowns, the compilation by blocks took 0.1 to 0.2 s. In one piece, it took 0.2 s for 23 unknowns, and 1 s for 87.
-For 23 and 39 unknowns, a single solution by blocks took up to 1.7 times as long as one in one piece. Solutions of 64
-systems at once differed by at most a third."""
+For 23 and 39 unknowns, the solution of a single system by blocks took up to 1.7 times as long as in one piece. The
+times for 64 systems at once differed by at most a third."""
 
 
 @dataclass(frozen=True)
@@ -175,9 +175,9 @@ def index1_system(model: Model, poses: tuple[Array, Array] | None) -> System:
     """Return the index-1 system of a model with its independent equations.
 
     The order of elimination is chosen at typical `poses`: arguments (S, width + 2) of the ``acceleration`` evaluator,
-    and parameters (S, parameter).  No solution is compiled without `poses`, for a structurally singular pattern, or if
-    regular blocks would be too large.  LAPACK, or SuperLU for more than `DENSE_LIMIT` unknowns, then solves the systems
-    (`solve_directly`).
+    and parameters (S, parameter).  No solution is compiled if `poses` is None, if the pattern is structurally singular,
+    or if regular blocks would be too large.  LAPACK, or SuperLU for more than `DENSE_LIMIT` unknowns, then solves the
+    systems (`solve_directly`).
     """
     derivation.debug("choosing the order of elimination")
     evaluators, layout = model.evaluators, model.layout
@@ -281,6 +281,6 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
 
 
 def _rights(system: System, given: int) -> tuple[Index, Index, Index]:
-    """Return right-hand sides of the motion and of both projections; ``drift`` results follow the `given` results."""
+    """Return indices of right-hand sides of the motion and of both projections; ``drift`` results begin at `given`."""
     place, move = np.where(system.drift < 0, -1, given + system.drift)
     return system.motion[None], place[None], move[None]

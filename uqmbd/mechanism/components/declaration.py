@@ -80,7 +80,7 @@ def _require_listed(component: type[Declared]) -> None:
 
 
 def _is_frame(kind: Any) -> bool:
-    """Return whether an annotation, an object or a text, is `NamedFrame`, the type of bodies."""
+    """Return whether an annotation (a class or its name as text) is `NamedFrame`, the type of bodies."""
     text = kind if isinstance(kind, str) else getattr(kind, "__name__", "")
     return text.strip("'\" ").rpartition(".")[2] == NamedFrame.__name__
 

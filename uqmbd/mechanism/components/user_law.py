@@ -53,7 +53,8 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     Warns
     -----
     uqmbd.StudyWarning
-        If the law contains a spline over time and none of `symbols`: the spline should probably be called with one.
+        If the law contains a spline over time and none of `symbols`: the spline should probably be called with one of
+        `symbols` instead of the time.
 
     Examples
     --------

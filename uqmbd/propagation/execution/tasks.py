@@ -1,4 +1,7 @@
-"""Compute tasks other than chunks of realisations: results are returned in order; an unfinished run stores them."""
+"""Compute tasks other than chunks of realisations.
+
+Results are returned in order, and stored so that an interrupted run can continue.
+"""
 
 from __future__ import annotations
 

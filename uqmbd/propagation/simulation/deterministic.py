@@ -314,7 +314,7 @@ def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | 
     for variable in inputs.variables:
         if variable.is_key and not 0 <= point[variable.name] <= 1:
             raise StudyError(
-                f"{where}: the value of {variable.name!r} is {point[variable.name]:g}, but it is the key of a sampled "
+                f"{where}: {variable.name} = {point[variable.name]:g} is not valid: this variable selects a sampled "
                 "path; expected a number from 0 to 1."
             )
     return point

@@ -155,6 +155,6 @@ def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
                 if isinstance(x, chaospy.Distribution) and x._dependencies == rest[: len(x)]
             ]
         if len(fitting) != 1:
-            raise NotUnderstood(f"{distribution}, whose parameters after a vector chaospy ignores (put vectors last),")
+            raise NotUnderstood(f"{distribution}, whose members after a vector chaospy ignores (put vectors last),")
         rows += [(place, fitting[0]) for place in range(len(fitting[0]))]
     return dict(enumerate(rows))

@@ -1,7 +1,8 @@
 """Replacement of distributions of independent variables that chaospy evaluates incorrectly.
 
-chaospy treats a doubled, shifted or truncated whole number as a continuous variable. The arithmetic of chaospy for
-independent variables provides no components, and chaospy searches for quantiles of mixtures with random steps.
+chaospy treats a doubled, shifted or truncated whole number as a continuous variable. For sums and products
+of vectors with independent components, chaospy provides no separate distributions of the components. It searches for
+quantiles of mixtures with random steps.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def rewritten(distribution: Any) -> Any:
     """Return an equivalent distribution that chaospy evaluates correctly.
 
     The result is the argument if chaospy evaluates it correctly. Raise StudyError, whose message is part of a sentence,
-    if arithmetic gives values that are not whole numbers, or if chaospy loses members.
+    if arithmetic gives values that are not whole numbers. Raise StudyError also if chaospy ignores members of a joint
+    distribution that follow a vector, and these members cannot be determined.
 
     >>> import chaospy
     >>> odd = rewritten(2 * chaospy.Binomial(2, 0.5) + 1)
@@ -47,12 +49,13 @@ def rewritten(distribution: Any) -> Any:
     import chaospy
 
     if isinstance(distribution, chaospy.J) and set(distribution._owners) != set(range(len(distribution))):
-        distribution = copy.copy(distribution)  # chaospy loses members after a vector
+        distribution = copy.copy(distribution)  # chaospy ignores members that follow a vector
         try:
             distribution._owners = dict(owners_of(distribution))
         except NotUnderstood:
             raise StudyError(
-                f"chaospy ignores parameters of {distribution} that follow vectors; put the vectors last"
+                f"chaospy ignores members of the joint distribution {distribution} that follow a vector; "
+                "put the vectors last"
             ) from None
     if is_dependent(distribution) and not _cut(distribution):
         return distribution

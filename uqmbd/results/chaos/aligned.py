@@ -200,7 +200,8 @@ class AlignedChaos(Surrogate):
         at = np.asarray(where, dtype=float)
         if at.ndim != 1:
             raise StudyError(
-                f"{type(self).__name__}.aligned: where is {shown(at)}; expected normalised times (N,) from 0 to 1."
+                f"{type(self).__name__}.aligned: the argument `where` is {shown(at)}; expected normalised "
+                "times (N,) from 0 to 1."
             )
         found = np.full((len(germs), most, len(self.labels.outputs), len(at)), np.nan)
         for _, s in self._sampled(germs):

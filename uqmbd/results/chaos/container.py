@@ -229,7 +229,9 @@ class SurrogateContainer:
 
     @classmethod
     def joined(cls, chaoses: Sequence[Self], boxes: Sequence[GermBox]) -> Self:
-        """Join surrogates of one element, each on the conditional distribution in its box, into one surrogate.
+        """Join several surrogates with one element each into one surrogate.
+
+        Each given surrogate refers to the conditional distribution in its box.
 
         Parameters
         ----------
@@ -313,7 +315,9 @@ class SurrogateContainer:
         return type(self).from_dataset(self._dataset(stated=False).isel(dict(fewer)))
 
     def reached(self) -> Self:
-        """Return the surrogate at the times that all samples reach; only aligned surrogates differ from their own.
+        """Return the surrogate at the times that all samples reach.
+
+        An aligned surrogate may lose times; any other surrogate is returned unchanged.
 
         Examples
         --------
