@@ -118,7 +118,7 @@ IMPLICIT_SHARE = 0.4
 """Tolerance of implicit steps, relative to that of the motion.
 
 Errors of rotations have the same sign in each step and accumulate: with 1, rotors were off by one tolerance after 160
-turns, and with 0.4 by at most half a tolerance, for 10 % more evaluations."""
+turns.  With 0.4 they are off by at most half a tolerance.  Steps of mechanisms cost between 4 % less and 37 % more."""
 
 
 class Integration:
