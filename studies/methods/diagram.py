@@ -83,7 +83,10 @@ def measured(costs: xr.Dataset, question: Question) -> str:
     both = costs["realisations"].sel(question=["mean", "std"], accuracy=ACCURACY)
     both = both.max("question", skipna=False).isel(mechanism=np.isin(costs["kind"].values, question.kinds))
     best = both.min("method")
-    own = both.isel(method=np.isin(both["method"].values, question.methods)).min("method")
+    among = np.isin(both["method"].values, question.methods)
+    if not among.any():
+        return ""
+    own = both.isel(method=among).min("method")
     ratios = (own / best).values
     known, solved = int(np.isfinite(best).sum()), int(np.isfinite(ratios).sum())
     if not solved:

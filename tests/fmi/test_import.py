@@ -79,7 +79,9 @@ def test_realisations_that_start_alike_have_separate_states(pi, integrator):
         uqmbd.Study("rotor", rotor(one), times, methods, integrator=integrator).run()["monte-carlo/samples"]
         for one in (imported(pi), in_python())
     )
-    np.testing.assert_allclose(found["response"], expected["response"], rtol=0, atol=1e-8)
+    # commands that differ by rounding change the number of iterations of implicit steps
+    atol = 1e-7 if integrator == "radau" else 1e-8
+    np.testing.assert_allclose(found["response"], expected["response"], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.slow)])

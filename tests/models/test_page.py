@@ -25,7 +25,7 @@ def test_the_example_runs_and_prints_what_the_page_says(tmp_path, monkeypatch, c
     (tmp_path / "crank.xml").write_text(model, encoding="utf-8")
     namespace = {}
     exec(compile(script, "other_models.md", "exec"), namespace)
-    (printed,) = re.findall(r"`crank.xml` it is:\n\n((?:    .*\n)+)", PAGE)
+    (printed,) = re.findall(r"`crank.xml` the list is:\n\n((?:    .*\n)+)", PAGE)
     assert capsys.readouterr().out.split("\n") == [line.strip() for line in printed.split("\n")]
     tree = namespace["study"].run()
     assert "failed" not in tree.attrs

@@ -19,7 +19,10 @@ def parts():
 
 
 CASES = {
-    "compared": (lambda a, b, pin: (a.angle == b.angle, None), r"condition is False; expected an equation.*sympy.Eq.*Python evaluates == at once"),
+    "compared": (
+        lambda a, b, pin: (a.angle == b.angle, None),
+        r"condition is False; expected an equation.*sympy.Eq.*Python evaluates == at once",
+    ),
     "inequality": (lambda a, b, pin: (a.angle < 3, None), "expected an equation"),
     "no value": (lambda a, b, pin: (a.angle, None), r"without a value; write mechanism.start\(expression, value\)"),
     "two values": (lambda a, b, pin: (sympy.Eq(a.angle, 3), 3), "both an equation and the value 3 are given"),

@@ -60,13 +60,13 @@ def test_fast_waves_get_more_samples_and_slow_ones_do_not():
 
 def test_joined_sums_are_the_sums_of_all_samples():
     evaluate, _, _ = wave(np.array([20.0, 7.0]), 0.1)
-    germs = np.random.default_rng(1).uniform(-1, 1, (4096, 2))
-    shift = evaluate(germs[:1])[0]
+    germs = np.random.default_rng(1).uniform(-1, 1, (8, 512, 2))
+    shift = evaluate(germs[0, :1])[0]
     whole = PowerSums.of(evaluate, germs, shift)
-    first = PowerSums.of(evaluate, germs[:2048], shift)
-    both = first.joined(PowerSums.of(evaluate, germs[2048:], shift, first.size))
+    first = PowerSums.of(evaluate, germs[:, :256], shift)
+    both = first.joined(PowerSums.of(evaluate, germs[:, 256:], shift, first.size))
     assert both.count == whole.count == 4096
-    x = evaluate(germs)[:, 0, 0]
+    x = evaluate(germs.reshape(-1, 2))[:, 0, 0]
     for found in (whole, both):
         assert np.allclose(found.moments[0], x.mean(), rtol=1e-12)
         assert np.allclose(found.moments[1], x.var(), rtol=1e-12)

@@ -181,6 +181,8 @@ class SingleContacts:
         values = np.linalg.eigvalsh(inner)
         if not values[0] > CLEAR * values[-1]:
             return None
+        if not size - mu * float(np.linalg.norm(matrix[n, n + 1 : end])) > CLEAR * size:
+            return None  # Painlevé: another motion may be possible as well
         force = np.linalg.solve(inner, -natural[n:end])
         friction, most = float(np.linalg.norm(force[1:])), mu * float(force[0])
         if force[0] > 0 and friction < (1 - CLEAR) * most:

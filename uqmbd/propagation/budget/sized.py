@@ -227,7 +227,8 @@ class Sized:
                 wanted = step
         if math.isinf(left.realisations) and math.isinf(left.seconds):
             wanted = min(wanted, MOST)
-        design = not self.sizing.extends and self.sizing.largest(wanted) > last.size
+        # a design may need fewer than predicted; but rounding must not end the run just above the accuracy
+        design = not self.sizing.extends and self.sizing.largest(wanted) >= WORTH * last.size
         size = self._affordable(self.sizing.largest(wanted) if design else self._upwards(wanted), left)
         if size <= last.size:
             self.problem = self._why(left)
@@ -352,7 +353,9 @@ class Sized:
         if self._pending and last.cost < room:
             return self.sizing.largest(min(max(float(last.size), wanted), room))
         if last.cost < last.size:
-            self.problem = f"the method ended with {last.cost} realisations"
+            ended = f"the method ended with {last.cost} realisations"
+            more = ", and the remaining budget does not allow a smaller tolerance" if self._pending else ""
+            self.problem = ended + more
             return None
         size = self.sizing.largest(min(wanted, room)) if math.isfinite(min(wanted, room)) else last.size
         if size <= last.size * WORTH:

@@ -137,10 +137,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
     worst = StatedAccuracy(0.0, "no output varies")
     kinds: tuple[tuple[Literal["mean", "std"], str], ...] = (("mean", "mean"), ("std", "standard deviation"))
     for kind, words in kinds:
-        noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
-        if usual and noisy and own.freedom >= own.samples - 1:
-            noise = getattr(own, f"noise_{kind}")
-        widths = TWO_SIDED * noise + own.missed
+        widths = _half_widths(statistics, own, kind, usual=usual)
         for row in rows.tolist():
             found = _largest(widths[row], own.std[row], getattr(own, kind)[row])
             if found[0] > worst.value:
@@ -150,16 +147,26 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
     return worst
 
 
-def accuracies(own: OwnError) -> Array:
+def accuracies(node: xr.DataTree, own: OwnError) -> Array:
     """Return the largest half-width (O,) of mean and standard deviation over the largest standard deviation.
 
     The half-width is infinite if no error is stated, and 0 for outputs that do not vary.
     """
-    widths = TWO_SIDED * np.maximum(own.noise_mean, own.noise_std) + own.missed
+    statistics = node.children["statistics"].to_dataset()
+    widths = np.maximum(*(_half_widths(statistics, own, kind) for kind in ("mean", "std")))
     largest = np.where(np.isnan(widths), np.inf, widths).max(axis=-1, initial=0.0)
     found = largest / divisor(np.nan_to_num(own.std).max(axis=-1, initial=0.0))
     stated = own.drawn | (own.samples > 0) | np.isfinite(own.stated)
     return np.where(own.varies, np.where(stated, found, np.inf), 0.0)
+
+
+def _half_widths(statistics: xr.Dataset, own: OwnError, kind: str, *, usual: bool = False) -> Array:
+    """Return half-widths (O, T) of the mean or of the standard deviation, in the units of the outputs."""
+    noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
+    noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
+    if usual and noisy and own.freedom >= own.samples - 1:
+        noise = getattr(own, f"noise_{kind}")
+    return TWO_SIDED * noise + own.missed
 
 
 def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:

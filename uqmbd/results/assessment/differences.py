@@ -195,8 +195,9 @@ def compare(
     errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     chosen = _most_reliable(nodes, errors) if reference is None else reference
     wanted = max((float(node.attrs.get("requested_accuracy", 0.0)) for node in nodes.values()), default=0.0)
-    # an error that reaches the requested accuracy is not too large
-    coarse = {label: np.where(accuracies(one) <= wanted, np.inf, COARSE) for label, one in errors.items()}
+    # an error that reaches the requested accuracy of this method is not too large
+    own_wanted = {label: float(node.attrs.get("requested_accuracy", 0.0)) for label, node in nodes.items()}
+    coarse = {k: np.where(accuracies(nodes[k], one) <= own_wanted[k], np.inf, COARSE) for k, one in errors.items()}
     base = nodes[chosen].children["statistics"].to_dataset()
     times, timed = _times(base), "time" in base["mean"].dims
     units = [str(u) for u in base["output_units"].values]

@@ -202,12 +202,12 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     drawn = noisy and ("samples" in node.children or _option(node, "samples", None) is not None)
     # moments from samples of a surrogate do not make up for an unknown error of the surrogate
     unknown = np.nan if surrogates and not drawn else 0.0
+    larger = errors[1] if drawn else np.maximum(*errors)
     if noisy:
-        told = np.nan_to_num(told, nan=unknown) + 1.96 * errors[1] / divisor(reference_spread(np.nan_to_num(std)))
+        told = np.nan_to_num(told, nan=unknown) + 1.96 * larger / divisor(reference_spread(np.nan_to_num(std)))
     if noisy and not drawn:
         # standard errors of a method without samples are its stated error, for any number of realisations
         times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
-        larger = np.maximum(*errors)
         own, scale = _over_known(1.96 * larger, std, times, np.isfinite(std) & np.isfinite(larger))
         stated = np.where(scale == 0, 0.0, np.hypot(np.nan_to_num(stated, nan=unknown), own / divisor(scale)))
     plain = noisy and not replicates and "variance_reduction" not in statistics

@@ -14,7 +14,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.sampling import spread_germs
 from uqmbd.results.chaos.segments import AlignedElement, Segmented
-from uqmbd.results.chaos.surrogate_moments import MOMENTS, TOPS, frozen_germs
+from uqmbd.results.chaos.surrogate_moments import FEWER, MOMENTS, TOPS, frozen_germs, moment_germs
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 
@@ -252,7 +252,9 @@ class AlignedChaos(Surrogate):
         a, b = frozen_germs(self.space)
         mixed = [np.where(np.arange(a.shape[1]) == k, b, a) for k in range(a.shape[1])]
         verified = a[:0] if self.verification_germs is None else self.verification_germs
-        germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed, verified])
+        germs = np.concatenate(
+            [*moment_germs(self.space, MOMENTS), spread_germs(self.space, FEWER, 0), a, b, *mixed, verified]
+        )
         last = [edges[:, -1] for _, edges in self._edges(germs)]
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
 

@@ -13,6 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.sampling import affordable, sampled_shape, spread_germs
 from uqmbd.results.chaos.terms import (
+    REPLICATES,
     PowerSums,
     closed_variance,
     constant_columns,
@@ -31,13 +32,22 @@ from uqmbd.typing import Array, Index, Mask
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox, GermSpace
 
-__all__ = ["FEWER", "MOMENTS", "TOPS", "ExactMoments", "MergedMoments", "SampledMoments", "frozen_germs"]
+__all__ = [
+    "FEWER",
+    "MOMENTS",
+    "TOPS",
+    "ExactMoments",
+    "MergedMoments",
+    "SampledMoments",
+    "frozen_germs",
+    "moment_germs",
+]
 
 FEWER = 8192
 """Number of surrogate samples for quantiles of all outputs and times, and for sampled skewness and kurtosis."""
 
 MOMENTS = 16_384
-"""Number of surrogate samples for mean and standard deviation; more are added where their sampling error is large."""
+"""Number of surrogate samples for mean and standard deviation; where their sampling error is large, it grows."""
 MOST_MOMENTS = 131_072
 """Maximum number of surrogate samples for mean and standard deviation."""
 MOST_VALUES = 2**26
@@ -289,14 +299,14 @@ class SampledMoments:
     @cached_property
     def _sums(self) -> PowerSums:
         """Sums of powers of the samples: as many samples as the sampling error needs, within the limits."""
-        germs = spread_germs(self.space, MOMENTS, 0)
-        found = PowerSums.of(self.evaluate, germs, self.evaluate(germs[:1])[0])
+        germs = moment_germs(self.space, MOMENTS)
+        found = PowerSums.of(self.evaluate, germs, self.evaluate(germs[0, :1])[0])
         small = 0.0 if self.rms is None else SMALL_SHARE * np.nan_to_num(self.rms)
         while 2 * found.count <= MOST_MOMENTS and 2 * found.count * found.shift.size <= MOST_VALUES:
             spread = np.sqrt(np.nan_to_num(found.moments[1])).max(axis=-1, keepdims=True)
             if (np.nan_to_num(found.errors) <= np.maximum(small, MOMENT_ERROR * spread)).all():
                 break
-            further = spread_germs(self.space, 2 * found.count, 0)[found.count :]
+            further = moment_germs(self.space, 2 * found.count)[:, found.count // REPLICATES :]
             more = found.joined(PowerSums.of(self.evaluate, further, found.shift, found.size))
             if not np.array_equal(np.isnan(more.moments[0]), np.isnan(found.moments[0])):
                 break  # some of the further samples do not reach the last times
@@ -322,6 +332,11 @@ class SampledMoments:
             total[k] = np.mean((base - found) ** 2, axis=0) / (2 * scale)
         zero = np.broadcast_to(constant, first.shape)
         return np.where(zero, 0.0, np.clip(np.stack([first, total]), 0, 1))
+
+
+def moment_germs(space: GermSpace, count: int) -> Array:
+    """Return germ points (R, K, d) for moments: replicates with independent scrambling, `count` points in all."""
+    return np.stack([spread_germs(space, count // REPLICATES, k) for k in range(REPLICATES)])
 
 
 def frozen_germs(space: GermSpace) -> tuple[Array, Array]:

@@ -87,13 +87,8 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
             "statistics of the methods are based on different realisations."
         )
     compared = _compare(nodes, reference, rtol) if over_time or not inner else None
-    if left_out and compared is not None:
-        compared = compared.assign_attrs(censored=", ".join(left_out))
-        if said := _unanswered(nodes, left_out, str(compared.attrs.get("recommended", "[]"))):
-            lead, *others = str(compared.attrs["recommendation"]).split("\n")
-            compared = compared.assign_attrs(recommendation="\n".join((f"{lead} {said}", *others)))
     if not inner:
-        return compared if compared is not None else xr.Dataset()
+        return xr.Dataset() if compared is None else _without_censored(compared, nodes, left_out)
     # a reference that is chosen for outputs over time may have too few samples for scalar outputs
     whole = _compare(inner, None if isinstance(reference, str) and reference not in inner else reference, rtol)
     names = {
@@ -111,12 +106,25 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
         compared = whole.isel(output=slice(0, 0))
     elif "recommendation" in compared.attrs:
         compared = compared.assign_attrs(recommendation=_with_reservations(compared, whole))
+    compared = _without_censored(compared, nodes, left_out)
     blank = {name: "" if found[name].dtype.kind == "U" else np.nan for name in found.data_vars}
     every = np.array([str(label) for label in compared["method"].values], dtype=np.str_)
     if every.tolist() != found["method"].values.tolist():
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
+
+
+def _without_censored(compared: xr.Dataset, nodes: Mapping[str, xr.DataTree], left_out: Sequence[str]) -> xr.Dataset:
+    """Return a comparison with the names of censored outputs, and with methods that have statistics of them."""
+    if not left_out:
+        return compared
+    compared = compared.assign_attrs(censored=", ".join(left_out))
+    sentence = _unanswered(nodes, left_out, str(compared.attrs.get("recommended", "[]")))
+    if sentence and "recommendation" in compared.attrs:
+        lead, *others = str(compared.attrs["recommendation"]).split("\n")
+        compared = compared.assign_attrs(recommendation="\n".join((f"{lead} {sentence}", *others)))
+    return compared
 
 
 def _unanswered(nodes: Mapping[str, xr.DataTree], left_out: Sequence[str], chosen: str) -> str:

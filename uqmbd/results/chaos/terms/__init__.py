@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.results.chaos.terms.moments import constant_columns, shape_route, skewness_kurtosis, standard_deviation
-from uqmbd.results.chaos.terms.power_sums import PowerSums
+from uqmbd.results.chaos.terms.power_sums import REPLICATES, PowerSums
 from uqmbd.results.chaos.terms.sobol import (
     closed_variance,
     first_order_masks,
@@ -14,6 +14,7 @@ from uqmbd.results.chaos.terms.sobol import (
 )
 
 __all__ = [
+    "REPLICATES",
     "PowerSums",
     "closed_variance",
     "constant_columns",
