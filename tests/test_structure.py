@@ -37,7 +37,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6_680,
     "uqmbd.randomness": 5_570,
     "uqmbd.report": 8_480,
-    "uqmbd.results": 9_660,
+    "uqmbd.results": 9_680,
     "uqmbd.testing": 2_800,
     "uqmbd.units": 285,
     "uqmbd.viewer": 710,
