@@ -154,7 +154,7 @@ def _check_kind(about: Any, content: bytes, where: str, rate: float) -> None:
             f"{where}: the FMU has no binary for {fmpy.platform_tuple}; its platforms are: {listed}. "
             "`fmpy compile FILE` adds a binary to an FMU with sources (c-code)."
         )
-    internal = kind.fixedInternalStepSize
+    internal = float(kind.fixedInternalStepSize or 0)  # FMPy returns the text of this attribute
     if internal and abs(round(1 / rate / internal) * internal * rate - 1) > 1e-9:
         raise StudyError(
             f"{where}: the FMU has steps of {internal:g} s; expected a rate of {1 / internal:g} Hz divided by a whole "

@@ -152,3 +152,15 @@ def test_fmus_that_cannot_be_used_are_refused_beforehand(case, tmp_path):
     changes, text = CHANGED[case]
     with pytest.raises(uqmbd.StudyError, match=text):
         imported(write_pi(tmp_path, 2, changes))
+
+
+def test_a_rate_of_whole_internal_steps_is_required(tmp_path):
+    """FMI 3.0 states the internal step of an FMU; in FMI 2.0, the attribute does not exist."""
+    path = write_pi(tmp_path, 3, [("canHandleVariable", 'fixedInternalStepSize="0.01" canHandleVariable')])
+    values = {"gain": 2.3, "inertia": 0.58}
+    found, expected = (uqmbd.simulate(rotor(one), [0, 0.5], values=values) for one in (imported(path), in_python()))
+    np.testing.assert_allclose(found["speed"], expected["speed"], rtol=0, atol=1e-12)
+    with pytest.raises(
+        uqmbd.StudyError, match="has steps of 0.01 s; expected a rate of 100 Hz divided by a whole .* 40 Hz"
+    ):
+        imported(path, rate=40)
