@@ -49,13 +49,17 @@ BEGIN: Key = (0, 0)
 
 @dataclass
 class _CallHistory:
-    """An instance, its samples so far, and the results of the last ones by number."""
+    """An instance, its samples until a failure, and the results of the last ones by number.
+
+    After sample number `failed`, the history has no instance and stores no more samples.
+    """
 
     start: float
     first: bytes = b""
     instance: FmuInstance | None = None
     rows: list[bytes] = field(default_factory=list)
     count: int = 0
+    failed: int | None = None
     results: dict[int, tuple[bytes, Array, Key, str]] = field(default_factory=dict)
 
 
@@ -151,6 +155,8 @@ class _Pool:
         """Return a history that begins with the first samples of another one."""
         if other is None or not number:
             return _CallHistory(time)
+        if other.failed is not None and number > other.failed:
+            return _CallHistory(other.start, count=number, failed=other.failed)
         if len(other.rows) < number:
             raise StudyError(
                 f"a realisation needed a replay of {number} past samples of FMU {self.function.name!r}; only "
@@ -164,9 +170,11 @@ class _Pool:
     def _stepped(self, history: _CallHistory, number: int, row: bytes) -> tuple[Array, str]:
         """Perform the step of a sample; return outputs (output,) and the reason of a failure."""
         of, failed = self.function, np.full(len(self.function.outputs), np.nan)
+        history.count = number + 1
+        if history.failed is not None:
+            return failed, f"FMU {of.name!r} has failed before"
         values = np.frombuffer(row).tolist()
         inputs = dict(zip(of.inputs, values, strict=False))
-        history.count = number + 1
         if number < REPEATED:
             history.rows.append(row)
         try:
@@ -176,14 +184,13 @@ class _Pool:
                 # without inputs and parameters, the only measured value is the time
                 parameters = dict(zip(of.parameters, values[len(of.inputs) :], strict=False))
                 history.instance = FmuInstance(self.loaded, of.settings, parameters, inputs, history.start)
-            if history.instance is None:
-                return failed, f"FMU {of.name!r} has failed before"
+            assert history.instance is not None
             at = history.start + number / of.rate
             outputs = history.instance.step(inputs, at, 1 / of.rate, of.outputs)
         except FmuError as error:
             if history.instance is not None:
                 history.instance.release()
-            history.instance = None
+            history.instance, history.failed = None, number
             return failed, str(error)
         bad = "" if np.isfinite(outputs).all() else f"an output of FMU {of.name!r} is not finite"
         return outputs, bad

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
 import chaospy
@@ -111,6 +112,48 @@ def test_an_error_status_stops_its_realisation_with_the_message_of_the_fmu(pi):
     assert "DoStep failed with status 3 (error)" in told and "The measured speed is above its limit" in told
     with pytest.raises(uqmbd.UqmbdError, match="EnterInitializationMode.*The gain kp is negative"):
         uqmbd.simulate(mechanism, [0, 0.6], values={"gain": -1, "inertia": 0.5, "limit": 0.2})
+
+
+def test_a_failed_history_stores_no_samples(pi):
+    """Stored, 4000 samples of three values would need at least 96 kB."""
+    control, state = imported(pi, {"kp": 3.0, "limit": 1.0}).function, np.zeros((1, 2))
+    measured, sizes = np.array([[2.0, 3.0, 1.0]]), []
+    tracemalloc.start()
+    for k in range(5000):
+        if k in (1000, 4999):
+            sizes.append(tracemalloc.get_traced_memory()[0])
+        _, state, reasons = control(k / 50, measured, state)
+        assert 0 in reasons
+    tracemalloc.stop()
+    assert sizes[1] - sizes[0] < 48_000
+
+
+def test_samples_after_a_failure_fail(pi):
+    """The FMU fails at its sample number 2; later samples fail with or without the instance that failed."""
+    control, measured = imported(pi, {"kp": 3.0, "limit": 1.0}).function, np.array([[0.5, 3.0, 1.0], [0.4, 3.0, 1.0]])
+    state, reasons = np.zeros((2, 2)), {}
+    for k in range(12):
+        measured[0, 0] = 2.0 if k == 2 else 0.5
+        before, (commands, state, reasons) = state, control(k / 50, measured, state)
+        assert np.isfinite(commands[1]).all() and 1 not in reasons
+        assert np.isnan(commands[0]).all() == (k >= 2) == (0 in reasons)
+    assert "failed before" in reasons[0]
+    # another value at the last sample makes a new history, which repeats the samples of the one before
+    measured[:, 0] = 0.3
+    commands, _, reasons = control(11 / 50, measured, before)
+    assert np.isnan(commands[0]).all() and "failed before" in reasons[0] and np.isfinite(commands[1]).all()
+
+
+def test_a_sample_is_repeated_without_the_failure_that_followed(pi):
+    """The measured speed is above its limit at sample number 2, and below it when that sample is repeated."""
+    control, state = imported(pi, {"kp": 3.0, "limit": 1.0}).function, np.zeros((1, 2))
+    for k in range(2):
+        _, state, _ = control(k / 50, np.array([[0.5, 3.0, 1.0]]), state)
+    assert 0 in control(2 / 50, np.array([[2.0, 3.0, 1.0]]), state)[2]
+    commands, _, reasons = control(2 / 50, np.array([[0.5, 3.0, 1.0]]), state)
+    # the integral of two errors of 1.5 rad/s, and the gain
+    np.testing.assert_allclose(commands, 3.0 * 1.5 + 0.1 * 2 * 1.5, rtol=0, atol=1e-12)
+    assert reasons == {}
 
 
 def test_a_method_that_expands_states_is_refused(pi):
