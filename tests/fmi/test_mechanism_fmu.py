@@ -237,12 +237,12 @@ def test_a_loop_that_cannot_close_names_its_equation(tmp_path):
     assert "cannot be assembled" in fmu.messages[-1][1] and "equation strut" in fmu.messages[-1][1]
 
 
-def bouncing(friction=0, force=False, restitution=0.8, start=1.0):
+def bouncing(friction=0, force=False, restitution=0.8, start=1.0, speed=0.0, floor=0.0):
     """A ball above a floor."""
     mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
-    ball = mechanism.body("ball", mass=1, position=(0, start))
+    ball = mechanism.body("ball", mass=1, position=(0, start), velocity=(0, speed))
     floor = PlaneImpact(
-        "floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=restitution, friction=friction
+        "floor", mechanism.ground, ball, (0, floor), (0, 0), (0, 1), restitution=restitution, friction=friction
     )
     mechanism.add(floor)
     mechanism.output("height", ball.position[1], units="m")
@@ -285,6 +285,45 @@ def test_a_ball_bounces_to_the_closed_form(tmp_path):
         np.testing.assert_allclose(fmu.get(["height"]), 1 - 9.81 * phase**2 / 2, atol=1e-9)
 
 
+@pytest.fixture(scope="module")
+def dropped(tmp_path_factory):
+    """A ball of restitution 0.5, with parameters of its start, above a floor whose height is an input."""
+    start, floor = (uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1), units="m") for name in ("start", "floor"))
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(-5, 5), units="m/s")
+    mechanism = bouncing(restitution=0.5, start=2 + start, speed=speed, floor=floor)
+    return exported(mechanism, tmp_path_factory.mktemp("ball"), times=(0.0, 1.3), rtol=1e-10, inputs=("floor",))
+
+
+@compiled
+@pytest.mark.parametrize("early", [0.0, 1e-12, 1e-10])
+def test_impacts_at_communication_points_are_bounces(dropped, early):
+    """From 1 m, in units of sqrt(2 / g): impacts at 1, 2, 2.5 and 2.75, and flights of 1, 1/2, 1/4.
+
+    The points before the impacts have gaps of less than 1e-9 m.
+    """
+    begins, lengths = np.array([-1, 1, 2, 2.5, 2.75]), np.array([2, 1, 0.5, 0.25, 0.125])
+    points = np.append(np.arange(12) / 4 * (1 - early), 2.8)
+    flight = np.searchsorted(begins, points, side="right") - 1
+    since = points - begins[flight]
+    found = dropped.along(points * np.sqrt(2 / 9.81), {"start": -1.0}, ["height"])[0]
+    np.testing.assert_allclose(found, since * (lengths[flight] - since), rtol=0, atol=1e-8)
+
+
+@compiled
+def test_an_impact_at_the_start_is_a_bounce(dropped):
+    """A ball on the floor with 4 m/s downwards rebounds with 2 m/s."""
+    found = dropped.along([0.0, 0.25], {"start": -1.0, "speed": -4.0, "floor": 1.0}, ["height"])[0]
+    np.testing.assert_allclose(found, [1.0, 1.0 + 2 * 0.25 - 9.81 * 0.25**2 / 2], rtol=0, atol=1e-9)
+
+
+@compiled
+def test_a_floor_that_jumps_into_a_falling_ball_is_no_impact(dropped):
+    """The ball is at 1 - 9.81 * 0.4**2 / 2 = 0.2152 m when the floor jumps to 0.5 m."""
+    dropped.along([0.0, 0.4], {"start": -1.0}, ["height"])
+    assert dropped.set(["floor"], [0.5]) == 0 and dropped.step(0.4, 0.1) == 3
+    assert "floor: the bodies overlap by 0.285 m at t = 0.4 s" in dropped.messages[-1][1]
+
+
 @compiled
 def test_a_contact_that_lasts_ends_with_an_error_that_names_it(tmp_path):
     """Bounces with restitution 0.5 from 1 m end at sqrt(2 / g) (1 + 0.5) / (1 - 0.5) = 1.3546 s."""
@@ -293,7 +332,10 @@ def test_a_contact_that_lasts_ends_with_an_error_that_names_it(tmp_path):
     assert fmu.step(1.3, 0.2) == 3
     assert "contact of floor lasts from t = 1.354" in fmu.messages[-1][1]
     assert fmu.step(1.5, 0.1) == 3 and fmu.reset() == 0 and fmu.begin() == 0
-    for start, text in ((0.0, "contact of floor lasts from t = 0 s"), (-0.1, "floor: the bodies overlap by 0.1 m")):
+    for start, text in (
+        (0.0, "contact of floor lasts from t = 0 s"),
+        (-0.1, "floor: the bodies overlap by 0.1 m at t = 0 s"),
+    ):
         folder = tmp_path / str(start)
         folder.mkdir()
         other = exported(bouncing(start=start), folder)

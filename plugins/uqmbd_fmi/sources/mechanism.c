@@ -247,7 +247,7 @@ static void report_lasting(int event, double time, Report *to) {
            motion_event_names[event], time);
 }
 
-/* Prepare the guards of impacts at the start of a step: a contact that is closed must rise. */
+/* Prepare the guards of impacts at the start of a step: a closed contact must rise, or fall, which is an impact. */
 static void begin_contacts(Motion *of, int overlaps, Report *to) {
     double found[FOUND_ROWS];
     if (!MOTION_EVENTS) return;
@@ -258,10 +258,11 @@ static void begin_contacts(Motion *of, int overlaps, Report *to) {
         of->resting[2 * k] = of->resting[2 * k + 1] = 0;
         of->rise[2 * k] = of->rise[2 * k + 1] = 0.0;
         if (!(gap <= CLOSED * of->length)) continue;
-        if (overlaps && gap < -DEEP * of->length) {
-            report(to, ERROR, "%s: the bodies overlap by %.3g m at the start.", motion_event_names[k], -gap);
+        if (gap < -DEEP * of->length && (overlaps || speed < -of->slow)) {
+            report(to, ERROR, "%s: the bodies overlap by %.3g m at t = %.6g s.", motion_event_names[k], -gap, of->time);
             return;
         }
+        if (speed < -of->slow) continue; /* the driver finds this impact in its first step */
         if (!(speed > of->slow)) {
             report_lasting(k, of->time, to);
             return;
