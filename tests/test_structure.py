@@ -45,7 +45,7 @@ STATEMENTS = {
     "uqmbd_collocation": 3_970,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
-    "uqmbd_fmi": 1_200,
+    "uqmbd_fmi": 1_210,
     "uqmbd_galerkin": 820,
     "uqmbd_geometry": 660,
     "uqmbd_joints": 610,
