@@ -81,3 +81,12 @@ def test_every_hook_has_a_page_and_every_link_leads_somewhere():
     for page in [*PAGES, *OTHERS, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
         for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", page.read_text(encoding="utf-8")):
             assert link.startswith("http") or (page.parent / link).exists(), (page.name, link)
+
+
+def test_no_line_of_a_page_is_hidden():
+    """MyST hides lines that begin with a per cent sign, such as the end of "95 %" after a line break."""
+    hidden = {}
+    for page in [*PAGES, *OTHERS]:
+        text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+        hidden[page.name] = re.findall(r"^\s*%.*$", text, re.M)
+    assert {name: lines for name, lines in hidden.items() if lines} == {}
