@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def main() -> None:
         assert not any(found.messages), found.messages
         count = found.counters.accelerations
         least = count if name == PLAIN else least
-        run = lambda ensemble=ensemble: integrate(ensemble, TIMES, 1e-6, "auto")  # noqa: E731
+        run = partial(integrate, ensemble, TIMES, 1e-6, "auto")
         contenders.append(Contender(name, run, PLAIN, notes=(str(count), f"{count / least:.1f}")))
     interleave(contenders, 1 if options.quick else options.repeat)
     show(f"{COUNT} double pendula, 2 s", contenders, ("evaluations", "relative"))
