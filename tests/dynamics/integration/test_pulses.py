@@ -11,7 +11,7 @@ import pytest
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.special import erf
+from scipy.special import erf, fresnel
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
@@ -58,6 +58,38 @@ def speed_after(times, impulse, place, width):
     """What the pulse has given until then."""
     at = [erf((x - place) / (width * np.sqrt(2))) for x in (times, 0.0)]
     return impulse * (at[0] - at[1]) / 2
+
+
+def chirp(rate, place):
+    """A force of 1 N whose frequency falls to zero at a time and then grows."""
+    return sympy.cos(rate * (t - place) ** 2)
+
+
+def speed_of_chirp(times, rate, place):
+    """The closed form, by the Fresnel integral."""
+    scale = np.sqrt(2 * rate / np.pi)
+    return (fresnel((times - place) * scale)[1] - fresnel(-place * scale)[1]) / scale
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(("rate", "place"), [(20.0, 0.0), (400.0, 0.37), (3000.0, 0.0), (3000.0, 0.9)])
+def test_a_sine_whose_frequency_grows_needs_no_samples(integrator, rate, place):
+    """Its steps adapt: a quiet start is followed by fast oscillations without an end, which no step misses."""
+    mechanism = particle(chirp(rate, place))
+    assert build(mechanism).timed is None
+    data = uqmbd.simulate(mechanism, TIMES, integrator=integrator, check=False)
+    np.testing.assert_allclose(data["speed"], speed_of_chirp(TIMES, rate, place), atol=2e-5)
+
+
+def test_pieces_of_chirps_need_no_samples_and_jumps_between_them_are_found():
+    """A torque that starts after a rest, with a random start, against the closed form."""
+    start = uqmbd.RandomVariable("start", chaospy.Uniform(0.2, 0.7), units="s")
+    mechanism = particle(sympy.Piecewise((0, t < start), (chirp(500.0, start), True)))
+    assert build(mechanism).timed is None
+    study = uqmbd.Study("late", mechanism, TIMES, [MonteCarlo(samples=16, seed=1)])
+    samples = study.run()["monte-carlo/samples"].dataset
+    late = np.clip(TIMES - samples["inputs"].values, 0, None)
+    np.testing.assert_allclose(samples["response"].values[:, 0], speed_of_chirp(late, 500.0, 0.0), atol=2e-5)
 
 
 PULSES = {

@@ -11,7 +11,7 @@ from uqmbd.dynamics.assembly.assembly import (
     velocities,
 )
 from uqmbd.dynamics.assembly.programs import equation_programs
-from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along, violated
+from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along, ranks_along, violated
 from uqmbd.dynamics.assembly.start import Start, gradient_lengths
 from uqmbd.dynamics.assembly.start_check import require_conditions
 from uqmbd.dynamics.assembly.undefined import ahead
@@ -32,6 +32,7 @@ __all__ = [
     "not_unique",
     "positions",
     "rank_along",
+    "ranks_along",
     "reaction_symbols",
     "require_conditions",
     "statement_rows",

@@ -21,6 +21,7 @@ __all__ = [
     "named",
     "null_equations",
     "rank_along",
+    "ranks_along",
     "violated",
 ]
 
@@ -51,59 +52,95 @@ class Rank:
     # time to the nearest singular pose of all equations, s, to first order; negative: past; infinite: none near
     ahead: float
     kept_ahead: float  # time to the nearest singular pose of the kept equations, s
-    equations: Index  # equations that become dependent, the most affected first
-    kept_equations: Index  # kept equations that become dependent, the most affected first
+    weakest: Array  # (equation,): share of the equations in the smallest relevant singular value; empty: unknown
+    kept_weakest: Array  # the same of the kept equations
+    of_kept: Index  # kept equations
+
+    @property
+    def equations(self) -> Index:
+        """Equations that become dependent, the most affected first."""
+        return _affected(self.weakest)
+
+    @property
+    def kept_equations(self) -> Index:
+        """Kept equations that become dependent, the most affected first."""
+        return self.of_kept[_affected(self.kept_weakest)]
+
+
+def _affected(weakest: Array) -> Index:
+    """Return the indices of large shares, the largest first."""
+    order = np.argsort(-np.abs(weakest), kind="stable")
+    found: Index = order[np.abs(weakest[order]) > 0.1 * np.abs(weakest).max(initial=0.0)].astype(np.int64)
+    return found
 
 
 def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
     """Return the Jacobian of all constraints (equation, coordinate) of one realisation, with rows of length one."""
-    return _scaled_gradient(model, q, s, time, parameters)[0]
+    rows, _ = _scaled_gradients(model, q[None], s[None], np.array([time]), parameters[None])
+    found: Array = rows[0]
+    return found
 
 
-def _scaled_gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array]:
-    """Return the rows of `gradient`, and their original lengths (equation, 1); 1 without a gradient."""
-    state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
-    d = model.evaluate("velocity", state, parameters[None])["d"][0]
-    norm = np.linalg.norm(d, axis=1)
-    lengths = np.where(norm > 1e-9, norm, 1.0)[:, None]
+def _scaled_gradients(model: Model, q: Array, s: Array, times: Array, parameters: Array) -> tuple[Array, Array]:
+    """Return Jacobians with rows of length one (K, equation, coordinate), and the lengths; 1 without a gradient."""
+    d = model.evaluate("velocity", state_arguments(times, q, s, np.zeros_like(q)), parameters)["d"]
+    norm = np.linalg.norm(d, axis=2)
+    lengths = np.where(norm > 1e-9, norm, 1.0)[..., None]
     return d / lengths, lengths
 
 
 def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Rank:
     """Determine the rank at a state of one realisation, and the loss of rank along the present velocity."""
-    here = gradient(model, q, s, time, parameters)
+    return ranks_along(model, q[None], s[None], v[None], np.array([time]), parameters[None])[0]
+
+
+def ranks_along(model: Model, q: Array, s: Array, v: Array, times: Array, parameters: Array) -> list[Rank]:
+    """Determine the ranks at states of K realisations, and their losses along the present velocities."""
+    here = _scaled_gradients(model, q, s, times, parameters)[0]
     # a short displacement along the motion: large compared with rounding, small compared with curvature
-    delta = 1e-5 / max(float(np.abs(v).max(initial=0.0)), 1e-3)
-    slope = (gradient(model, q + delta * v, s, time + delta, parameters) - here) / delta
-    kept = model.layout.kept
-    every, ahead, equations = _nearest(here, slope, model.layout.rank)
-    if len(kept) == len(here):
-        return Rank(every, every, ahead, ahead, equations, equations)
-    least, kept_ahead, some = _nearest(here[kept], slope[kept], len(kept))
-    return Rank(every, least, ahead, kept_ahead, equations, kept[some])
+    delta = 1e-5 / np.maximum(np.abs(v).max(axis=1, initial=0.0), 1e-3)
+    there = _scaled_gradients(model, q + delta[:, None] * v, s, times + delta, parameters)[0]
+    slope = (there - here) / delta[:, None, None]
+    layout = model.layout
+    found = _nearest(here, slope, layout.rank)
+    kept = found
+    if len(layout.kept) < here.shape[1]:
+        kept = _nearest(here[:, layout.kept], slope[:, layout.kept], len(layout.kept))
+    parts = zip(*found, *kept, strict=True)
+    return [
+        Rank(float(every), float(least), float(ahead), float(kept_ahead), weakest, kept_weakest, layout.kept)
+        for every, ahead, weakest, least, kept_ahead, kept_weakest in parts
+    ]
 
 
-def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
-    """Return the smallest relevant singular value, time to the nearest zero of small ones, and affected rows."""
-    if not (rank and np.isfinite(a).all() and np.isfinite(slope).all()):
-        return 1.0, np.inf, np.zeros(0, dtype=np.int64)  # values that are not finite are reported elsewhere
-    left, values, right = np.linalg.svd(a)
-    values = np.concatenate([values, np.zeros(max(0, rank - len(values)))])
-    size = max(float(values[0]), 1e-300)
-    small = np.arange(max(0, rank - WATCHED), rank)
-    small = small[values[small] < SMALL * size]
-    weakest = left[:, rank - 1]
-    order = np.argsort(-np.abs(weakest), kind="stable")
-    rows = order[np.abs(weakest[order]) > 0.1 * np.abs(weakest).max()].astype(np.int64)
-    ahead = np.inf
-    if len(small):
+def _nearest(a: Array, slope: Array, rank: int) -> tuple[Array, Array, Array]:
+    """Return the smallest relevant singular values, times to the nearest zeros of small ones, and shares of rows.
+
+    The shapes are (K,), (K,) and (K, equation).
+    """
+    least, ahead, weakest = np.ones(len(a)), np.full(len(a), np.inf), np.zeros(a.shape[:2])
+    # values that are not finite are reported elsewhere
+    known = np.flatnonzero(np.isfinite(a).all(axis=(1, 2)) & np.isfinite(slope).all(axis=(1, 2)))
+    if not rank or not len(known):
+        return least, ahead, weakest[:, :0]
+    left, values, right = np.linalg.svd(a[known])
+    values = np.pad(values, ((0, 0), (0, max(0, rank - values.shape[1]))))
+    size = np.maximum(values[:, 0], 1e-300)
+    least[known], weakest[known] = values[:, rank - 1] / size, left[..., rank - 1]
+    small = (values[:, max(0, rank - WATCHED) : rank] < SMALL * size[:, None]).sum(axis=1)
+    for count in np.unique(small[small > 0]).tolist():  # singular values descend
+        some, part = np.flatnonzero(small == count), slice(rank - count, rank)
+        sigma = values[some, part]
         # singular if sigma + t U^T D' W is singular: linear change for small times
-        change = left[:, small].T @ slope @ right[small].T
-        inverse = np.linalg.eigvals(-change / values[small][:, None]) if values[small].all() else np.array([np.inf])
+        change = left[some, :, part].transpose(0, 2, 1) @ slope[known[some]] @ right[some, part].transpose(0, 2, 1)
+        regular = sigma.all(axis=1)
+        inverse = np.full((len(some), count), np.inf, dtype=complex)
+        inverse[regular] = np.linalg.eigvals(-change[regular] / sigma[regular][..., None])
         real = np.where(np.abs(inverse.imag) <= 0.5 * np.abs(inverse.real), inverse.real, 0.0)
-        strongest = real[np.argmax(np.abs(real))]
-        ahead = float(1.0 / strongest) if strongest else np.inf
-    return float(values[rank - 1] / size), ahead, rows
+        strongest = np.take_along_axis(real, np.abs(real).argmax(axis=1)[:, None], axis=1)[:, 0]
+        with np.errstate(divide="ignore"):
+            ahead[known[some]] = np.where(strongest != 0, 1.0 / strongest, np.inf)
+    return least, ahead, weakest
 
 
 def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
@@ -112,9 +149,9 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
     The result for one realisation has the shape (equation, redundancy). The result is orthonormal before the division
     of each row by the length of its equation's gradient.
     """
-    scaled, lengths = _scaled_gradient(model, q, s, time, parameters)
-    left = np.linalg.svd(scaled)[0]
-    free: Array = left[:, model.layout.rank :] / lengths
+    scaled, lengths = _scaled_gradients(model, q[None], s[None], np.array([time]), parameters[None])
+    left = np.linalg.svd(scaled[0])[0]
+    free: Array = left[:, model.layout.rank :] / lengths[0]
     return free
 
 

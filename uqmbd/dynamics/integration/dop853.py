@@ -27,7 +27,7 @@ from uqmbd.dynamics.integration.costs import implicit_attempt_cost
 from uqmbd.dynamics.integration.ida import can_finish_with_ida
 from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
+from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher, regular
 from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import settled
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
@@ -219,8 +219,7 @@ class Integration:
             there = bool(jump.all()) and self.sampled.keys() >= set(stops)
             for time in stops[:1] if there else [time for time in stops if time not in self.sampled]:
                 self._stop(members[jump & (now == time)], time)
-            for m, what in zip(members[~jump].tolist(), status[~jump].tolist(), strict=True):
-                self._decide(m, what)
+            self._decide_all(members[~jump], status[~jump])
         if end in self.sampled and end > begin and self.control is None:
             self._stop(every[[not message for message in self.messages]], end)
         for pool in self._pools:
@@ -354,18 +353,42 @@ class Integration:
             self._fail(int(members[row]), reason, final=True)
 
     # -- difficulties ------------------------------------------------------------------------------------------------
+    def _decide_all(self, members: Index, status: Array) -> None:
+        """Decide how to continue waiting members; check the ranks of those with rejected steps together."""
+        rejected: list[int] = []
+        for member, what in zip(members.tolist(), status.tolist(), strict=True):
+            if what == ExplicitStatus.UNSAMPLED:
+                self._sample(member)
+            elif self.comparing and self._compared(member, what):
+                continue
+            elif what in (ExplicitStatus.REFUSED, ExplicitStatus.STRAYED) and member not in self.watchers:
+                rejected.append(member)
+            else:
+                self._decide(member, what)
+        if not rejected:
+            return
+        main, some = self.main, np.array(rejected)
+        previous = np.where(main.known[some] > 1, main.node_times[some, -2], main.now[some])
+        calm = regular(
+            self.model,
+            main.nodes[some, -1],
+            previous,
+            main.now[some],
+            main.tried[some],
+            self.batch.block[some],
+            self.rtol,
+        )
+        calm_ones = some[calm]
+        main.trusted[calm_ones[main.status[calm_ones] == ExplicitStatus.STRAYED]] = 1
+        main.status[calm_ones] = RUNNING
+        main.limit[calm_ones], main.told[calm_ones] = np.inf, 0
+        for member in some[~calm].tolist():
+            self._decide(member, int(main.status[member]))
+
     def _decide(self, member: int, status: int) -> None:
         """Decide how to continue a waiting member."""
         pool, k = self._place(member)
         now, size = float(pool.now[k]), float(pool.tried[k])
-        if status == ExplicitStatus.UNSAMPLED:
-            self._sample(member)
-            return
-        if self.comparing:
-            if self.comparison is None:
-                self.comparison = Comparison(self.batch, self.times, self.rtol, self.dynamics, self._rival())
-            if self._compared(self.comparison, member, status):
-                return
         if status == ExplicitStatus.STIFF:
             self.stiff += 1
             self._fail(member, f"stiff at t = {now:.6g} s")
@@ -399,8 +422,11 @@ class Integration:
 
         return can_finish
 
-    def _compared(self, comparison: Comparison, member: int, status: int) -> bool:
+    def _compared(self, member: int, status: int) -> bool:
         """Compare costs with an implicit method if a comparison is due; return whether it decided on the member."""
+        if self.comparison is None:
+            self.comparison = Comparison(self.batch, self.times, self.rtol, self.dynamics, self._rival())
+        comparison = self.comparison
         pool, k = self._place(member)
         now, steps = float(pool.now[k]), int(pool.steps[k])
         more: int | None = 0

@@ -5,7 +5,8 @@ because the step errors do not contain it. Every function of time is therefore s
 the grid is smooth if a polynomial through every other point predicts the points between. Smooth cells are merged in
 pairs while the merged cell is smooth. Other cells are divided into 16, at most 12 times. The sizes of the smooth cells
 show how fast the function changes, and limit the steps (`uqmbd.dynamics.integration.intervals`). Functions with uniform
-behaviour (polynomials, sines of linear phases, and pieces of them) cannot be stepped over, and are not sampled.
+behaviour (polynomials, sines of phases up to degree 2, and pieces of them) cannot be stepped over, and are not sampled.
+The sampling takes up to 8,193 values of each function and realisation, so that it costs more than most integrations.
 """
 
 from __future__ import annotations
@@ -52,6 +53,8 @@ LEAST = 1e-9
 """Deviation, relative to the largest value, that counts as rounding for every tolerance."""
 POWER = 4
 """Largest power of a sine without pulses much shorter than its period."""
+CHIRP = 2
+"""Largest degree of a phase: the frequency of a sine then grows or falls steadily, without pulses."""
 ROWS = 1 << 17
 """Number of values that are computed at once."""
 
@@ -140,24 +143,26 @@ def _even(e: sympy.Basic) -> bool:
             return False
         return bool(_linear(base) or (power <= POWER and _even(base)))
     if isinstance(e, (sympy.sin, sympy.cos)):
-        return _linear(e.args[0])
+        return _linear(e.args[0], CHIRP)
     if isinstance(e, sympy.Piecewise):
         conditions = [x for _, c in e.args for x in c.atoms(sympy.core.relational.Relational)]
         return all(_linear(c.lhs - c.rhs) for c in conditions) and all(_even(x) for x, _ in e.args)
     return False
 
 
-def _linear(e: sympy.Expr) -> bool:
-    """Return whether a function of time is linear, or linear in pieces with known ends."""
+def _linear(e: sympy.Expr, degree: int = 1) -> bool:
+    """Return whether a function of time is linear (a polynomial of this degree), or so in pieces with known ends."""
     pieces = e.atoms(sympy.Piecewise)
     outer = [x for x in pieces if not any(x != y and y.has(x) for y in pieces)]
     for x in outer:
         conditions = [y for _, c in x.args for y in c.atoms(sympy.core.relational.Relational)]
-        if not (all(_linear(c.lhs - c.rhs) for c in conditions) and all(_linear(branch) for branch, _ in x.args)):
+        if not (
+            all(_linear(c.lhs - c.rhs) for c in conditions) and all(_linear(branch, degree) for branch, _ in x.args)
+        ):
             return False
     whole = e.xreplace({x: sympy.Dummy(real=True) for x in outer})
     moving = {TIME, *(whole.free_symbols - e.free_symbols)}
-    return all(not whole.diff(x).free_symbols & moving for x in moving)
+    return all(not whole.diff(x, degree if x == TIME else 1).free_symbols & moving for x in moving)
 
 
 # -- looking ----------------------------------------------------------------------------------------------------------

@@ -24,13 +24,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along
+from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along, ranks_along
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import accelerations, excess, index1_system, residuals
 from uqmbd.typing import Array
 
-__all__ = ["SingularPoseWatcher", "repivoted"]
+__all__ = ["SingularPoseWatcher", "regular", "repivoted"]
 
 
 REACH = 4.0
@@ -114,6 +115,39 @@ def eliminated_anew(
     return replace(model, system=system)
 
 
+def regular(
+    model: Model, states: Array, previous: Array, now: Array, sizes: Array, parameters: Array, tolerance: float
+) -> NDArray[np.bool_]:
+    """Return which of K realisations with rejected steps have no singular pose and no poor pivot in reach.
+
+    States are (K, width) at the times `now` (K,), s; `previous` (K,), s, are the times of the nodes before, or `now`.
+    """
+    ranks = ranks_along(model, *model.layout.split(states), now, parameters)
+    ahead, kept_ahead = (np.abs([getattr(rank, name) for rank in ranks]) for name in ("ahead", "kept_ahead"))
+    every, kept = (np.array([getattr(rank, name) for rank in ranks]) for name in ("every", "kept"))
+    reach = REACH * np.maximum(sizes, now - previous)
+    dependent = (ahead > 2 * kept_ahead) & (kept < DEPENDENT * every) & (kept_ahead < reach)
+    found: NDArray[np.bool_] = ~dependent & (ahead > reach)
+    some = np.flatnonzero(found)
+    with np.errstate(all="ignore"):
+        off = _residuals_ahead(model, states[some], now[some], sizes[some], parameters[some])[2]
+    found[some] = off.max(axis=1) <= POOR * tolerance
+    return found
+
+
+def _residuals_ahead(
+    model: Model, states: Array, now: Array, sizes: Array, parameters: Array
+) -> tuple[Array, Array, Array]:
+    """Return states (K, place, width), times (K, place) and relative residuals (K, place) in the next steps."""
+    n = model.layout.coordinates
+    ahead = np.repeat(states[:, None], len(PLACES), axis=1)
+    ahead[..., :n] += (sizes[:, None] * PLACES)[..., None] * states[:, None, model.layout.velocities :]
+    times = now[:, None] + sizes[:, None] * PLACES
+    block = np.repeat(parameters, len(PLACES), axis=0)
+    found = residuals(model, ahead.reshape(-1, states.shape[1]), times.ravel(), block)
+    return ahead, times, np.nan_to_num(found, nan=np.inf).reshape(-1, len(PLACES))
+
+
 @dataclass
 class SingularPoseWatcher:
     """Monitor of the rank in an explicit integration of one realisation."""
@@ -194,12 +228,11 @@ class SingularPoseWatcher:
     def reorder(self, now: float, z: Array, size: float) -> bool:
         """Choose a new order of elimination if pivots are poor within a step of size, s; return whether it changed."""
         layout = self.model.layout
-        ahead = np.repeat(z[None], len(PLACES), axis=0)
-        n = layout.coordinates
-        ahead[:, :n] += size * PLACES[:, None] * z[None, layout.velocities :]
-        times = now + size * PLACES
         with np.errstate(all="ignore"):
-            before = np.nan_to_num(residuals(self.model, ahead, times, self.parameters), nan=np.inf)
+            states, at, off = _residuals_ahead(
+                self.model, z[None], np.array([now]), np.array([size]), self.parameters[None]
+            )
+            ahead, times, before = states[0], at[0], off[0]
             worst = int(np.argmax(before))
             if before[worst] <= POOR * self.tolerance or self.no_better >= TRIALS:
                 return False
@@ -207,7 +240,7 @@ class SingularPoseWatcher:
             model = eliminated_anew(self.model, q, s, times[worst], self.parameters)
             better = model.system.programs is not None
             if better:  # otherwise LAPACK solves the system
-                after = residuals(model, ahead, times, self.parameters)
+                after = residuals(model, ahead, times, np.repeat(self.parameters[None], len(ahead), axis=0))
                 better = bool(np.isfinite(after).all() and after.max() <= BETTER * before[worst])
         if not better:
             self.no_better += 1

@@ -59,9 +59,9 @@ def accelerations(
 
 
 def residuals(model: Model, states: Array, times: Array, parameters: Array) -> Array:
-    """Return relative residuals (S,) of solutions by fixed pivots at states (S, width) of one realisation."""
+    """Return relative residuals (S,) of solutions by fixed pivots; states (S, width), parameters (S, parameter)."""
     q, s, v = model.layout.split(states)
-    block = np.repeat(parameters[None, : model.block_parameters], len(states), axis=0)
+    block = np.ascontiguousarray(parameters[:, : model.block_parameters])
     found = model.system.programs.motion(q, s, v, times.reshape(-1, 1), np.zeros((1, 1)), block)
     relative: Array = np.sqrt(found[:, -1])
     return relative
