@@ -1,10 +1,10 @@
 """Annotations: their alternatives, the bounds of numbers, and the check of values.
 
-This module checks values by its own code, because the libraries typeguard and beartype apply other rules. Each library
-differs for 40 of 546 measured pairs of an annotation and a value. typeguard 4.6.1 accepts True as an integer, NaN as a
-number, and texts as sequences and arrays. beartype 0.23.1 refuses 0 as a number, and accepts texts as sequences and
-arrays. Both libraries check only the kind of an array and ignore its mask. Hooks of these libraries would need every
-rule on numbers, sequences and arrays of this module.
+This module does not use the libraries typeguard and beartype, because they apply other rules. For 40 of 546 measured
+pairs of an annotation and a value, each library decides differently. typeguard 4.6.1 accepts True as an integer, NaN as
+a number, and texts as sequences and arrays. beartype 0.23.1 refuses 0 as a number, and accepts texts as sequences and
+arrays. Both libraries check only the kind of an array and ignore its mask. A hook for either library would have to
+contain all rules of this module on numbers, sequences and arrays.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ __all__ = [
 ]
 
 MANY = 10_000
-"""Largest number of checked entries of a sequence; sequences that people write are shorter."""
+"""Maximum number of entries of a sequence that are checked; sequences written by hand are shorter."""
 
 LONGEST = 10**7
 """Largest number of entries of a sequence; a longer array is probably a mistake."""
 
 LARGE = 1000
-"""Least upper bound that a message states only if the value exceeds it."""
+"""Upper bounds of numbers from this value on are in a message only if the number exceeds them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Bounds:
 
     @property
     def words(self) -> str:
-        """Description of the bounds, which follows the kind of number in a message."""
+        """Description of the bounds, placed after the kind of number in a message."""
         if self.least == -math.inf:
             return f" up to {self.most:g}" if self.most < LARGE else ""
         if self.most < LARGE:
@@ -174,7 +174,7 @@ _ARRAY_LIKE = typing.get_args(ArrayLike)
 
 
 def for_each_annotation(function: Callable[[Any], Any]) -> Any:
-    """Cache the results of a function of an annotation, as all checked calls use the same few annotations."""
+    """Cache the results of a function of an annotation; checked calls use few different annotations."""
     known = functools.lru_cache(maxsize=4096)(function)
 
     @functools.wraps(function)
@@ -222,7 +222,7 @@ def bounded(member: Any) -> tuple[Any, Bounds | None]:
 
 
 def each(value: Any) -> list[Any]:
-    """Return the entries of a sequence, at most 10 001 of an array, or a list with the single number."""
+    """Return the entries of a sequence (of an array at most 10 001), or a list that contains a single number."""
     if isinstance(value, np.ndarray):
         return list(np.atleast_1d(value)[: MANY + 1])
     return list(value) if isinstance(value, (tuple, list, range)) else [value]
@@ -336,8 +336,8 @@ def _is_object(value: Any, base: Any) -> bool:
     if kind is Callable:
         return callable(value)
     if kind is type:
-        wanted = arguments[0] if arguments else object
-        return isinstance(value, type) and (not isinstance(wanted, type) or issubclass(value, wanted))
+        parent = arguments[0] if arguments else object
+        return isinstance(value, type) and (not isinstance(parent, type) or issubclass(value, parent))
     if not isinstance(kind, type) or getattr(kind, "_is_protocol", False):
         return True
     if issubclass(kind, os.PathLike):
@@ -360,7 +360,7 @@ def _is_object(value: Any, base: Any) -> bool:
 
 
 def _is_symbolic(value: Any, kind: type) -> bool:
-    """Return whether a value is an expression, or a finite real number in place of one."""
+    """Return whether a value is an expression or a finite real number."""
     if isinstance(value, (bool, np.bool_)):
         return False
     if getattr(value, "is_Atom", False) and value.is_number and value.is_finite is not True:
@@ -387,12 +387,12 @@ def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...]) -> bool:
     elif issubclass(kind, Sequence) and not hasattr(value, "__getitem__"):
         return False
     if not sized or not arguments:
-        return True  # an iterator can be read only once, by the checked function
+        return True  # the check must not read an iterator, because it can be read only once
     return all(fits(x, arguments[0]) for _, x in zip(range(MANY), value, strict=False))
 
 
 def _are_numbers(value: Any) -> bool:
-    """Return whether NumPy reads real numbers from a value other than a text, a masked array or a single bool."""
+    """Return whether NumPy converts a value to real numbers; False for texts, masked arrays and a single bool."""
     if isinstance(value, (str, bytes, bool, type, Mapping)) or value is None or np.ma.is_masked(value):
         return False
     try:
@@ -408,8 +408,8 @@ def _is_array(value: Any, arguments: tuple[Any, ...]) -> bool:
     """Return whether a value is an array of NumPy with a data type that fits."""
     if not isinstance(value, np.ndarray) or np.ma.is_masked(value):
         return False
-    wanted = [x for x in typing.get_args(arguments[-1]) if isinstance(x, type)] if arguments else []
-    if not wanted or not issubclass(wanted[0], np.generic):
+    entry_types = [x for x in typing.get_args(arguments[-1]) if isinstance(x, type)] if arguments else []
+    if not entry_types or not issubclass(entry_types[0], np.generic):
         return True
-    allowed = {"f": "biuf", "i": "biu", "c": "biufc", "b": "b"}.get(np.dtype(wanted[0]).kind, value.dtype.kind)
+    allowed = {"f": "biuf", "i": "biu", "c": "biufc", "b": "b"}.get(np.dtype(entry_types[0]).kind, value.dtype.kind)
     return value.dtype.kind in allowed or value.size == 0

@@ -23,7 +23,7 @@ Returned = TypeVar("Returned")
 
 
 def refusal(name: str, value: Any, annotation: Any) -> str:
-    """State the value of an argument, and the expected values.
+    """Return a message with the value of an argument and the expected values.
 
     >>> from typing import Annotated
     >>> from uqmbd.arguments import Bounds
@@ -42,7 +42,9 @@ def refusal(name: str, value: Any, annotation: Any) -> str:
 
 
 def returned(function: str, value: Returned, annotation: Any) -> Returned:
-    """Return the return value of a user's or plugin's function; raise StudyError unless it fits the annotation.
+    """Check the return value of a user's or plugin's function against an annotation, and return it.
+
+    Raise StudyError if the value does not fit.
 
     >>> returned("mine: weight", 2, int)
     2
@@ -63,13 +65,13 @@ def _finite(value: Any) -> bool:
 
 
 def _literals(annotation: Any) -> list[Any]:
-    """Return the values that an annotation lists."""
+    """Return the values of the ``Literal`` types in an annotation."""
     listed = [m for m in members(annotation) if typing.get_origin(m) is Literal]
     return [x for m in listed for x in typing.get_args(m)]
 
 
 def _passed(value: Any, annotation: Any) -> float:
-    """Return the upper bound of at least 1000 that a number, or one of a sequence, exceeds; 0 if there is none."""
+    """Return the upper bound that a number, or an entry of a sequence, exceeds; 0 for bounds below `LARGE`."""
     for base, bounds in map(bounded, members(annotation)):
         kind = Integral if base is int or (typing.get_origin(base) is tuple and int in typing.get_args(base)) else Real
         if bounds is not None and any(isinstance(x, kind) and beyond(x, bounds.most) for x in each(value)):
@@ -103,14 +105,14 @@ _NAMED = {int: "a whole number", float: "a number", complex: "a number", bool: "
 
 
 def _named(base: Any) -> str:
-    """Return the name of a type of objects, with the type of the entries."""
+    """Describe an object of a type with an article, such as ``a sequence of numbers``."""
     origin, arguments = typing.get_origin(base), typing.get_args(base)
     kind = origin or base
     if kind is Numbers:
         return "real numbers in an array or a sequence"
     if kind is np.ndarray:
-        wanted = [x for x in typing.get_args(arguments[-1]) if isinstance(x, type)] if arguments else []
-        letter = np.dtype(wanted[0]).kind if wanted and issubclass(wanted[0], np.generic) else ""
+        entry_types = [x for x in typing.get_args(arguments[-1]) if isinstance(x, type)] if arguments else []
+        letter = np.dtype(entry_types[0]).kind if entry_types and issubclass(entry_types[0], np.generic) else ""
         of = {"f": "numbers", "i": "whole numbers", "b": "truth values", "c": "complex numbers"}.get(letter, "values")
         return f"a NumPy array of {of}"
     if kind is Callable:
@@ -139,7 +141,7 @@ def _named(base: Any) -> str:
 
 
 def _entries(annotation: Any) -> str:
-    """Return the type of the entries of a sequence, in the plural."""
+    """Name the entries of a sequence in the plural, such as ``numbers``."""
     plural = {int: "whole numbers", float: "numbers", bool: "truth values", str: "texts"}
     found = []
     for member in members(annotation):
@@ -150,7 +152,7 @@ def _entries(annotation: Any) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a short text of a value for a message; an array is described by its shape.
+    """Return a short representation of a value for a message; an array is described by its shape.
 
     >>> shown(0.5), shown(np.zeros((2, 3)))
     ('0.5', 'an array of the shape (2, 3)')

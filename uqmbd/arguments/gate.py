@@ -167,7 +167,7 @@ def _annotations(
 
 
 def _for_checkers(function: Any) -> dict[str, Any]:
-    """Return the imports of a module under ``TYPE_CHECKING``; modules that are not loaded have a placeholder."""
+    """Return the imports of a module under ``TYPE_CHECKING``; placeholders replace modules that are not loaded."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(sys.modules[function.__module__])))
     except (KeyError, OSError, TypeError):  # there is no source file, for example in a notebook

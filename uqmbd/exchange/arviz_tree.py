@@ -112,13 +112,13 @@ def _of_samples(parts: list[xr.DataTree], draws: int | None) -> tuple[xr.Dataset
         good &= one["status"].values == Status.OK
         # a scalar output may not occur in every realisation
         good &= np.isfinite(one["response"].values.reshape(count, -1)).all(axis=1)
-    kept = [one.isel(sample=np.flatnonzero(good)) for one in data]
-    outputs = xr.merge([by_output(one, "response") for one in kept], compat="override", join="override")
-    return _by_input(kept[0]), outputs, int(count - good.sum())
+    successful = [one.isel(sample=np.flatnonzero(good)) for one in data]
+    outputs = xr.merge([by_output(one, "response") for one in successful], compat="override", join="override")
+    return _by_input(successful[0]), outputs, int(count - good.sum())
 
 
 def _of_surrogates(label: str, parts: list[xr.DataTree], draws: int, seed: int) -> tuple[xr.Dataset, xr.Dataset, int]:
-    """Return inputs and outputs of draws from the surrogates of a method at equal inputs, and the excluded number 0."""
+    """Draw from the surrogates of a method at equal inputs; return inputs, outputs and the excluded number 0."""
     found: list[xr.Dataset] = []
     inputs: xr.Dataset | None = None
     for part in parts:

@@ -133,7 +133,7 @@ def samples_to_frame(
     where = "samples_to_frame"
     found = {label: node for label, node in _nodes(where, results).items() if _sampled(node)}
     if len(found) != 1:
-        given = f"those of {len(found)} methods ({', '.join(map(repr, found))})" if found else "none"
+        given = f"the samples of {len(found)} methods ({', '.join(map(repr, found))})" if found else "no samples"
         raise StudyError(
             f"{where}: expected the samples of one method, but {given} are given; pass tree['LABEL'] of one method."
         )
@@ -187,7 +187,7 @@ def _statistics(label: str, data: xr.Dataset) -> pd.DataFrame:
 
 
 def _realisations(data: list[xr.Dataset], timed: xr.Dataset | None) -> pd.DataFrame:
-    """Return inputs, scalar outputs and the status."""
+    """Return a frame of inputs, scalar outputs and status, with one row for each realisation."""
     import pandas as pd
 
     first = data[0]
@@ -209,7 +209,7 @@ def _realisations(data: list[xr.Dataset], timed: xr.Dataset | None) -> pd.DataFr
 
 
 def _status(data: list[xr.Dataset]) -> Any:
-    """Return the status of each realisation in words, from the first group of outputs with a failure."""
+    """Return the status of each realisation as text; the first dataset in which it failed decides."""
     found = np.full(data[0].sizes["sample"], Status.OK.meaning, dtype=object)
     for one in data:
         attrs, values = one["status"].attrs, one["status"].values
@@ -221,7 +221,7 @@ def _status(data: list[xr.Dataset]) -> Any:
 
 
 def _over_time(data: xr.Dataset, count: int) -> pd.DataFrame:
-    """Return outputs of each realisation at each time."""
+    """Return a frame of outputs, with one row for each realisation and time."""
     import pandas as pd
 
     times = data["time"].values
@@ -276,9 +276,9 @@ def _times(where: str, times: Sequence[float] | float | None, known: Any) -> lis
     """Return the indices of the chosen output times; raise StudyError for unknown times."""
     if times is None:
         return list(range(len(known)))
-    wanted = np.atleast_1d(np.asarray(times, dtype=float))
-    places = [int(np.abs(known - time).argmin()) for time in wanted]
-    for time, place in zip(wanted, places, strict=True):
+    requested = np.atleast_1d(np.asarray(times, dtype=float))
+    places = [int(np.abs(known - time).argmin()) for time in requested]
+    for time, place in zip(requested, places, strict=True):
         if not abs(known[place] - time) <= 1e-9 * max(float(np.ptp(known)), abs(float(known[place]))):
             raise StudyError(
                 f"{where}: {time:g} s is not an output time; the nearest output time is {known[place]:.9g} s."

@@ -107,7 +107,7 @@ _MOVED = frozenset(
     with_reasons
     """.split()
 )
-"""Names that are in `uqmbd.extend` now."""
+"""Names that were moved to `uqmbd.extend`."""
 
 
 def __getattr__(name: str) -> Any:
@@ -123,8 +123,8 @@ def __getattr__(name: str) -> Any:
         folders = (assessment, chaos, requirements, schema, statistics, storage, tree)
         held = [folder for folder in folders if name in folder.__all__]
         if not held:
-            gone = "; it was removed, use uqmbd.results.assess(tree)" if name in ("overall", "statements") else ""
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}{gone}")
+            hint = "; it was removed, use uqmbd.results.assess(tree)" if name in ("overall", "statements") else ""
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
         found, text = getattr(held[0], name), "is not public any more"
     warnings.warn(f"uqmbd.results.{name} {text}; the name is removed here in version 0.2.", DeprecationWarning, 2)
     return found

@@ -1,4 +1,4 @@
-"""Methods ``.uqmbd`` of xarray data: one output with its unit, a variable for each output, the surrogate.
+"""Accessor ``.uqmbd`` of xarray data, with methods for one output, a variable for each output, and the surrogate.
 
 Importing `uqmbd.results` registers the accessor, so every function that makes or reads results registers it. For a file
 opened by xarray alone, ``import uqmbd.results`` is needed, because ``import uqmbd`` imports neither
@@ -50,7 +50,7 @@ class Accessor:
         name : str
             Name of the output.
         input : str, optional
-            Name of an input, which selects its part of variables along ``input``.
+            Name of the input to select in variables along ``input``.
 
         Returns
         -------

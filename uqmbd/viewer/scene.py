@@ -1,4 +1,4 @@
-"""Data of the viewer's page: the pose of a mechanism, its parts, its inputs, and the changes by the assembly."""
+"""Data of the viewer's page: pose, parts and inputs of a mechanism, and displacements of bodies by the assembly."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 __all__ = ["motion_scene", "pose_scene", "structure"]
 
 ENDS = (0.001, 0.999)
-"""Levels of the distribution at the ends of a slider."""
+"""Probabilities of the quantiles of an input at the ends of its slider."""
 
 CLOSE = 1e-6
-"""Distance of the points of a joint, relative to the size of the mechanism, that counts as zero."""
+"""Distance up to which two points coincide, relative to the size of the mechanism."""
 
 SLACK = 1e-9
-"""Negative sum of moments of inertia, relative to the largest moment, that counts as rounding."""
+"""Magnitude of a negative squared semi-axis, relative to the largest one, up to which it counts as rounding."""
 
 
 def structure(mechanism: Mechanism, study: Study | None) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def pose_scene(mechanism: Mechanism, values: Mapping[str, float], time: float) -
 
 
 def motion_scene(mechanism: Mechanism, motion: xr.Dataset) -> dict[str, Any]:
-    """Return a motion of the bodies."""
+    """Return a motion of a mechanism as data of the page."""
     return {
         "player": collect_player_data(motion),
         "ellipsoids": _ellipsoids(mechanism, motion),
@@ -103,7 +103,7 @@ def _values(data: xr.Dataset) -> dict[str, float]:
 
 
 def _inputs(mechanism: Mechanism) -> list[dict[str, Any]]:
-    """Return name, units, mean and range of each random input; the other inputs have their medians in the range."""
+    """Return name, units, mean and slider range of each random input, with the other inputs at their medians."""
     inputs = mechanism.inputs
     count = len(inputs)
     if not count:
@@ -130,7 +130,7 @@ def _inputs(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 
 def _gaps(stated: xr.Dataset, *, closed: bool) -> list[dict[str, Any]]:
-    """Return joints whose coincident points are apart in the drawn pose, with their distance, m."""
+    """Return joints whose points should coincide but do not in the drawn pose, with the distance of the points, m."""
     sketch, points = Sketch(stated), world(stated)[0, 0]
     size = float(np.linalg.norm(np.ptp(sketch.extent(points), axis=0))) or 1.0
     found = []

@@ -24,14 +24,14 @@ __all__ = ["PageServer"]
 LONGEST = 1_000_000
 """Largest request of the page, bytes."""
 
-BEAT = 0.5
-"""Time between two signs of life of the server on an idle connection, s."""
+KEEP_ALIVE = 0.5
+"""Interval of keep-alive messages on a connection without other messages, s."""
 
 LEFT = 2.0
-"""Time without a page, after the first page, until the viewer ends, s; a page that is loaded again returns earlier."""
+"""Time between the last closed page and the end of the viewer, s; reloading a page takes less time."""
 
-KEPT = ("status", "scene", "findings")
-"""Kinds of messages that a new page gets: the latest of each kind."""
+REPLAYED = ("status", "scene", "findings")
+"""Kinds of messages of which a new page receives the latest message."""
 
 
 class PageServer:
@@ -70,7 +70,7 @@ class PageServer:
     def send(self, message: Answer) -> None:
         """Send a message to all pages."""
         with self._lock:
-            if message["kind"] in KEPT:
+            if message["kind"] in REPLAYED:
                 self._latest[message["kind"]] = message
                 if message["kind"] == "scene":
                     self._latest.pop("findings", None)
@@ -78,14 +78,14 @@ class PageServer:
                 page.put(message)
 
     def abandoned(self) -> bool:
-        """Return whether pages were open, and none has been for some time."""
+        """Return whether the last page was closed more than `LEFT` seconds ago."""
         with self._lock:
             return not self._pages and self._left is not None and time.monotonic() - self._left > LEFT
 
     def close(self) -> None:
         """End the server."""
         self.send({"kind": "ended"})
-        time.sleep(0.05)  # the pages read the last message
+        time.sleep(0.05)  # wait until the pages have read the last message
         self.ended.set()
         self._server.shutdown()
         self._server.server_close()
@@ -133,7 +133,7 @@ class PageServer:
                     self.wfile.write(body)
 
             def write_headers(self, kind: str) -> None:
-                """Write headers that keep the page from other origins and from caches."""
+                """Write headers that forbid caches and access from other origins."""
                 for name, value in {
                     "Content-Type": kind,
                     "Content-Security-Policy": server._policy,
@@ -145,12 +145,12 @@ class PageServer:
                     self.send_header(name, value)
 
             def log_message(self, format: str, *args: Any) -> None:
-                """Print nothing."""
+                """Suppress the log of requests."""
 
         return Handler
 
     def _place(self, request: BaseHTTPRequestHandler) -> str | None:
-        """Return the path after the token, or None for a request that gets no answer."""
+        """Return the path after the token, or None for a request that the server rejects."""
         own = {f"{name}:{self.port}" for name in ("127.0.0.1", "localhost")}
         origin = request.headers.get("Origin")
         if request.headers.get("Host") not in own or (origin is not None and origin.removeprefix("http://") not in own):
@@ -169,14 +169,14 @@ class PageServer:
         request.end_headers()
         mine: queue.Queue[Answer] = queue.Queue()
         with self._lock:
-            for kind in KEPT:
+            for kind in REPLAYED:
                 if kind in self._latest:
                     mine.put(self._latest[kind])
             self._pages.append(mine)
         try:
             while not self.ended.is_set():
                 try:
-                    text = f"data: {as_json(mine.get(timeout=BEAT))}\n\n"
+                    text = f"data: {as_json(mine.get(timeout=KEEP_ALIVE))}\n\n"
                 except queue.Empty:
                     text = ": alive\n\n"
                 request.wfile.write(text.encode())

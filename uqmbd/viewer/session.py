@@ -24,7 +24,7 @@ FRAMES = 90
 
 
 class Session:
-    """A mechanism, and the study that contains it; None for a mechanism alone."""
+    """A mechanism and, unless it is None, the study that contains the mechanism."""
 
     def __init__(self, mechanism: Mechanism, study: Study | None) -> None:
         self.mechanism = mechanism
@@ -37,23 +37,23 @@ class Session:
         yield {"kind": "findings", **self._findings()}
 
     def answer(self, request: Mapping[str, Any]) -> Answer:
-        """Answer one request: ``pose`` or ``motion`` at ``values`` of the inputs; return a message or an error."""
+        """Answer a request for a ``pose`` or ``motion`` at ``values`` of the inputs; the message may state an error."""
         values = {str(name): float(x) for name, x in dict(request.get("values") or {}).items()}
         number = {"number": request.get("number")}
         actions: dict[str, Callable[[Mapping[str, float]], Answer]] = {"pose": self._pose, "motion": self._motion}
-        wanted = str(request.get("do"))
+        action = str(request.get("do"))
         try:
-            if wanted not in actions:
-                raise StudyError(f"the request {wanted!r} is unknown; expected pose or motion.")
+            if action not in actions:
+                raise StudyError(f"the request {action!r} is unknown; expected pose or motion.")
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # findings list them
-                return {"kind": wanted, **actions[wanted](values), **number}
+                warnings.simplefilter("ignore")  # the findings contain these warnings
+                return {"kind": action, **actions[action](values), **number}
         except Exception as error:  # noqa: BLE001 - laws of users run here
-            return {**failure(error, None), **number, "kind": "refused", "of": wanted}
+            return {**failure(error, None), **number, "kind": "refused", "of": action}
 
     def _pose(self, values: Mapping[str, float]) -> Answer:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # findings list them
+            warnings.simplefilter("ignore")  # the findings contain these warnings
             return pose_scene(self.mechanism, values, self.time)
 
     def _motion(self, values: Mapping[str, float]) -> Answer:
@@ -64,7 +64,7 @@ class Session:
         return motion_scene(self.mechanism, motion_at(self.study, values, FRAMES))
 
     def _findings(self) -> Answer:
-        """Return findings of the study, and facts of the assembled mechanism, or the reason for their absence."""
+        """Return findings of the study, and mobility and redundant constraints of the mechanism; or the problem."""
         from uqmbd.dynamics import check
         from uqmbd.propagation import findings
 
@@ -92,7 +92,7 @@ def loaded(file: Path) -> Session:
     from uqmbd.propagation import load_mechanism
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # findings list them
+        warnings.simplefilter("ignore")  # the findings contain these warnings
         mechanism, study = load_mechanism(file)
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies to draw; add one with mechanism.body(...).")
@@ -100,7 +100,7 @@ def loaded(file: Path) -> Session:
 
 
 def failure(error: BaseException, file: Path | None) -> Answer:
-    """Return an error with the line of the script in which it occurred, if it is known."""
+    """Return an error as a message, with the line of the script in which it occurred, or None if unknown."""
     cause = error.__cause__ if isinstance(error, StudyError) and error.__cause__ is not None else error
     line = None
     if file is not None:

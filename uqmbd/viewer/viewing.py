@@ -1,4 +1,4 @@
-"""The two viewers: of a study file, which is read again when it is saved, and of a mechanism in a notebook."""
+"""Viewer of a study file, which runs again when the file is saved, and viewer of a mechanism in a notebook."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 __all__ = ["FileViewer", "MechanismView", "view_mechanism", "view_study"]
 
-LOOK = 0.1
-"""Time between two looks at the files of the study, s."""
+POLL = 0.1
+"""Interval at which the viewer checks the files of the study for changes, s."""
 
 MOTION = 6.0
 """Time limit of a motion, as a multiple of the time limit of the study file."""
 
 
 def view_study(script: Path, *, seconds: float = 10.0, port: int = 0, opened: bool = True) -> None:
-    """Show the mechanism of a study file until the page is closed, Escape is pressed on it, or Ctrl-C.
+    """Show the mechanism of a study file until the page is closed, or Escape or Ctrl-C is pressed.
 
     `seconds` is the time limit of the study file. `opened` opens the page in the browser.
     """
@@ -65,7 +65,7 @@ class FileViewer:
         self._good: Child | None = None
         self._loading: Child | None = None
         self._spare: Child | None = Child()
-        from uqmbd.viewer.page import viewer_page  # after the child, which starts meanwhile
+        from uqmbd.viewer.page import viewer_page  # import while the child process starts
 
         page, nonce = viewer_page(str(script))
         try:
@@ -79,7 +79,7 @@ class FileViewer:
 
     def wait(self) -> None:
         """Wait until the page ends the viewer, or no page is open."""
-        while not self.ended.wait(LOOK):
+        while not self.ended.wait(POLL):
             if self.server.abandoned():
                 return
 
@@ -93,7 +93,7 @@ class FileViewer:
         self.ended.set()
         self._wanted.set()
         self.server.close()
-        for _ in range(2):  # the second time, children that the threads started meanwhile
+        for _ in range(2):  # the second pass ends children that the threads started during the first pass
             for child in (self._good, self._loading, self._spare):
                 if child is not None:
                     child.end()
@@ -101,7 +101,7 @@ class FileViewer:
                 work.join()
 
     def _act(self, request: Mapping[str, Any]) -> None:
-        """Note a request of the page; a later one of the same kind replaces it."""
+        """Queue a request of the page; it replaces an unanswered request of the same kind."""
         if request.get("do") == "end":
             self.ended.set()
         elif request.get("do") in ("pose", "motion"):
@@ -109,17 +109,17 @@ class FileViewer:
             self._wanted.set()
 
     def _watch(self) -> None:
-        """Load the study at first, and after each change of its files."""
+        """Load the study at the start, and again after each change of its files."""
         self._files = {name: _state(name) for name in self._files}
         self._load()
-        while not self.ended.wait(LOOK):
+        while not self.ended.wait(POLL):
             now = {name: _state(name) for name in self._files}
             if now != self._files:
                 self._files = now
                 self._load()
 
     def _load(self) -> None:
-        """Run the study file in the spare process, which replaces the previous one if it succeeds."""
+        """Run the study file in the spare process; if it succeeds, this process replaces the previous one."""
         child = self._loading = self._spare or Child()
         self._spare = None
         begin = time.monotonic()
@@ -152,11 +152,11 @@ class FileViewer:
         if previous is not None:
             previous.end()
         if not self.ended.is_set():
-            self._spare = Child()  # now, because its imports would delay the drawing
+            self._spare = Child()  # start it only now, because its imports would delay the drawing
         self._wanted.set()
 
     def _discard(self, child: Child) -> None:
-        """End a process that gives no more answers."""
+        """End a process that no longer answers."""
         child.end()
         if self._good is child:
             self._good = None
@@ -166,7 +166,7 @@ class FileViewer:
             self._files.setdefault(name, _state(name))
 
     def _reply(self) -> None:
-        """Answer the requests of the page by the process of the last good study."""
+        """Answer the requests of the page by the process of the last study that loaded without an error."""
         while not self.ended.is_set():
             self._wanted.wait()
             self._wanted.clear()
@@ -188,7 +188,7 @@ class FileViewer:
                     text = f"No answer within {limit:g} s; save the file to load it again."
                     self.server.send({"kind": "refused", "message": text, **number})
                 except ChildEnded:
-                    if child is not self._good:  # a new one has replaced it: the page asks again for its scene
+                    if child is not self._good:  # a new process has sent its scene, and the page repeats the request
                         continue
                     self._discard(child)
                     text = "The process of the study file ended; save the file to load it again."
@@ -200,7 +200,7 @@ class FileViewer:
 
 
 def _state(name: str) -> tuple[int, int] | None:
-    """Return time and size of a file; None if it does not exist."""
+    """Return modification time and size of a file; None if the file does not exist."""
     with contextlib.suppress(OSError):
         found = Path(name).stat()
         return found.st_mtime_ns, found.st_size

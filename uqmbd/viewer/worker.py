@@ -44,14 +44,14 @@ def main() -> None:
 
 
 def _read(source: TextIO, requests: queue.Queue[str]) -> None:
-    """Pass lines on, and end the process with the stream: its parent has ended."""
+    """Queue the lines of a stream; end this process when the stream ends, because its parent has ended."""
     for line in source:
         requests.put(line)
     os._exit(0)
 
 
 def _prepare() -> None:
-    """Import the modules that every script needs, while the process waits for its script: draw and check one body."""
+    """Import the modules that every script needs, by drawing and checking a mechanism of one body."""
     import uqmbd
     from uqmbd import plugins
 
@@ -65,7 +65,7 @@ def _prepare() -> None:
 
 
 def _load(file: Path, answers: TextIO) -> Session | None:
-    """Run the script; send its scene and findings, or its error, and the files that it imported from its folder."""
+    """Run the script; send scene and findings, or the error, with the files imported from the script's folder."""
     try:
         session = loaded(file)
         for answer in session.opening():

@@ -65,7 +65,7 @@ def test_the_margin_is_that_of_the_realisations_which_there_were(kind, count, se
     statistics = node["statistics"].to_dataset()
     sampled = [statistics[n].values if n in statistics else 0.0 for n in ("std_error_mean", "std_error_std")]
     assert ("std_error_std" in statistics) == (kind != "chaos")  # moments of polynomials are exact
-    np.testing.assert_allclose(found.told, error + 1.96 * np.maximum(*sampled) / spread)
+    np.testing.assert_allclose(found.stated_at, error + 1.96 * np.maximum(*sampled) / spread)
     assert found.order == 2
     for allowed, noise in zip(stated_errors(node), sampled, strict=True):
         np.testing.assert_allclose(allowed, 3 * error * spread + ERRORS * noise)

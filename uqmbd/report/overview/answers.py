@@ -20,7 +20,7 @@ from uqmbd.report.overview.margins import chart_in_view, margin_words, named_pos
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
-from uqmbd.results.assessment import STILL, OutputReliability
+from uqmbd.results.assessment import NO_VARIATION, OutputReliability
 from uqmbd.results.requirements import met_in_words
 from uqmbd.typing import Array
 from uqmbd.wording import (
@@ -143,7 +143,7 @@ def _history(result: StudyResult, one: OutputReliability, because: Influences | 
     data, units = method.of(name), method.units(name)
     row = {"name": one.name, "meaning": "", "method": method.label, "extremes": _extremes(data, units), "known": one}
     if one.level == 3:
-        return {**row, "spread": "none", "when": "", "note": STILL, "because": ""}
+        return {**row, "spread": "none", "when": "", "note": NO_VARIATION, "because": ""}
     std = np.nan_to_num(data["std"].values, nan=-1.0)
     at = int(std.argmax())
     return {

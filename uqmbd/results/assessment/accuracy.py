@@ -170,7 +170,7 @@ def _half_widths(statistics: xr.Dataset, own: OwnError, kind: str, *, usual: boo
 
 
 def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:
-    """Return the largest half-width (T,), relative to the largest standard deviation, and its index."""
+    """Return the largest of the half-widths (T,), relative to the largest standard deviation, and its index."""
     unknown = ~(np.isfinite(widths) & np.isfinite(std) & np.isfinite(values))
     if unknown.any():
         return np.inf, int(np.argmax(unknown))

@@ -154,13 +154,13 @@ def _restricted(
 
 
 def _only(data: xr.Dataset, outputs: list[str]) -> xr.Dataset:
-    """Select outputs, as far as the dataset has them; a child may have only some of them."""
+    """Select the outputs that the dataset contains; the dataset of a child may lack some of them."""
     known = _names(data)
     return data.isel(output=[known.index(output) for output in outputs if output in known])
 
 
 def _at_common_times(node: xr.DataTree, where: NDArray[np.intp] | None) -> xr.DataTree:
-    """Record the end of results that is no longer among the selected times."""
+    """Update the attribute ``ends_at``, the last time with results, after a selection of times."""
     if where is not None and "ends_at" in node.attrs:
         statistics = node.children["statistics"].to_dataset()
         known = np.isfinite(statistics["mean"].values).all(axis=0)

@@ -15,7 +15,7 @@ from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
 from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
 from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
-from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, own_error, own_statements, replicates_of
+from uqmbd.results.assessment.own_errors import NO_SPREAD, NO_VARIATION, own_error, own_statements, replicates_of
 from uqmbd.results.assessment.recommendation import recommended, resort
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED, UNVERIFIED
 from uqmbd.results.chaos import spread_words
@@ -40,7 +40,7 @@ class OutputReliability:
     level: int  # 0: unreliable, 1: roughly known, 2: reliable, 3: constant
     reason: str  # reason for the level
     error: float = 0.0  # sort key within a level
-    met: bool | None = None  # whether a requirement is met; None: not certain, or no probability is allowed
+    met: bool | None = None  # whether a requirement is met; None: uncertain, or no allowed probability is stated
     population: bool = False  # whether the result contains several distributions of the inputs
 
     @property
@@ -72,9 +72,9 @@ class Assessment:
     recommended : tuple of str
         Labels of the recommended methods; several if they are equally suitable.
     recommendation : tuple of str
-        Sentences about the recommended method, or about the needs of a single method.
+        Sentences on the recommended method, or advice on a single method.
     reasons : tuple of str
-        Sentences with the reasons against each other method.
+        Sentences with the reasons against each of the other methods.
     judgements : tuple of Judgement
         Stated error of each output of each method, and whether methods agree on it.
     reliability : tuple of Reliability
@@ -137,7 +137,7 @@ class Assessment:
         raise StudyError(f"The assessment has no output {output!r} of the method {method!r}; expected one of: {known}.")
 
     def of(self, quantity: str, kind: str = "output") -> tuple[OutputReliability, ...]:
-        """Return the reliability of a quantity, the most reliable method first; a calibration gives several.
+        """Return the reliability of a quantity for each population of the inputs, the most reliable method first.
 
         Parameters
         ----------
@@ -197,10 +197,10 @@ def assess(tree: xr.DataTree) -> Assessment:
     for part in orders:
         own = {label: found[label] for label in nodes if label in part}
         for timeless in (False, True):
-            held: dict[str, dict[str, Judgement]] = {}
+            by_output: dict[str, dict[str, Judgement]] = {}
             for one in (one for of in own.values() for one in of if one.timeless == timeless):
-                held.setdefault(one.output, {})[one.method] = one
-            quantities = [_of_output(by_method, part, references[timeless], len(nodes)) for by_method in held.values()]
+                by_output.setdefault(one.output, {})[one.method] = one
+            quantities = [_of_output(group, part, references[timeless], len(nodes)) for group in by_output.values()]
             reliability += [replace(one, population=len(orders) > 1) for one in quantities]
     reliability.sort(key=lambda one: (one.level, -one.error))
     precision = tuple(filter(None, (_precision(label, nodes[label], found[label], len(nodes)) for label in nodes)))
@@ -254,7 +254,7 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
 
 
 def _varies(one: Judgement, moves: bool) -> bool:
-    """Return whether an output varies in a method (`moves`), or a method that does not agree may miss its variation."""
+    """Return whether an output varies in a method (`moves`), or may vary because the method does not agree."""
     return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW, UNVERIFIED))
 
 
@@ -265,13 +265,13 @@ def _order(nodes: Mapping[str, xr.DataTree], data: xr.Dataset, advised: Iterable
     """
     first = [label for label in advised if label in nodes]
     reference = str(data.attrs.get("reference", ""))
-    if data and (reference not in nodes or (not first and _blind(nodes, reference))):
+    if data and (reference not in nodes or (not first and _misses_variation(nodes, reference))):
         reference = choose_reference(nodes)
     return [label for label in dict.fromkeys([*first, reference, *nodes]) if label in nodes]
 
 
-def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
-    """Return whether an output is constant in a method but varies in another method."""
+def _misses_variation(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
+    """Return whether any output is constant in a method but varies in another method."""
     moves = {}
     for other, node in nodes.items():
         statistics = node.children["statistics"].to_dataset()
@@ -280,12 +280,13 @@ def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
     return any(not m and any(other.get(name) for other in moves.values()) for name, m in moves[label].items())
 
 
-def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str, methods: int) -> OutputReliability:
-    """Assess an output by the most reliable method with this output, or a later, more accurate one that agrees.
+def _of_output(by_method: Mapping[str, Judgement], order: list[str], reference: str, methods: int) -> OutputReliability:
+    """Assess an output by the first method in `order` with this output, or by a more accurate method that agrees.
 
-    `order`: methods of the same population; `methods`: number of all methods.
+    `by_method`: judgements of the output; `order`: methods of the same population, the most reliable first;
+    `methods`: number of all methods.
     """
-    first, *others = (held[label] for label in order if label in held)
+    first, *others = (by_method[label] for label in order if label in by_method)
     shown = first
     if first.kind in (AGREES, REFERENCE):
         agree = [first, *(one for one in others if one.kind in (AGREES, REFERENCE))]
@@ -296,32 +297,35 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str, 
     # an inaccurate reference says nothing about the method
     verdict, other = shown.kind if shown.kind != UNVERIFIED else "", reference
     if verdict and shown.method == reference:  # find methods that agree or differ
-        others = [one for one in held.values() if one is not shown]
+        others = [one for one in by_method.values() if one is not shown]
         pairs = [(k, one.method) for k in (AGREES, NO_SPREAD, DIFFERS) for one in others if one.kind == k]
         verdict, other = pairs[0] if pairs else ("", "")
     if not shown.varies and verdict != DIFFERS:
-        return OutputReliability(shown.output, kind, shown.method, 3, f"{by}{STILL}")
+        return OutputReliability(shown.output, kind, shown.method, 3, f"{by}{NO_VARIATION}")
     level = 2 if shown.error <= WELL else 1 if shown.error <= COARSE or not math.isfinite(shown.error) else 0
     level = {DIFFERS: 0, UNDER_RESOLVED: 0, FEW: min(level, 1)}.get(verdict, level)
-    compared = sum(bool(one.kind) for one in held.values()) > 1
+    compared = sum(bool(one.kind) for one in by_method.values()) > 1
     alone = "no other method is accurate enough for a comparison" if compared else ""
-    if not compared and len(held) == 1:
+    if not compared and len(by_method) == 1:
         alone = _alone(methods, len(order), "has this output")
     words = (
         {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}.get(verdict, verdict)
         or alone
         or "not compared"
     )
-    error, statement = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
+    error, statement = (
+        shown.error if math.isfinite(shown.error) else COARSE,
+        shown.stated if shown.varies else NO_VARIATION,
+    )
     return OutputReliability(shown.output, kind, shown.method, level, f"{by}{statement}; {words}", error)
 
 
 def _of_requirements(
     tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], advised: list[str]
 ) -> tuple[list[OutputReliability], list[str]]:
-    """Assess requirements, and list requirements without a violation whose probability may still be large.
+    """Assess requirements; also list requirements without an observed violation whose upper bound is large.
 
-    The numbers come from a recommended method, or else from the method with the narrowest interval.
+    The numbers come from a recommended method, otherwise from the method with the narrowest interval.
     """
     found, rare = [], []
     allowed = tree.attrs.get("allowed_probability")
@@ -339,17 +343,21 @@ def _of_requirements(
     return found, rare
 
 
-def _alone(methods: int, alike: int, what: str) -> str:
-    """Return why a quantity of one method is not compared; `alike` of the methods have the same populations."""
+def _alone(methods: int, alike: int, lacking: str) -> str:
+    """Return why a quantity of a method is not compared.
+
+    `methods`: number of all methods; `alike`: number of methods with the same distributions of the inputs; `lacking`:
+    property that no other of these methods has.
+    """
     if methods == 1:
         return "not compared: this is the only method"
-    return f"not compared: no other method {what if alike > 1 else 'has the same distributions of the inputs'}"
+    return f"not compared: no other method {lacking if alike > 1 else 'has the same distributions of the inputs'}"
 
 
 def _of_probability(one: Answer, found: list[Answer], methods: int, same: int) -> tuple[int, str, float]:
     """Return the level, the reason and the error of a probability, from agreement of methods and interval width.
 
-    `methods`: number of all methods; `same`: number of those with the distributions of the study.
+    `methods`: number of all methods; `same`: number of methods with the input distributions of the study.
     """
     if any(a.apart(b) for a in found for b in found):
         low, high = min(found, key=lambda o: o.upper), max(found, key=lambda o: o.lower)
@@ -405,7 +413,7 @@ def _halving(node: xr.DataTree) -> str:
 
 
 def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
-    """Return advice on a single method if one of its outputs is unreliable; empty if all are reliable."""
+    """Return advice on a single method with an unreliable output; empty if all of its outputs are reliable."""
     some = [one for one in found if one.varies and WELL < one.error < math.inf]
     if not some:
         return ()
@@ -414,7 +422,7 @@ def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
     sampled = "samples" in node.children or "samples" in inner.children
     if sampled:
         return (f"{one.output} has a {one.stated}: {_halving(node)} it.",)
-    held = inner if one.timeless else node
-    names = [str(name) for name in held.children["statistics"].to_dataset()["output"].values]
-    needed = resort(own_error(held, rtol_of(node), dependence=False).words[names.index(one.output)][1])
+    part = inner if one.timeless else node
+    names = [str(name) for name in part.children["statistics"].to_dataset()["output"].values]
+    needed = resort(own_error(part, rtol_of(node), dependence=False).words[names.index(one.output)][1])
     return (f"{one.output} has a {one.stated}. {'Do not use its statistics. ' * (one.error > COARSE)}{needed}.",)

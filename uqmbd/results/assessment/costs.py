@@ -79,8 +79,8 @@ def error_against_cost(
     errors = np.array([_largest_errors(node, base) for node in others.values()])
     counts = np.array([total_realisations(node) for node in others.values()], dtype=np.int64)
     own = stated_accuracy(base, rtol=rtol_of(base)).value
-    wanted = np.array(accuracies, dtype=float)
-    reached = (errors.max(axis=1)[:, None] <= wanted) & (own <= wanted)
+    limits = np.array(accuracies, dtype=float)
+    reached = (errors.max(axis=1)[:, None] <= limits) & (own <= limits)
     costs = np.where(reached, counts[:, None], np.inf)
     least = costs.min(axis=0, initial=np.inf)
     stated = [stated_accuracy(node, rtol=rtol_of(node)).value for node in others.values()]
@@ -97,7 +97,7 @@ def error_against_cost(
                 np.where(reached, costs / np.where(np.isinf(least), 1.0, least), np.nan),
             ),
         },
-        coords={"method": np.array(list(others), dtype=np.str_), "accuracy": wanted},
+        coords={"method": np.array(list(others), dtype=np.str_), "accuracy": limits},
         attrs={"reference": reference, "reference_accuracy": own},
     )
 

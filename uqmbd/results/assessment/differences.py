@@ -41,11 +41,11 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float,
 
     Methods are ranked in this order: samples with a standard deviation known to within 15 %, whose standard errors are
     valid for any mechanism; surrogates with a stated error below 10 %; other methods with a stated error; methods
-    without a stated error. A method without samples comes after all these if an output is constant in it, but varies in
-    another method. A chaos of order 0 is an example. A method whose stated error of the output exceeds 10 % does not
-    count as such another method. Methods with unknown results at some times, such as results that end early, come last.
-    Among equals, the smallest own error, the largest number of successful realisations, and the given order decide, in
-    this sequence.
+    without a stated error. A method without samples, such as a chaos of order 0, ranks below all these if it misses a
+    variation: an output is constant in this method, but varies in another method. The other method counts only if its
+    stated error of the output is at most 10 %. Methods with unknown results at some times, such as results that end
+    early, come last. Methods of equal rank are ordered by the smallest own error, then by the largest number of
+    successful realisations, then by the given order.
 
     Parameters
     ----------
@@ -84,10 +84,10 @@ def _most_reliable(nodes: Mapping[str, xr.DataTree], own: Mapping[str, OwnError]
     known = {label: one.varies & ~(one.stated > COARSE) for label, one in own.items()}
     spread = {name for label in nodes for name, varies in zip(names[label], known[label], strict=True) if varies}
 
-    def trust(label: str) -> tuple[bool, bool, int, float, int]:
+    def rank_of(label: str) -> tuple[bool, bool, int, float, int]:
         node = nodes[label]
         found, times = own[label], _times(node.children["statistics"].to_dataset())
-        sees = bool(found.samples) or all(
+        resolves = bool(found.samples) or all(
             varies for name, varies in zip(names[label], found.varies, strict=True) if name in spread
         )
         fine = np.asarray((np.isfinite(found.std) & np.isfinite(found.mean)).all(axis=0))
@@ -97,9 +97,9 @@ def _most_reliable(nodes: Mapping[str, xr.DataTree], own: Mapping[str, OwnError]
         good = states and error <= ROUGH if found.samples else bool((found.stated <= COARSE).all())
         rank = (3 if found.samples else 2) if good else int(states)
         count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
-        return whole, sees, rank, -error, count
+        return whole, resolves, rank, -error, count
 
-    return max(nodes, key=trust)
+    return max(nodes, key=rank_of)
 
 
 @typechecked
@@ -194,10 +194,9 @@ def compare(
         raise StudyError(f"The reference is {reference!r}; expected one of the methods {', '.join(map(repr, nodes))}.")
     errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     chosen = _most_reliable(nodes, errors) if reference is None else reference
-    wanted = max((float(node.attrs.get("requested_accuracy", 0.0)) for node in nodes.values()), default=0.0)
-    # an error that reaches the requested accuracy of this method is not too large
-    own_wanted = {label: float(node.attrs.get("requested_accuracy", 0.0)) for label, node in nodes.items()}
-    coarse = {k: np.where(accuracies(nodes[k], one) <= own_wanted[k], np.inf, COARSE) for k, one in errors.items()}
+    requested = {label: float(node.attrs.get("requested_accuracy", 0.0)) for label, node in nodes.items()}
+    # outputs that reach the requested accuracy of their method have no limit of the stated error
+    coarse = {k: np.where(accuracies(nodes[k], one) <= requested[k], np.inf, COARSE) for k, one in errors.items()}
     base = nodes[chosen].children["statistics"].to_dataset()
     times, timed = _times(base), "time" in base["mean"].dims
     units = [str(u) for u in base["output_units"].values]
@@ -284,10 +283,10 @@ def compare(
             reference_under_resolved=json.dumps(poor, ensure_ascii=False),
             reference_remedy="; ".join(filter(None, remedies)),
         )
-    if wanted:
+    if accuracy := max(requested.values(), default=0.0):
         values = [stated_accuracy(node, rtol=max(rtol, rtol_of(node))).value for node in nodes.values()]
         found = found.assign(stated_accuracy=("method", np.array(values)))
-        found = found.assign_attrs(requested_accuracy=wanted, reference_sampled=int(errors[chosen].drawn))
+        found = found.assign_attrs(requested_accuracy=accuracy, reference_sampled=int(errors[chosen].drawn))
     use, sentences = advice(found)
     return found.assign_attrs(
         recommendation="\n".join((*loose(nodes), *sentences)),
@@ -305,7 +304,7 @@ _COMMENTS = {
 
 
 def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> list[Verdict]:
-    """Return verdicts of the reference, or of the only method, from its own statements."""
+    """Return verdicts on the reference, or on the only method, from its own statements."""
     found = []
     for moves, text in zip(varies, own, strict=True):
         role = "" if alone or not moves else "; the reference"
@@ -314,7 +313,7 @@ def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> 
 
 
 def _quantile_differences(found: xr.Dataset, base: xr.Dataset) -> Array:
-    """Return the largest difference of quantiles (O,) at common probabilities and times; NaN without common ones."""
+    """Return the largest difference of quantiles (O,) at common probabilities and times; NaN if there are none."""
     unknown = np.full(base.sizes["output"], np.nan)
     if "quantile" not in found or "quantile" not in base:
         return unknown

@@ -120,7 +120,7 @@ def _reaches(data: xr.Dataset, where: Sequence[int]) -> bool:
 
 def _comparison_times(times: Array, base: OwnError, fine: NDArray[np.intp]) -> list[int]:
     """Choose up to four times: 1/3 and 2/3 of the time, the largest std of the first output, and the end."""
-    wanted = {int(fine[-1]), int(fine[base.std[0, fine].argmax()])}
+    chosen = {int(fine[-1]), int(fine[base.std[0, fine].argmax()])}
     for share in (1 / 3, 2 / 3):
-        wanted.add(int(fine[round(share * (len(fine) - 1))]))
-    return sorted(wanted)
+        chosen.add(int(fine[round(share * (len(fine) - 1))]))
+    return sorted(chosen)

@@ -38,7 +38,7 @@ class Judgement:
     varies: bool = True  # whether the output varies
     error: float = math.inf  # largest stated error, over the standard deviation; infinite: none is stated
     time: float = math.nan  # time of the largest error, s; NaN for a scalar output
-    floored: bool = False  # whether the lower limit of the denominator reduces an error below the largest one
+    floored: bool = False  # whether the lower limit of the denominator affects the largest stated error
     # distance of mean and standard deviation from the reference, over the largest standard deviation of the reference
     difference: float = 0.0
 
@@ -53,7 +53,7 @@ class Judgement:
 
 
 def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str, list[Judgement]]:
-    """Return the statements of a comparison on each method, output by output; methods without a verdict are omitted.
+    """Return the judgements in a comparison by method, one for each output; methods without a verdict are omitted.
 
     If ``timeless``, the function reads the scalar outputs of the comparison of a study. Errors that are not in the
     comparison are infinite.
@@ -134,9 +134,10 @@ def _method_verdict(label: str, found: Sequence[Judgement]) -> MethodVerdict:
 
 
 def worst(found: Sequence[Judgement]) -> tuple[Judgement, str]:
-    """Return the worst judgement on a method, and the outputs of the same kind in words: empty if all varying outputs.
+    """Return the worst judgement on a method, and the names of the outputs with a judgement of this kind as text.
 
-    For a method that agrees, the worst judgement has the largest stated error; otherwise the largest difference.
+    For a method that agrees, the worst judgement has the largest stated error; otherwise the largest difference. The
+    text is empty if the method agrees, or if all varying outputs have a judgement of this kind.
 
     Raise StudyError if a verdict has an unknown kind, as in a changed file.
 

@@ -37,13 +37,13 @@ from uqmbd.results.statistics import (
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["NO_SPREAD", "STILL", "OwnError", "own_error", "own_statements", "replicates_of", "root_mean_square"]
+__all__ = ["NO_SPREAD", "NO_VARIATION", "OwnError", "own_error", "own_statements", "replicates_of", "root_mean_square"]
 
 
 NO_SPREAD = "no spread"
 """Kind of a verdict on an output that does not vary."""
 
-STILL = "does not vary beyond the integration error"
+NO_VARIATION = "does not vary beyond the integration error"
 """Statement on an output that does not vary."""
 
 _REMEDIES = {"chaos": "raise the order", "elements": "increase max_elements, or raise the order"}
@@ -64,13 +64,14 @@ class OwnError:
     std: Array
     kurtosis: Array
     # noise_mean, noise_std: (O, T), standard errors, 0 if the method states none. If the stated errors are known to be
-    # widened to 95 % intervals of 1.96 standard errors, these are the values before; tests widen them for their level
+    # widened (so that 1.96 of them give a 95 % interval), these are the values before widening; each test of agreement
+    # widens them for its own level
     noise_mean: Array
     noise_std: Array
     # (O, T): error bound of the surrogate for mean and standard deviation: its stated error times its standard
     # deviation, with a margin for few verification realisations; 0 if no error is stated
     bias: Array
-    missed: Array  # (O, T): the same without the margin
+    missed: Array  # (O, T): error bound `bias` without the margin
     # (O,): root mean square of the stated error over time, relative to the standard deviation; NaN if not stated
     stated: Array
     samples: int  # number of successful samples; 0 if the method has no standard errors
@@ -82,10 +83,10 @@ class OwnError:
     top_order: Array
     # (O, T): stated error at each time, relative to the standard deviation: 1.96 standard errors, or the stated error
     # of a surrogate; NaN if not stated
-    told: Array
+    stated_at: Array
     integration: Array  # (O, T): error of the integration, or of rounding
     # (O,): whether an output varies by more than the integration error; if not, known values of `stated`, `top_order`
-    # and `told` are 0
+    # and `stated_at` are 0
     varies: NDArray[np.bool_]
     surrogate: bool  # whether the method has a surrogate
     drawn: bool  # whether its standard errors come from samples
@@ -95,15 +96,15 @@ class OwnError:
         """Return the errors at selected times (T,)."""
         if used.all():
             return self
-        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "missed", "told", "integration")
+        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "missed", "stated_at", "integration")
         parts = {name: getattr(self, name)[:, used] for name in names}
         return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
 
     def informed(self, other: OwnError) -> OwnError:
-        """Return the errors with standard errors of the standard deviation from the kurtosis of the other method.
+        """Increase the standard error of the standard deviation to the kurtosis of another method, if it is larger.
 
-        Samples without any realisation of a rare event underestimate their error. A surrogate, or other samples, may
-        contain the event. Stated errors of a method without samples remain unchanged.
+        Samples underestimate their error if they contain no realisation of a rare event. The kurtosis of a surrogate,
+        or of other samples, may include the event. Stated errors of a method without samples remain unchanged.
         """
         if not self.drawn:
             return self
@@ -114,8 +115,8 @@ class OwnError:
     def relative(self, times: Array) -> Array:
         """Return the relative own error of the standard deviation (O,); infinite if unknown.
 
-        The error is the root mean square over time of 1.96 standard errors and of the bound of the bias. The error is 0
-        for outputs that do not vary.
+        The error is the root mean square over time of the sum of 1.96 standard errors and the error bound of the
+        surrogate. The error is 0 for outputs that do not vary.
         """
         if not self.samples and np.isnan(self.stated).any():
             return np.full(len(self.std), np.inf)
@@ -127,21 +128,23 @@ class OwnError:
 
         The error is relative to the standard deviation; infinite if no error is stated.
         """
-        told = np.where(np.isfinite(self.std).all(axis=0), self.told, -np.inf)
-        if not told.shape[1]:
-            return np.full(len(told), np.inf), np.full(len(told), np.nan)
-        where = np.nan_to_num(told, nan=-np.inf).argmax(axis=1)
-        error = np.where(np.isnan(told).all(axis=1), np.inf, told[np.arange(len(told)), where])
-        at = np.full(len(told), np.nan) if times is None else np.asarray(times, dtype=float)[where]
+        stated = np.where(np.isfinite(self.std).all(axis=0), self.stated_at, -np.inf)
+        if not stated.shape[1]:
+            return np.full(len(stated), np.inf), np.full(len(stated), np.nan)
+        where = np.nan_to_num(stated, nan=-np.inf).argmax(axis=1)
+        error = np.where(np.isnan(stated).all(axis=1), np.inf, stated[np.arange(len(stated)), where])
+        at = np.full(len(stated), np.nan) if times is None else np.asarray(times, dtype=float)[where]
         return np.where(np.isfinite(error), error, np.inf), at
 
     def floored(self) -> NDArray[np.bool_]:
-        """Return whether an output (O,) has a larger error at some time, relative to the standard deviation there.
+        """Return whether the lower limit of the denominator affects the largest stated error of each output (O,).
 
-        This is possible where the standard deviation is below 1 % of its maximum, which replaces it in stated errors.
+        The denominator of a stated error is the standard deviation, but at least 1 % of its maximum over time. The
+        limit has an effect if some error, divided by the standard deviation at its time, exceeds the largest stated
+        error.
         """
-        told = np.where(np.isfinite(self.std).all(axis=0), self.told, 0.0)
-        return exceeds_locally(told, self.std, np.nan_to_num(told).max(axis=-1, initial=0.0))
+        stated = np.where(np.isfinite(self.std).all(axis=0), self.stated_at, 0.0)
+        return exceeds_locally(stated, self.std, np.nan_to_num(stated).max(axis=-1, initial=0.0))
 
 
 def root_mean_square(values: Array, times: Array) -> Array:
@@ -163,7 +166,7 @@ def root_mean_square(values: Array, times: Array) -> Array:
 
 def _over_known(error: Array, std: Array, times: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return root mean squares (O,) of errors and standard deviations over known times (O, T); NaN without times."""
-    # an unknown error of another output does not affect this one
+    # unknown errors of one output do not affect the other outputs
     rows = [(error[o : o + 1, used], std[o : o + 1, used], times[used]) for o, used in enumerate(known)]
     found = [[root_mean_square(x, at)[0] for x in (own, spread)] for own, spread, at in rows]
     squares: Array = np.array(found, dtype=float).reshape(len(std), 2)
@@ -196,17 +199,18 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     ]
     noise = _before_widening(statistics, errors, count, replicates) if noisy else errors
     surrogates = stored_surrogates(node)
-    bias, missed, stated, told = _surrogate(surrogates, statistics, std)
+    bias, missed, stated, stated_at = _surrogate(surrogates, statistics, std)
     order, top = _orders(surrogates, len(mean))
     vary = varying(statistics, rtol)
     drawn = noisy and ("samples" in node.children or _option(node, "samples", None) is not None)
-    # moments from samples of a surrogate do not make up for an unknown error of the surrogate
+    # if the error of a surrogate is unknown, the sampling error of its moments must not replace it
     unknown = np.nan if surrogates and not drawn else 0.0
     larger = errors[1] if drawn else np.maximum(*errors)
     if noisy:
-        told = np.nan_to_num(told, nan=unknown) + 1.96 * larger / divisor(reference_spread(np.nan_to_num(std)))
+        relative = 1.96 * larger / divisor(reference_spread(np.nan_to_num(std)))
+        stated_at = np.nan_to_num(stated_at, nan=unknown) + relative
     if noisy and not drawn:
-        # standard errors of a method without samples are its stated error, for any number of realisations
+        # the standard errors of a method without samples are its stated error
         times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
         own, scale = _over_known(1.96 * larger, std, times, np.isfinite(std) & np.isfinite(larger))
         stated = np.where(scale == 0, 0.0, np.hypot(np.nan_to_num(stated, nan=unknown), own / divisor(scale)))
@@ -220,12 +224,13 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         bias=bias,
         missed=missed,
         stated=np.where(vary | np.isnan(stated), stated, 0.0),
-        samples=count if noisy and (drawn or not surrogates) else 0,  # moments of a surrogate may be sampled
+        # standard errors of a surrogate are sampling errors of its moments, not errors of realisations
+        samples=count if noisy and (drawn or not surrogates) else 0,
         freedom=float(max(replicates - 1 if replicates else count - 1, 1)) if drawn else np.inf,
         response=_response(node, mean.shape) if plain and dependence else None,
         order=order,
         top_order=np.where(vary | np.isnan(top), top, 0.0),
-        told=np.where(vary[:, None] | np.isnan(told), told, 0.0),
+        stated_at=np.where(vary[:, None] | np.isnan(stated_at), stated_at, 0.0),
         integration=integration_error(statistics, rtol),
         varies=vary,
         surrogate=bool(surrogates),
@@ -247,7 +252,7 @@ def _words(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, output
 
 
 def _before_widening(statistics: xr.Dataset, errors: list[Array], count: int, replicates: int) -> list[Array]:
-    """Return standard errors (O, T) of mean and standard deviation without their widening, if this is known.
+    """Return standard errors (O, T) of mean and standard deviation without their widening, if it is known.
 
     Errors of replicates are widened for their small number. For independent samples the widening is known if the stated
     errors come from `sample_statistics`. A method of a plugin may state other errors.
@@ -272,9 +277,9 @@ def _design(node: xr.DataTree) -> tuple[int, int]:
     count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
     if "samples" in node.children:
         status = np.asarray(node.children["samples"].to_dataset()["status"].values)
-        kept = int(np.count_nonzero(status == Status.OK))
+        successful = int(np.count_nonzero(status == Status.OK))
         # realisations for other purposes, such as Sobol' indices, are not samples
-        count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
+        count = successful if len(status) == _option(node, "samples", len(status)) else max(successful, count)
     return count, replicates_of(node)
 
 
@@ -295,11 +300,14 @@ def _option(node: xr.DataTree, name: str, default: Any) -> Any:
 def _surrogate(
     surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, std: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the error bound (O, T) of a surrogate, with and without the margin, and its stated error (O,), (O, T)."""
+    """Return the error of a surrogate: its bound (O, T), the bound without margin, and stated errors (O,) and (O, T).
+
+    The values are the fields ``bias``, ``missed``, ``stated`` and ``stated_at`` of `OwnError`.
+    """
     from scipy.special import chdtri
 
-    # the number of realisations is unknown for stated errors of other methods
-    told, verified = np.full_like(std, np.nan), np.full((len(std), 1), 8.0)
+    # methods without a surrogate do not state the number of realisations behind their stated error; assume 8
+    stated_at, verified = np.full_like(std, np.nan), np.full((len(std), 1), 8.0)
     sources = [(statistics, np.arange(len(std)))]
     for _, data, rows in surrogates:
         if "verification_weights" in data:
@@ -311,21 +319,21 @@ def _surrogate(
             sources.append((data, rows))
     sources = [(data, rows) for data, rows in sources if "verification_error" in data]
     if not sources:
-        return np.zeros_like(std), np.zeros_like(std), np.full(len(std), np.nan), told
+        return np.zeros_like(std), np.zeros_like(std), np.full(len(std), np.nan), stated_at
     for data, rows in sources:
         error = data["verification_error"]
         others = [d for d in error.dims if d not in ("output", "time")]
-        told[rows] = np.abs(over_time((error.max(others) if others else error).values))
-    # results that end early have no standard deviation
-    found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
+        stated_at[rows] = np.abs(over_time((error.max(others) if others else error).values))
+    # the standard deviation is NaN after the end of results that end early
+    found = np.where(np.isfinite(std), stated_at * reference_spread(np.nan_to_num(std)), np.nan)
     if "stated_error" in statistics:
-        # includes outputs that do not vary in the method
+        # this error is also known for outputs that do not vary in the method
         found = np.where(np.isfinite(std), over_time(statistics["stated_error"].values), np.nan)
-    # the mean square of few errors may be too small
+    # the margin: the mean square of few verification errors may be too small
     margin = np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE))
     times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
     size, scale = _over_known(found, std, times, np.isfinite(found) & np.isfinite(std))
-    return margin * found, found, np.where(scale == 0, size, size / divisor(scale)), told
+    return margin * found, found, np.where(scale == 0, size, size / divisor(scale)), stated_at
 
 
 def _orders(surrogates: Sequence[StoredSurrogate], outputs: int) -> tuple[int | None, Array]:
@@ -361,10 +369,10 @@ def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
 def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     """Return a sentence on the stated error of each output of a method.
 
-    `node`: node of a propagator, or its child ``scalars``; `own`: its known errors at all its times. Return ``does not
-    vary beyond the integration error``, the stated error, or ``states no error``. The stated error of a surrogate is
-    given with the time from which it exceeds 1 %. For a chaos without stated error, return the decay of its
-    coefficients.
+    `node`: node of a propagator, or its child ``scalars``; `own`: its errors at all times, if already collected. A
+    sentence is ``does not vary beyond the integration error``, the stated error, or ``states no error``. The stated
+    error of a surrogate is given with the time from which it exceeds 1 %. For a chaos without stated error, the
+    sentence describes the decay of its coefficients.
 
     >>> import chaospy
     >>> import uqmbd
@@ -381,22 +389,22 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     found = own_error(node, rtol_of(node), dependence=False) if own is None else own
     statistics = node.children["statistics"].to_dataset()
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
-    said = []
+    sentences = []
     for o, name in enumerate(str(value) for value in statistics["output"].values):
         known = np.isfinite(found.std[o])
-        told = found.told[o, known]
+        stated = found.stated_at[o, known]
         if not found.varies[o]:
-            said.append(STILL)
-        elif not told.size or np.isnan(told).any():
-            said.append(_decay(node, name, o) or "states no error")
+            sentences.append(NO_VARIATION)
+        elif not stated.size or np.isnan(stated).any():
+            sentences.append(_decay(node, name, o) or "states no error")
         elif found.drawn:
             at = None if times is None else times[known]
-            said.append(stated_words("samples", told, at, np.inf, std=found.std[o, known]))
+            sentences.append(stated_words("samples", stated, at, np.inf, std=found.std[o, known]))
         else:
             at = None if times is None else times[known]
-            whose, remedy = found.words[o]
-            said.append(stated_words(whose, told, at, EXACT, remedy, found.std[o, known]))
-    return said
+            source, remedy = found.words[o]
+            sentences.append(stated_words(source, stated, at, EXACT, remedy, found.std[o, known]))
+    return sentences
 
 
 def _decay(node: xr.DataTree, name: str, output: int) -> str:

@@ -26,9 +26,9 @@ SAME = 1e-9
 FIXED_COSTS = 60.0
 """Wall time of every method, s, up to which realisations measure the cost.
 
-Compilation, fits and quantiles have a fixed cost: 0.1 s for samples, up to 10 s for a choice of alignments. In shorter
-runs it decides, although it does not grow with the mechanism. With wall times, the recommended method for 10 % needs 18
-times the realisations of the best one (`studies/methods`).
+Compilation, fits and quantiles have a fixed cost: 0.1 s for samples, up to 10 s for a choice of alignments. This cost
+does not grow with the mechanism, but dominates the wall times of shorter runs. If wall times decided there, the method
+recommended for 10 % would need 18 times the realisations of the best method (`studies/methods`).
 """
 
 SIMILAR_COST, SIMILAR_WALL_TIME = 1.25, 2.0
@@ -42,8 +42,9 @@ AS_GOOD = 1.5
 class _RatedMethod:
     """Ratings of a method.
 
-    ``same``: equal results and equal number of realisations as the reference. ``met``: whether the stated accuracy
-    reaches the requested one; False if none was requested. ``timed``: whether the cost is a wall time.
+    ``same``: whether results and number of realisations are equal to those of the reference. ``met``: whether the
+    stated accuracy reaches the requested accuracy; False if none was requested. ``timed``: whether the cost is a wall
+    time.
     """
 
     label: str
@@ -84,7 +85,7 @@ class _RatedMethod:
 
 
 def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
-    """Return a sentence if the time integration is too coarse for any recommendation, or nothing."""
+    """Return a sentence if the time integration is too coarse for any recommendation; otherwise an empty tuple."""
     shares = [
         (one, label)
         for label, node in nodes.items()
@@ -110,9 +111,8 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     stated accuracy is recommended. Samples that reach it are recommended even if every other method misses it and
     disagrees. Without a requested accuracy, the own error of the method must be at most 1 % of the standard deviation.
     If no method meets this limit, the limit is 5 %; after that, the method with the smallest error is recommended.
-    Only outputs that vary are considered; the state of the others decides afterwards. Methods whose costs and errors
-    differ only by chance are equally recommended. Costs are numbers of realisations if each wall time is at most a
-    minute, and wall times otherwise.
+    Outputs that do not vary are ignored. Methods whose costs and errors differ only by chance are equally recommended.
+    Costs are numbers of realisations if each wall time is at most a minute, and wall times otherwise.
 
     Parameters
     ----------
@@ -175,8 +175,8 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
             f"is above {format_percent(COARSE)} of the standard deviation. {resort(remedy)}."
         )
     elif fit == [base] and _only_samples_reach(methods, base, comparison):
-        use, wanted = [base], 100 * float(comparison.attrs["requested_accuracy"])
-        lead = f"Use {base.label}: no other method reaches the requested accuracy of {wanted:g} %{base.known}."
+        use, percent = [base], 100 * float(comparison.attrs["requested_accuracy"])
+        lead = f"Use {base.label}: no other method reaches the requested accuracy of {percent:g} %{base.known}."
     elif fit == [base]:
         lead = _alone(methods, base)
         if base.error <= COARSE and all(m.kind == UNDER_RESOLVED and not m.unknown for m in methods if m is not base):
@@ -201,7 +201,7 @@ def _only_samples_reach(methods: list[_RatedMethod], base: _RatedMethod, compari
     """Return whether the reference consists of samples and is the only method that reaches the requested accuracy.
 
     The standard errors of samples are valid for any mechanism. A surrogate that missed the accuracy may understate its
-    error, as at two modes of the stiffness: a chaos of order 24 states 1.8 %, and its standard deviation is 3 % wrong.
+    error. An example is a bimodal stiffness: a chaos of order 24 states 1.8 %, but its standard deviation is 3 % wrong.
     """
     sampled = bool(comparison.attrs.get("reference_sampled", 0))
     return sampled and base.met and not any(m.met for m in methods if m is not base)
@@ -224,8 +224,8 @@ def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
     times, counts = comparison["wall_time"].values, comparison["realisations"].values
     timed = bool(np.all(np.isfinite(times) & (times > 0))) and times.max() > FIXED_COSTS
     costs = times if timed else counts
-    wanted = float(comparison.attrs.get("requested_accuracy", 0.0))
-    accuracies = comparison["stated_accuracy"].values if wanted else [math.inf] * len(found)
+    requested = float(comparison.attrs.get("requested_accuracy", 0.0))
+    accuracies = comparison["stated_accuracy"].values if requested else [math.inf] * len(found)
     base = list(found).index(str(comparison.attrs["reference"]))
     off = [comparison[f"{name}_difference_max"].values for name in ("mean", "std")]
     still = comparison["verdict_kind"].values == NO_SPREAD
@@ -236,7 +236,7 @@ def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
         same = all(np.all(still[k] | (d[k] <= SAME * scale)) for d in off) and bool(counts[k] == counts[base])
         numbers = (error, float(costs[k]), float(times[k]), int(counts[k]), int(unknown[k]))
         accuracy = float(accuracies[k])
-        made.append(_RatedMethod(label, of, *numbers, same, accuracy, accuracy <= wanted, timed))
+        made.append(_RatedMethod(label, of, *numbers, same, accuracy, accuracy <= requested, timed))
     return made
 
 
@@ -270,7 +270,7 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
 
 
 def resort(remedy: str) -> str:
-    """Return advice on a large stated error: the remedy of the method, if any, then sampling.
+    """Return advice on a large stated error: first the remedy that the method states, then Monte Carlo.
 
     >>> resort("raise the order"), resort("")
     ('Raise the order; if that does not reduce the error, use Monte Carlo', 'Use Monte Carlo')

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.results.assessment.limits import COARSE, ENOUGH_SAMPLES, EXACT, LEAST_SAMPLES, ROUGH
-from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, OwnError, root_mean_square
+from uqmbd.results.assessment.own_errors import NO_SPREAD, NO_VARIATION, OwnError, root_mean_square
 from uqmbd.results.assessment.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.chaos import error_words
 from uqmbd.results.statistics import divisor
@@ -67,13 +67,15 @@ def compare_with_reference(
 ) -> list[Verdict]:
     """Compare a method with a reference, output by output.
 
-    `found`, `base`: errors of the method and of the reference, at common times at which both are known; `times` (T,):
+    `found`, `base`: errors of the method and of the reference, at times at which both are known; `times` (T,): these
     times, s; `units`: units of the outputs; `level`: largest probability that an agreeing method is reported to differ
-    in any output at any time. Half of the level is for the means and half for the standard deviations, in equal parts
-    for the outputs. Over time the largest deviation is tested, see :mod:`uqmbd.results.assessment.simultaneous`.
-    `floor` (O,): differences that are ignored, in the units of the outputs; `names`: labels of the method and the
-    reference; `own`: statements of the method on its own error; `coarse`: stated errors of each output, over the
-    standard deviation, above which the method is under-resolved, and above which the reference verifies nothing.
+    in any output at any time; `floor` (O,): differences that are ignored, in the units of the outputs; `names`: labels
+    of the method and the reference; `own`: statements of the method on its own error; `coarse`: two limits of the
+    stated error over the standard deviation. Above the first limit the method is under-resolved, above the second limit
+    the reference cannot verify a method.
+
+    Half of the level is for the means and half for the standard deviations, in equal parts for the outputs. For each
+    output, the largest deviation over time is tested, see :mod:`uqmbd.results.assessment.simultaneous`.
     """
     own = [""] * len(units) if own is None else own
     found, base = found.informed(base), base.informed(found)
@@ -123,19 +125,20 @@ def _verdict(
         moved = "; ".join(_differences(found, base, o, times, units, tests[True][:1]))
         if rare and not moved:
             return _of_few(rare, names, within)
-        return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
-    what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
+        return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, NO_VARIATION, 0.0)
+    differences = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
     if beyond and not coarse and not (found.drawn and found.samples < LEAST_SAMPLES) and not of_base > limits[1]:
         if few and base.drawn and base.samples < LEAST_SAMPLES:
             return _of_few(few, names, within)
-        return Verdict(DIFFERS, f"differs: {what}", within)
+        return Verdict(DIFFERS, f"differs: {differences}", within)
     if coarse:
-        what_of = "its surrogate" if found.surrogate else "it"
-        order = f"order {found.order} is too low" if found.order is not None else f"{what_of} is not accurate enough"
+        subject = "its surrogate" if found.surrogate else "it"
+        order = f"order {found.order} is too low" if found.order is not None else f"{subject} is not accurate enough"
         why = f"its stated error is {_describe_error(found, o, times)}" if np.isfinite(stated) else (
             f"{format_percent(float(found.top_order[o]))} of the standard deviation is in terms of its highest order"
         )  # fmt: skip
-        return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
+        tail = f"; {differences}" if differences else ""
+        return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}{tail}", within)
     if few:
         return _of_few(few, names, within)
     if of_base > limits[1]:
@@ -144,13 +147,13 @@ def _verdict(
     unseen = (
         f" (a difference of the standard deviation below {format_percent(within)} cannot be detected)" if within else ""
     )
-    large = found.told[o].max(initial=0.0) > (ROUGH if found.drawn else EXACT)
+    large = found.stated_at[o].max(initial=0.0) > (ROUGH if found.drawn else EXACT)
     inside = " within that" if large else ""
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
 
 
 def _of_few(few: tuple[int, str], names: tuple[str, str], within: float) -> Verdict:
-    """Return the verdict for too few samples of the method (0), or of the reference (1), which verifies nothing."""
+    """Return the verdict if the method (0), or the reference (1), has too few samples for a test."""
     which, text = few
     kind, words = (
         (FEW, "too few samples for a verdict"),
@@ -161,7 +164,7 @@ def _of_few(few: tuple[int, str], names: tuple[str, str], within: float) -> Verd
 
 def _describe_error(found: OwnError, o: int, times: Array) -> str:
     """Return a text on the stated error of an under-resolved surrogate."""
-    return error_words(found.told[o], times if len(times) > 1 else None, EXACT, found.std[o])
+    return error_words(found.stated_at[o], times if len(times) > 1 else None, EXACT, found.std[o])
 
 
 def _ratio(value: float, scale: float) -> float:
@@ -196,10 +199,10 @@ def _noise(method: OwnError, o: int, name: str) -> Array:
 
 
 def _freedom(method: OwnError, o: int, name: str) -> Array:
-    """Return the degrees of freedom of a standard error (T,): 2 n / (k - 1) for n terms of the kurtosis k.
+    """Return the degrees of freedom of a standard error (T,): 2 n / (k - 1) for n contributions of kurtosis k.
 
-    Standard errors of few samples with long tails are often far too small. Squares of normal deviations have the
-    kurtosis 15, which is the minimum that is assumed for a standard deviation.
+    Standard errors of few samples with long tails are often far too small. The kurtosis of a standard deviation is
+    taken as at least 15, the kurtosis of squares of normal deviations.
     """
     least = 3.0 if name == "mean" else 15.0
     if method.freedom < method.samples - 1:  # estimates of replicates are averages of many samples
@@ -229,10 +232,11 @@ def _parts(method: OwnError, o: int, name: str) -> Array:
 
 
 def _rare(found: OwnError, base: OwnError, o: int, level: float) -> tuple[NDArray[np.bool_], tuple[int, str] | None]:
-    """Return the times (T,) at which samples do not vary although another method does, and whose samples these are.
+    """Return the times (T,) at which samples may have missed a rare event, and the method with these samples.
 
-    An event of probability p causes a kurtosis of at least about 1 / p. The probability that n samples do not contain
-    the event is (1 - p)^n.
+    At these times the samples do not vary, but the other method does. An event of probability p causes a kurtosis of at
+    least about 1 / p. The probability that n samples do not contain the event is (1 - p)^n. The method is 0, or 1 for
+    the reference, with a text on its samples; None if there are no such times.
     """
     times, text = np.zeros(found.std.shape[1], dtype=bool), None
     for which, (method, other) in enumerate(((found, base), (base, found))):
@@ -283,7 +287,7 @@ def _widths(found: OwnError, base: OwnError, o: int, bound: Array, floor: float)
 
 
 def _few(found: OwnError, base: OwnError, o: int, times: Array) -> tuple[int, str] | None:
-    """Return which of both has too few samples (0: the method), with a text; None if both have enough."""
+    """Return 0 if the method has too few samples, 1 if the reference does, with a text; None if both have enough."""
     for which, method in enumerate((found, base)):
         if not method.drawn:
             continue

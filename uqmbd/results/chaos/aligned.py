@@ -1,4 +1,4 @@
-"""Provide aligned polynomial chaos, which expands times of markers, and the motion between them in normalised time."""
+"""Provide aligned polynomial chaos, which expands marker times, and outputs between markers in normalised time."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class AlignedChaos(Surrogate):
 
     At a fixed time, outputs may jump as functions of the inputs, or phases may drift apart. The times of markers, and
     the outputs between them in normalised time, remain smooth. Times and outputs are expanded separately, and combined
-    for each sample. Statistics come from samples of this surrogate. After the last marker of a sample, its outputs are
-    NaN: phases are only known as far as nearly all samples of the inputs advance within the times.
+    for each sample. Statistics come from samples of this surrogate. The outputs of a sample are NaN after its last
+    marker. With phases, the last marker is a phase that nearly all samples of the inputs reach by the last time.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ class AlignedChaos(Surrogate):
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
 
     def reached(self) -> AlignedChaos:
-        """Return the surrogate at the times that all samples reach (see :meth:`late`), or itself if they reach all.
+        """Return the surrogate at the times that all samples reach (see :meth:`late`); itself if these are all times.
 
         Examples
         --------
@@ -289,7 +289,7 @@ class AlignedChaos(Surrogate):
 
     @cached_property
     def _unseen(self) -> Array:
-        """Root mean squares (O, T) of errors in thin layers at events and at faces of elements."""
+        """Root mean square errors (O, T) in thin layers of the germ space, at events and at faces of elements."""
         layers = sum(
             element.box.probability * element._layer_mean_squares(element.box.local, self.multi_index, self._times)
             for element in self.elements

@@ -45,8 +45,10 @@ FACE_SAMPLES = 128
 """Number of points on each plane between elements, at which neighbouring elements are compared."""
 
 SLIVER = 0.25
-"""Ratio of the mean square error between a face and the next nodes to the mean square difference at the face; for a
-jump or kink anywhere in this gap, the ratio is correct to a factor of four in most cases."""
+"""Mean square error between a face and the nearest nodes, divided by the mean square difference at the face.
+
+For a jump or a kink in this gap, the ratio is correct to a factor of four in most cases.
+"""
 
 ROUNDING = 1e-12
 """Maximum deviation of the sum of stored weights from 1 due to rounding."""
@@ -76,13 +78,14 @@ def rows_of_boxes(boxes: Sequence[GermBox], germs: Array) -> list[NDArray[np.int
 
 
 def face_mean_squares(boxes: Sequence[GermBox], evaluate: Callable[[Array], Array], known: Sequence[int]) -> Array:
-    """Return the mean square (...) of errors near faces of boxes, from differences of neighbouring elements there.
+    """Return the mean square error (...) near the faces of boxes, from differences of neighbouring elements.
 
     `evaluate`: function of germ points, (K, d) to (K, ...); `known`: number of points in each box. The probability
     between a face and the nearest point may be up to the inverse of this number.
 
     A jump or kink between a face and the nearest nodes affects neither a fit nor a verification realisation. The
-    element beyond the face has the other branch, so the difference of both elements at the face is the missed error.
+    element beyond the face represents the response beyond the jump. The difference of both elements at the face is
+    therefore the error that verification misses.
     """
     from uqmbd.randomness import located
 
@@ -100,7 +103,7 @@ def face_mean_squares(boxes: Sequence[GermBox], evaluate: Callable[[Array], Arra
             apart = sides[0] != sides[1]
             if not apart.any():
                 continue
-            # differences from unknown values count as 0
+            # unknown differences count as 0
             difference = np.nan_to_num(evaluate(above[apart]) - evaluate(below[apart]))
             share = sum(gaps[side[apart], k] for side in sides) / len(sides) / len(germs)
             total = total + np.tensordot(share, difference**2, axes=1)
@@ -132,7 +135,7 @@ def verification_of_all(chaoses: Sequence[Any], probabilities: Sequence[float]) 
 
 def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[GermBox] = ()) -> Array | None:
     """Return weights (V,), with sum 1, of realisations at germ points (V, d); None without realisations."""
-    # without given weights, realisations are distributed like the inputs within a box, and boxes have their probability
+    # without given weights, realisations in a box have equal weights, whose sum is the probability of the box
     if germs is None:
         if weights is not None:
             raise StudyError("'verification_weights' are given without 'verification_germs'; expected both or neither.")
@@ -201,7 +204,7 @@ def read_surrogate(
 
 def verification_of(data: xr.Dataset) -> dict[str, Any]:
     """Return the verification realisations of a dataset by variable name, or an empty mapping."""
-    # results of earlier versions have no weights, because their realisations are distributed like the inputs
+    # results of earlier versions have no weights; their realisations are distributed like the inputs
     return {name: data[name].values for name in VERIFICATION if name in data}
 
 

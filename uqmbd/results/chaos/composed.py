@@ -26,7 +26,7 @@ from uqmbd.typing import Array, Mask
 
 __all__ = ["KINDS", "ComposedChaos", "Part", "chaos_from_dataset", "stored_as"]
 
-_Said = TypeVar("_Said")
+_Statement = TypeVar("_Statement")
 
 Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | CustomSurrogate
 """Surrogates that can be stored."""
@@ -202,7 +202,7 @@ class ComposedChaos(Surrogate):
         return min((part.shape_samples for part in self.parts.values() if part.shape_samples), default=0)
 
     def discontinuities(self) -> tuple[Discontinuity | None, ...]:
-        """Return the suspected discontinuity of each output in the germ space, or None; only for plain polynomials.
+        """Return the suspected discontinuity of each output in the germ space; None if none, or not a polynomial.
 
         Examples
         --------
@@ -256,7 +256,7 @@ class ComposedChaos(Surrogate):
 
     @classmethod
     def from_datasets(cls, datasets: Mapping[str, tuple[str, xr.Dataset]]) -> ComposedChaos:
-        """Return the surrogate from the datasets of its parts, each with the name of its kind, without the mechanism.
+        """Return the surrogate from the kinds and datasets of its parts, without the mechanism.
 
         Raises
         ------
@@ -302,10 +302,10 @@ class ComposedChaos(Surrogate):
         parts, masks = {}, {}
         for (name, part), own, used in zip(self.parts.items(), self._rows, self._used, strict=True):
             masks[name] = used if times is None else used[:, list(times)]
-            kept = [k for row in rows if row in own and masks[name][k := own.index(row)].any()]
-            masks[name] = masks[name][kept]
-            if kept:
-                parts[name] = part.selected(kept, times)
+            chosen = [k for row in rows if row in own and masks[name][k := own.index(row)].any()]
+            masks[name] = masks[name][chosen]
+            if chosen:
+                parts[name] = part.selected(chosen, times)
         return replace(
             self,
             parts=parts,
@@ -329,13 +329,13 @@ class ComposedChaos(Surrogate):
 
     @property
     def _used(self) -> list[Mask]:
-        """Mask of times at which each part is used: (outputs of the part, T), or (outputs of the part,)."""
+        """Masks of the times at which each part is used: (outputs of the part, T), or (outputs of the part,)."""
         if self.used is None:
             return [np.ones(part.labels.shape, dtype=bool) for part in self.parts.values()]
         return [np.asarray(self.used[name], dtype=bool).reshape(p.labels.shape) for name, p in self.parts.items()]
 
     def _gathered(self, read: Callable[[Part], Array], axis: int) -> Array:
-        """Join values of the parts, with outputs along an axis and times, if any, along the next axis."""
+        """Join values of the parts; outputs are along `axis`, and times, if any, along the next axis."""
         before, found = (slice(None),) * axis, None
         for part, rows, used in zip(self.parts.values(), self._rows, self._used, strict=True):
             values = read(part)
@@ -399,10 +399,14 @@ class ComposedChaos(Surrogate):
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
         return self._by_output([part._verdicts_of_decay(tolerance) for part in self.parts.values()])
 
-    def _by_output(self, labels: Sequence[tuple[_Said, ...]]) -> tuple[_Said, ...]:
-        """Return a statement on each output, in order, from the part that provides the output at most times."""
-        found: dict[int, list[tuple[bool, int, _Said]]] = {}
-        for rows, used, own in zip(self._rows, self._used, labels, strict=True):
+    def _by_output(self, statements: Sequence[tuple[_Statement, ...]]) -> tuple[_Statement, ...]:
+        """Return a statement on each output, in order, from the part that provides the output at most times.
+
+        `statements`: statements of each part on its outputs. A part with an empty statement is used only
+        if the statements of all parts are empty.
+        """
+        found: dict[int, list[tuple[bool, int, _Statement]]] = {}
+        for rows, used, own in zip(self._rows, self._used, statements, strict=True):
             for row, times, one in zip(rows, used, own, strict=True):
                 found.setdefault(row, []).append((bool(one), int(np.sum(times)), one))
         return tuple(max(found[row], key=lambda one: one[:2])[2] for row in sorted(found))

@@ -130,7 +130,7 @@ class SurrogateContainer:
 
     @cached_property
     def _moments(self) -> Any:
-        """Moments and Sobol' indices from samples; subclasses with exact moments override the property."""
+        """Moments and Sobol' indices from samples; subclasses with exact moments override this property."""
         this: Any = self
         rms = None if self.verification_germs is None else this.verification_rms()
         return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without, rms)
@@ -141,7 +141,7 @@ class SurrogateContainer:
         return np.asarray(replace(this, elements=tuple(e._without(terms) for e in self.elements)).evaluate_germs(germs))
 
     def _statistic(self, name: str, axis: int, part: Any = slice(None)) -> Array:
-        """Return a statistic of `_moments`, or a part of it; `axis` is its output axis."""
+        """Return a statistic of `_moments`, or its entries `part`; `axis` is the axis of its outputs."""
         return frozen(np.asarray(getattr(self._moments, name)[part]))
 
     @cached_property
@@ -219,7 +219,7 @@ class SurrogateContainer:
 
     @property
     def top_energy_germ(self) -> Array:
-        """Parts of :attr:`top_energy` by germ (d, O, T)."""
+        """Part of each germ in :attr:`top_energy`, shape (d, O, T)."""
         return self._statistic("tops", 1, slice(1, None))
 
     @property
@@ -300,14 +300,14 @@ class SurrogateContainer:
         [[2.0]]
         """
         whole = dict(zip(self.labels.dims, self.labels.shape, strict=True))
-        wanted = {dim: list(one) for dim, one in (("output", outputs), ("time", times)) if one is not None}
-        for dim, one in wanted.items():
+        requested = {dim: list(one) for dim, one in (("output", outputs), ("time", times)) if one is not None}
+        for dim, one in requested.items():
             if not one or any(k not in range(whole.get(dim, 0)) for k in one):
                 raise StudyError(
                     f"The selected indices along {dim!r} are {one!r}; expected at least one index, each from 0 to "
                     f"{whole.get(dim, 0) - 1}."
                 )
-        fewer = {dim: one for dim, one in wanted.items() if one != [*range(whole[dim])]}
+        fewer = {dim: one for dim, one in requested.items() if one != [*range(whole[dim])]}
         return self._of(fewer) if fewer else self
 
     def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
@@ -373,7 +373,7 @@ class SurrogateContainer:
         return surrogate_dataset(self.space, self.labels, self._variables(stated and bool(known)), known)
 
     def _variables(self, stated: bool) -> dict[str, Any]:
-        """Return variables of the dataset without germs, labels and verification; add the stated error on request."""
+        """Return the variables of the dataset that this class defines; add the stated error on request."""
         boxes = box_variables(self._boxes, {"units": "1"})
         return {**self._reader.variables(self.elements), **degrees(self.multi_index), **boxes}
 
@@ -384,7 +384,7 @@ class SurrogateContainer:
         Raises
         ------
         StudyError
-            If the dataset is not the dataset of such a surrogate.
+            If the dataset does not contain a surrogate of this class.
 
         Examples
         --------

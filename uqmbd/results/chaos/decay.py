@@ -41,9 +41,12 @@ def energy_of_germs(coefficients: Array, multi_index: Index) -> Array:
 
 
 def decay_rate(energy: Array) -> Array:
-    """Fit the decay of the energy (N + 1, ...), in decades of standard deviation per order."""
-    # fit the logarithm of the standard deviation in orders n and above, for n = 1 .. N, by least squares; this tail
-    # falls for odd and even responses, too; NaN if fewer than two orders have energy
+    """Fit the decay rate (...) of the energy (N + 1, ...), in decades of standard deviation per order.
+
+    A line is fitted by least squares to the logarithm of the standard deviation in the terms of order n and above, for
+    n = 1 .. N. This tail also decreases for odd and even responses. The rate is NaN if fewer than two orders have
+    energy.
+    """
     tail = np.sqrt(np.cumsum(energy[:0:-1], axis=0)[::-1])
     orders = np.arange(1.0, len(tail) + 1).reshape(-1, *[1] * (tail.ndim - 1))
     used = (tail > _ROUNDING * tail.max(axis=0, initial=0.0)) & (tail > np.finfo(float).tiny)
@@ -66,7 +69,10 @@ def decay_dataset(
     energy_note: str,
     rate_note: str,
 ) -> xr.Dataset:
-    """Build the dataset of energies (N + 1, O, T) and (d, N + 1, O, T), with rate NaN for constant outputs (O, T)."""
+    """Build the dataset of energies by order (N + 1, O, T) and by germ (d, N + 1, O, T), and of the decay rate (O, T).
+
+    `constant` (O, T): mask of constant outputs, whose rate is NaN.
+    """
     dims, note = labels.dims, {"long_name": energy_note}
     rate = np.where(constant, np.nan, decay_rate(energy))
     return united(
@@ -88,8 +94,8 @@ def decay_dataset(
 
 def top_order(multi_index: Index) -> tuple[int, Mask]:
     """Return the largest degree of any input in an index set, and the mask (P,) of terms on the edge of the set."""
-    # the edge consists of terms of the largest total degree, and of terms in which an input has its largest degree:
-    # order N for a total-degree set, the outer faces for a tensor set
+    # the edge consists of the terms of largest total degree, and of the terms in which an input has its largest degree:
+    # the terms of order N in a total-degree set, the outer faces in a tensor set
     tops = multi_index.max(axis=0, initial=0)
     totals = multi_index.sum(axis=1)
     edge = np.any((multi_index == tops) & (multi_index > 0), axis=1) | ((totals == totals.max()) & (totals > 0))
@@ -122,8 +128,8 @@ def verdict_of_decay(
             f"{name}: order {order} carries {format_at_most(float(share[worst]), whole)}{at}: this "
             "indicates that the order is sufficient, but only verification realisations can prove it"
         )
-    blame = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]
-    where = f"{amount} in the top order{at}, most of it in {germs[int(np.argmax(blame))]}"
+    by_germ = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]
+    where = f"{amount} in the top order{at}, most of it in {germs[int(np.argmax(by_germ))]}"
     if times is None:
         return f"order {order} is not enough for {name}: {where}; raise the order"
     fine = np.flatnonzero(share <= tolerance)
@@ -137,7 +143,7 @@ def verdict_of_decay(
 
 
 def _sums(coefficients: Array, groups: Index, top: int) -> Array:
-    """Sum squared coefficients (P, ...) by group, with numbers 0..top."""
+    """Return the sums (top + 1, ...) of squared coefficients (P, ...) by group; `groups` (P,) are numbers 0..top."""
     squares = coefficients.reshape(len(coefficients), -1) ** 2
     found = np.stack([squares[groups == n].sum(axis=0) for n in range(top + 1)])
     return found.reshape(top + 1, *coefficients.shape[1:])

@@ -16,19 +16,20 @@ __all__ = ["Discontinuity", "find_discontinuities"]
 
 
 LARGE = 0.05
-"""Stated error from which an output is suspected."""
+"""Stated error, over the standard deviation, above which an output may be discontinuous."""
 
 SLOW = 0.35
-"""Decay, in decades per order, below which it is slow: the tail falls as n^-1.5 at a kink, and as n^-0.5 at a jump."""
+"""Decay rate, decades per order, below which the decay is slow; tails fall as n^-1.5 at a kink, n^-0.5 at a jump."""
 
 CLEAR = 0.14
-"""Decay, decades per order, below which a discontinuity is certain; smooth responses of large spread reached 0.146."""
+"""Decay rate, decades per order, below which a discontinuity is certain; smooth responses of large spread reached
+0.146."""
 
 FEWEST = 3
 """Minimum order for a reliable estimate of the decay."""
 
 STEEP = 0.3
-"""Remaining fraction of the error after two more orders; below it the response is smooth, but the order too low."""
+"""Fraction of the error that remains after two more orders; below it the response is smooth, but the order too low."""
 
 SPREADS = 0.1
 """Minimum standard deviation, as a fraction of its maximum; other times are ignored."""
@@ -71,7 +72,7 @@ class Discontinuity:
 
     @property
     def clear(self) -> bool:
-        """Whether the decay is so slow that the method issues a warning in addition to a verdict."""
+        """Whether the discontinuity is certain, so that the method issues a warning in addition to a verdict."""
         return self.rate < CLEAR and self.order >= FEWEST
 
     def words(self, *, events: bool = False) -> str:
@@ -95,11 +96,15 @@ class Discontinuity:
 def find_discontinuities(
     chaos: Surrogate, error: Array, energy: Array, energy_germ: Array, order: int
 ) -> tuple[Discontinuity | None, ...]:
-    """Suspect outputs from errors (O, T) and squared coefficients by order (N + 1, O, T), and by germ (d, O, T)."""
-    # The verification error is an estimate of the next orders, so a chaos with decayed coefficients and a large error
-    # does not count as resolved. If the order becomes too low for a smooth motion, the spectrum still decays fast at
-    # the first time of a large error; after a jump or a kink it does not. A smooth response for which the order is much
-    # too low from the start looks like a discontinuity.
+    """Return the suspected discontinuity of each output, or None.
+
+    `error` (O, T): stated error; `energy` (N + 1, O, T): sum of squared coefficients by order; `energy_germ` (d, O, T):
+    part of each germ in the top order; `order`: order of the chaos.
+    """
+    # The verification error estimates the energy of the next orders, so a chaos with decayed coefficients and a large
+    # error does not count as resolved. If the order becomes too low for a smooth motion, the spectrum still decays fast
+    # at the first time of a large error. After a jump or a kink, it does not. A smooth response also looks like a
+    # discontinuity if the order is much too low from the start.
     outputs = chaos.labels.outputs
     if order < 2:
         return (None,) * len(outputs)
@@ -115,10 +120,10 @@ def find_discontinuities(
     most = np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)
     large = std > SPREADS * most
     # ignore rounding of the mean and integration errors
-    loud = most > 1e-6 * np.fmax.reduce(np.abs(chaos.mean.reshape(shape)), axis=-1, keepdims=True, initial=0.0)
-    above = large & loud & (error > LARGE)
+    significant = most > 1e-6 * np.fmax.reduce(np.abs(chaos.mean.reshape(shape)), axis=-1, keepdims=True, initial=0.0)
+    above = large & significant & (error > LARGE)
     seen = above & (rate < SLOW) & (left > STEEP)
-    blame = energy_germ.reshape(len(energy_germ), *error.shape)
+    by_germ = energy_germ.reshape(len(energy_germ), *error.shape)
     found: list[Discontinuity | None] = []
     for k, output in enumerate(outputs):
         places = np.flatnonzero(seen[k])
@@ -130,7 +135,7 @@ def find_discontinuities(
         found.append(
             Discontinuity(
                 output.name,
-                chaos.germ_names[int(blame[:, k, worst].argmax())],
+                chaos.germ_names[int(by_germ[:, k, worst].argmax())],
                 None if times is None else float(times[places[0]]),
                 None if times is None else float(times[worst]),
                 float(error[k, worst]),

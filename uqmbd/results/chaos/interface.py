@@ -400,7 +400,7 @@ class Surrogate(SurrogateContainer):
         (1.0, 0.5)
         """
         independent = self.space.independent
-        wanted, samples = samples, affordable(samples, len(self.multi_index), self.mean.size)
+        requested, samples = samples, affordable(samples, len(self.multi_index), self.mean.size)
         values = {name: getattr(self, name) for name in ("mean", "std", "variance", "skewness", "kurtosis")}
         values |= {"probability": probabilities, **self.circular(samples=samples, seed=seed)}
         values["quantile"] = self.quantiles(probabilities, samples=samples, seed=seed)
@@ -414,7 +414,7 @@ class Surrogate(SurrogateContainer):
             values,
             shape_samples=self.shape_samples,
             samples=samples,
-            wanted=wanted,
+            requested=requested,
             terms=len(self.multi_index),
             of_germs=None if independent else (self.germ_names, self.sobol_first_germ, self.sobol_total_germ),
             stated=(self.verification_error(), self.verification_factor()) if known else None,
@@ -662,11 +662,11 @@ class Surrogate(SurrogateContainer):
 
     @cached_property
     def _unseen(self) -> Array:
-        """Root mean squares (O, T) of errors in thin layers that verification points miss."""
+        """Root mean square errors (O, T) in thin layers of the germ space that verification points miss."""
         return self._missed_at_faces()
 
     def _missed_at_faces(self) -> Array:
-        """Return root mean squares (O, T) of errors in thin layers between elements."""
+        """Return root mean square errors (O, T) in thin layers of the germ space between elements."""
         if len(self._boxes) < 2:
             return np.zeros(self.labels.shape)
         # the probability between a face and the outermost of n Gauss nodes is about 1 / n^2
@@ -695,5 +695,5 @@ class Surrogate(SurrogateContainer):
         return ("",) * len(self.labels.outputs)
 
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
-        """Return verdicts from the coefficients."""
+        """Return a verdict on each output from the decay of the coefficients."""
         raise StudyError("This chaos has no verification realisations; give the propagator verify=16.")

@@ -93,10 +93,10 @@ class SampledHarmonics(SampledPiece):
         changes = SampledHarmonics(self.element, self.rows, change, self.lattice).parts
         sum_harmonics(frequencies, self.lattice, changes[1], changes[2], changes[3], times, found, self.rows)
         # the derivative of a harmonic with respect to its frequency is i t times the harmonic
-        turned = 1j * (changes[0] @ self.lattice.T)[:, None, :] * waves
-        still = np.zeros_like(constants)
+        rotated = 1j * (changes[0] @ self.lattice.T)[:, None, :] * waves
+        zero = np.zeros_like(constants)
         phases = np.zeros_like(found)
-        sum_harmonics(frequencies, self.lattice, still, still, turned, times, phases, self.rows)
+        sum_harmonics(frequencies, self.lattice, zero, zero, rotated, times, phases, self.rows)
         found[self.rows] += times * phases[self.rows]
 
 
@@ -113,7 +113,7 @@ COEFFICIENTS = {
     "cosine": ("output", {"long_name": "coefficients of the cosines", "comment": "in the units of the outputs"}),
     "sine": ("output", {"long_name": "coefficients of the sines", "comment": "in the units of the outputs"}),
 }
-"""Stored coefficients: their last dimension (before harmonics) and their attributes."""
+"""Dimension, in addition to terms and harmonics, and attributes of each stored array of coefficients."""
 
 
 @dataclass(frozen=True)

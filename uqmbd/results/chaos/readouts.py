@@ -32,7 +32,7 @@ __all__ = [
 
 
 class SampleBlocks(NamedTuple):
-    """Functions that return samples for a slice of the O x T columns, as columns (K, c) or as rows (c, K)."""
+    """Functions that return samples for a slice of the O x T columns, as arrays (K, c) or transposed (c, K)."""
 
     columns: Callable[[slice], Array]
     rows: Callable[[slice], Array]
@@ -50,7 +50,7 @@ class GermElement:
         return {f.name: x for f in fields(self) if isinstance(x := getattr(self, f.name), np.ndarray)}
 
     def _among(self, box: GermBox, terms: int, rows: Sequence[int]) -> Self:
-        """Return the element in another box, with its terms at `rows` among `terms`, and other coefficients 0."""
+        """Return the element in another box with `terms` terms: its own terms are at `rows`, the others are 0."""
         wide = {name: np.zeros((terms, *x.shape[1:]), np.result_type(x, float)) for name, x in self.arrays.items()}
         for name, x in self.arrays.items():
             wide[name][list(rows)] = x
@@ -101,11 +101,11 @@ class OverTime(Readout, ABC):
     """Readout of outputs at any time, from elements with the same terms; moments come from samples."""
 
     needed: ClassVar[tuple[str, ...]]  # required variables of a dataset
-    of_times: ClassVar[str]  # feature that outputs without times lack, for messages
+    of_times: ClassVar[str]  # feature that needs times, for the message on outputs without times
 
     @abstractmethod
     def at(self, element: Any, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
-        """Prepare samples of an element: their numbers (K,) and basis (K, P)."""
+        """Prepare samples of an element from their indices (K,) and basis (K, P)."""
 
     def since(self, labels: Labels) -> Array:
         """Return times since an origin (T,), s."""
@@ -126,7 +126,7 @@ class OverTime(Readout, ABC):
         count, size = len(times), len(labels.outputs) * len(times)
 
         def columns(part: slice) -> Array:
-            # elements write whole rows, so evaluate one output at a time to limit the memory
+            # `evaluate` writes whole outputs, so process one output at a time to limit the memory
             first, last, _ = part.indices(size)
             found = np.empty((number, last - first))
             for output in range(first // count, -(-last // count)):
@@ -173,7 +173,7 @@ class Plain(Readout):
     name = "chaos"
 
     def at(self, element: TermCoefficients, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
-        """Prepare samples of an element: their numbers (K,) and basis (K, P)."""
+        """Prepare samples of an element from their indices (K,) and basis (K, P)."""
         return SampledTerms(element, rows, basis)
 
     def since(self, labels: Labels) -> Array:

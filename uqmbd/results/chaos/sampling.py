@@ -64,14 +64,14 @@ def spread_germs(space: GermSpace, count: int, seed: int) -> Array:
     return space.from_uniform(_inside(sequence.random_base2(int(np.ceil(np.log2(count))))))
 
 
-def affordable(wanted: int, terms: int, columns: int) -> int:
-    """Return the number of surrogate samples within the limits of memory and time: `wanted`, or a power of two.
+def affordable(requested: int, terms: int, columns: int) -> int:
+    """Return the number of surrogate samples within the limits of memory and time: `requested`, or a power of two.
 
     >>> affordable(8192, terms=1771, columns=1000), affordable(8192, terms=53130, columns=1000)
     (8192, 512)
     """
     most = min(BASIS_NUMBERS / max(terms, 1), WORK / max(terms * columns, 1))
-    return wanted if wanted <= most else min(wanted, max(LEAST, 2 ** int(np.log2(max(most, 1.0)))))
+    return requested if requested <= most else min(requested, max(LEAST, 2 ** int(np.log2(max(most, 1.0)))))
 
 
 def sampled_shape(

@@ -94,15 +94,16 @@ class AlignedElement(GermElement):
     event_errors: tuple[OrNaN | OrInfinite, ...] = ()
 
     def _layer_mean_squares(self, space: GermSpace, terms: Index, times: Array) -> Array:
-        """Return the mean square (O, T) of errors between predicted and true times (s) of events, from local germs.
+        """Return the mean square error (O, T) in layers of the germ space between predicted and true events.
 
-        Between both times, the output has jumped in either the surrogate or the mechanism, but not in both. This layer
-        is thinner than the distance of verification realisations, which therefore miss the layer. The probability of
-        the layer is the probability of an event within the mean error of its time. The result is NaN if an output jumps
-        and the error of the event time is unknown.
+        `space`: germ space of the element; `terms` (P, d): degrees of the terms; `times` (T,): times, s. In such a
+        layer, the output has jumped in either the surrogate or the mechanism, but not in both. A layer is thinner than
+        the distance of verification realisations, which therefore miss it. Its probability is the probability of an
+        event within the mean error of its time. The result is NaN if an output jumps and the error of the event time
+        is unknown.
         """
         found = np.zeros((self.segments.shape[2], len(times)))
-        # realisations with a late event may be missing; use the largest known error
+        # realisations with a late event may be missing, so the largest known error replaces unknown errors
         largest = max((error for error in self.event_errors if not np.isnan(error)), default=np.nan)
         errors = [largest if np.isnan(error) else error for error in self.event_errors]
         jumping = [s for s, error in enumerate(errors[:-1]) if self.events[s] and error != 0]
@@ -116,7 +117,7 @@ class AlignedElement(GermElement):
             at, error = edges[:, s + 1], errors[s]
             before, after = self.segments[:, s].sum(axis=-1), self.segments[:, s + 1] @ signs
             squares = growth[:, None] * (basis @ (after - before)) ** 2  # (M, O)
-            # times of events (M,) within a bandwidth of each time, in order
+            # sort the event times (M,), to sum over the events within a bandwidth of each time
             order = np.argsort(at)
             at, squares = at[order], squares[order]
             summed = np.concatenate([np.zeros((1, squares.shape[1])), np.cumsum(squares, axis=0)])
@@ -180,7 +181,7 @@ class AlignedElement(GermElement):
         wrong = np.abs(self.table.edges_at(basis_values(space, germs, terms))[:, 1:] - ends)
         known = np.isfinite(wrong) & np.array([bool(event) for event in self.events])
         counted = np.where(known, weights[:, None], 0.0)
-        # scale errors at these points by the size of the next polynomials there, relative to the average size
+        # divide errors by the size of the polynomials of the next degree at these points, relative to its average
         size = _growth(space, germs, terms) @ counted
         total = (np.where(known, wrong, 0.0) * counted).sum(axis=0)
         errors = np.divide(total, size, out=np.full(size.shape, np.nan), where=size > 0)
@@ -236,7 +237,7 @@ class AlignedElement(GermElement):
         return cls(box, events, edges, found[..., : int(large[-1]) + 1 if len(large) else 1], landmarks)
 
     def _without(self, terms: Mask) -> Self:
-        """Return the element without some terms (P,); keep the last marker, after which outputs are unknown."""
+        """Return the element without masked terms (P,); keep the last marker, after which outputs are unknown."""
         edges = np.append(self.edges[:, :-1] * ~terms[:, None], self.edges[:, -1:], axis=1)
         return replace(super()._without(terms), edges=edges)
 
@@ -263,7 +264,10 @@ class SampledSegments(SampledPiece):
             SampledSegments(self.element, self.rows[part], self.basis[part])._change(change[part], times, found)
 
     def _change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate a block; edge changes shift the normalised time, and an edge belongs to the segment after it."""
+        """Evaluate the change of one block of samples.
+
+        Changes of edges shift the normalised time. An edge belongs to the segment that begins there.
+        """
         edges, moving = self._moving_edges(change)
         segments, powers = self.element.segments, self.element.segments.shape[-1]
         at = np.stack([np.searchsorted(row[1:-1], times, side="right") for row in edges])  # (K, T)
@@ -272,13 +276,13 @@ class SampledSegments(SampledPiece):
         length = end - begin
         there = length > 0
         share = np.divide(times - begin, length, out=np.zeros_like(length), where=there)
-        # before the start and after the end, values are constant
+        # values are constant before the start and after the end of a segment
         free = there & (share > 0) & (share < 1)
-        slid = -(moving[sample, at] * (1 - share) + moving[sample, at + 1] * share)
-        slid = np.divide(slid, length, out=np.zeros_like(length), where=free)
+        shift = -(moving[sample, at] * (1 - share) + moving[sample, at + 1] * share)
+        shift = np.divide(shift, length, out=np.zeros_like(length), where=free)
         x = np.clip(2 * share - 1, -1, 1)
         chebyshev = np.polynomial.chebyshev.chebvander(x, powers - 1)  # (K, T, N)
-        slopes = _chebyshev_slopes(x, powers) * (2 * slid)[..., None]
+        slopes = _chebyshev_slopes(x, powers) * (2 * shift)[..., None]
         own, changed = (np.tensordot(b, segments, 1) for b in (self.basis, change))  # (K, S, O, N)
         for row, k in zip(self.rows, range(len(edges)), strict=True):
             values = np.einsum("ton,tn->ot", changed[k, at[k]], chebyshev[k])
@@ -295,7 +299,10 @@ class SampledSegments(SampledPiece):
 
 
 def _growth(space: GermSpace, germs: Array, terms: Index) -> Array:
-    """Return the size (K,), with mean 1, of polynomials of the next degree; errors of terms (P, d) follow this size."""
+    """Return the size (K,), with mean 1, of the polynomials of the next degree above `terms` (P, d).
+
+    The error of an expansion in these terms is about proportional to this size.
+    """
     degree = int(terms.max(initial=0)) + 1
     free = [k for k, germ in enumerate(space.germs) if germ.values is None or degree < germ.values]
     if not free:

@@ -1,4 +1,4 @@
-"""Compute the stated error of a surrogate, its error at realisations that were not used to fit it, and describe it."""
+"""Compute the stated error of a surrogate from verification realisations, which no fit uses, and describe the error."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ MOST = 50.0
 """Maximum exponent in the uncertainty factor of an error."""
 
 SPREAD = "the standard deviation"
-"""Denominator of stated errors, if they are at most the stated number at all times."""
+"""Text on the denominator of a stated error, if the lower limit of the denominator has no effect."""
 
 FLOORED = f"{SPREAD}, taken as at least {100 * SPREAD_FLOOR:g} % of its maximum"
-"""Denominator of stated errors, if an error is larger relative to the standard deviation at its time."""
+"""Text on the denominator of a stated error, if its lower limit has an effect (see `exceeds_locally`)."""
 
 KNOWN = 2.0
 """Uncertainty factor up to which texts do not mention the uncertainty of a stated error."""
 
 NEIGHBOUR = 0.25
-"""Minimum stated error, as a fraction of the error at a neighbouring time."""
+"""Minimum stated error, as a fraction of the error at neighbouring times (`moving_errors`)."""
 
 CLOSE = 0.05
 """Maximum step between neighbouring times, relative to the whole time; more distant times are independent."""
 
 FEW, SHARE = 2.0, 0.2
-"""Number, or share, of realisations with the error of a jump when this error begins or ends."""
+"""Effective number of realisations, and share of all realisations, up to which few realisations cause an error."""
 
 
 def compute_stated_error(
@@ -65,8 +65,8 @@ def compute_stated_error(
 ) -> Array:
     """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`.
 
-    The error is at least `unseen` (O, T), an error that the realisations miss. With `times` (T,), it is also at least
-    a fraction of `moving_errors`.
+    The root mean square is at least `unseen` (O, T), an error that the realisations miss. With `times` (T,), it is also
+    at least a fraction of `moving_errors`.
     """
     # For an output that is constant in the surrogate at all times, the reference is the root mean square of the
     # responses about its mean; an error of 1 then means that the surrogate misses all variation. Differences within the
@@ -87,7 +87,7 @@ def compute_stated_error(
 
 
 def _close(times: Array | None) -> list[NDArray[np.intp]]:
-    """Return indices of times (T,) in groups, within which steps are small relative to the whole time.
+    """Return groups of two or more indices of times (T,); steps within a group are small relative to the whole time.
 
     >>> [one.tolist() for one in _close(np.array([0.0, 1.0, 50.0, 51.0, 52.0, 100.0]))]
     [[0, 1], [2, 3, 4]]
@@ -99,7 +99,7 @@ def _close(times: Array | None) -> list[NDArray[np.intp]]:
 
 
 def _of_few(wrong: Array, weights: Array) -> Mask:
-    """Return a mask (...) of weighted errors (V, ...) whose mean square is mainly due to few realisations.
+    """Return a mask (...) that is True where few realisations cause most of the mean square of errors (V, ...).
 
     >>> _of_few(np.array([[1.0, 1.0]] + 9 * [[0.0, 1.0]]), np.full(10, 0.1)).tolist()
     [True, False]
@@ -110,12 +110,12 @@ def _of_few(wrong: Array, weights: Array) -> Mask:
 
 
 def moving_errors(error: Array, few: Mask | None = None) -> Array:
-    """Return the largest error (O, T) at times that other realisations may reach earlier or later, from (O, T).
+    """Return the largest of the errors (O, T) at neighbouring times, to which an event may shift the error.
 
-    The error at an event begins and ends at different times in different realisations, and few realisations miss the
-    first and last of these times. The function searches these times within one step of the output times, and within the
-    time in which the mean square doubles. The second search is only for errors of `few` (O, T) realisations (default:
-    all), because an error of many realisations has already begun.
+    The error at an event begins and ends at different times in different realisations. If there are few verification
+    realisations, they miss the first and the last of these times. The neighbouring times are within one step of the
+    output times, or within the time in which the mean square doubles. The second condition applies only where `few`
+    (O, T) realisations cause the error (default: everywhere); an error of many realisations has already begun.
 
     Times with unknown errors are ignored.
 
@@ -135,11 +135,11 @@ def moving_errors(error: Array, few: Mask | None = None) -> Array:
 
 
 def _earlier(error: Array, few: Mask) -> Array:
-    """Return the largest error (O, T) that may occur earlier, from the next time and from rising errors after it."""
+    """Return the largest error (O, T) of the present time, the next time, and a rising error at later times."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     def ahead(function: Callable[..., Array], values: Array, steps: int) -> Array:
-        """Return the extreme over the present time and the next steps."""
+        """Return the minimum or maximum over the present time and the next `steps` times."""
         return np.asarray(function(values, steps + 1, axis=1, mode="nearest", origin=-((steps + 1) // 2)))
 
     found, steps, doubled = ahead(maximum_filter1d, error, 1), 2, np.sqrt(2.0) * error
@@ -169,13 +169,13 @@ def root_mean_square(values: Array, weights: Array) -> Array:
 
 def uncertainty_factor(wrong: Array, weights: Array) -> Array:
     """Return the uncertainty factor (...) of the root mean square of weighted errors (V, ...), from their scatter."""
-    # The factor is exp(r), with the relative standard error r of the mean square of independent points: two standard
-    # errors of the logarithm of the mean square, halved by the root. The factor is 1 without error, and infinite for
-    # one point, which has no scatter.
+    # The factor is exp(r), with the relative standard error r of the mean square of independent points. The exponent is
+    # two standard errors of the logarithm of the mean square, halved by the root. The factor is 1 without error, and
+    # infinite for one point, which has no scatter.
     scale = np.abs(wrong).max(axis=0)
     square = (wrong / divisor(scale)) ** 2
     mean = np.tensordot(weights, square, axes=1)
-    # equivalent to n points of equal weight with n - 1 degrees of freedom
+    # for n points of equal weight, this is 1 - 1 / n, which gives n - 1 degrees of freedom
     free = 1.0 - float(weights @ weights)
     if len(weights) == 1 or free <= 0:
         return np.where(scale > 0, np.inf, np.where(scale == 0, 1.0, np.nan))
@@ -198,10 +198,11 @@ def weighted_std(values: Array, weights: Array) -> Array:
 
 
 def exceeds_locally(error: Array, std: Array, bound: Array | float) -> Mask:
-    """Return whether an error (..., T) exceeds a bound, relative to the standard deviation (..., T) at its time.
+    """Return whether any error, divided by the standard deviation (..., T) at its time, exceeds a bound (...).
 
-    The errors are relative to `reference_spread`, `bound` (...) as well. An error exceeds it only at times at which the
-    standard deviation is below 1 % of its maximum. Unknown errors are ignored.
+    The given errors (..., T) are relative to `reference_spread`, which is at least 1 % of the maximum standard
+    deviation. The result is therefore True only if an error exceeds the bound at a time of smaller standard deviation.
+    Unknown errors are ignored.
 
     >>> exceeds_locally(np.array([0.02, 0.05]), np.array([0.001, 1.0]), 0.05).item()
     True
@@ -212,19 +213,19 @@ def exceeds_locally(error: Array, std: Array, bound: Array | float) -> Mask:
     """
     known = np.nan_to_num(std)
     floor = reference_spread(known)
-    # an error that rounds to a larger number, not any larger one; an infinite bound is not exceeded
+    # the factor ignores excesses that are lost when numbers are rounded for texts; no error exceeds an infinite bound
     with np.errstate(invalid="ignore", over="ignore"):
         larger = np.nan_to_num(error) * floor > 1.005 * np.asarray(bound)[..., None] * known
     return np.asarray((larger & (floor > known)).any(axis=-1))
 
 
 def spread_words(floored: Any) -> str:
-    """Return the denominator of a stated error in words; `floored`: whether its lower limit affects the statement."""
+    """Return the text on the denominator of a stated error; `floored`: whether its lower limit has an effect."""
     return FLOORED if floored else SPREAD
 
 
 def stated_words(
-    whose: str,
+    source: str,
     error: Array,
     times: Array | None,
     limit: float,
@@ -233,15 +234,15 @@ def stated_words(
 ) -> str:
     """Describe the size of a stated error (T,), or (1,) without times, and a remedy if the error exceeds a limit.
 
-    Every text with a stated error uses this function. With the standard deviation (T,), the text names the denominator
-    of errors at times at which the standard deviation is small.
+    Every text with a stated error uses this function. `source` is the object that states the error, such as
+    ``surrogate``. With the standard deviation (T,), the text states whether the denominator has a lower limit.
 
     >>> import numpy as np
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
     'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
     """
     advice = f"; {remedy}" if remedy and np.any(error > limit) else ""
-    return f"stated error of the {whose} {error_words(error, times, limit, std)}{advice}"
+    return f"stated error of the {source} {error_words(error, times, limit, std)}{advice}"
 
 
 def factor_words(factor: float, count: int, advice: str = "raise verify") -> str:
@@ -260,7 +261,8 @@ def factor_words(factor: float, count: int, advice: str = "raise verify") -> str
 def error_words(error: Array, times: Array | None, limit: float, std: Array | None = None) -> str:
     """Describe an error (T,), or (1,) without times, and the time from which the error exceeds a limit.
 
-    The text names the first time at which the error is NaN. With the standard deviation (T,), it names the denominator.
+    The text states the first time at which the error is NaN. With the standard deviation (T,), it also states whether
+    the denominator has a lower limit.
 
     >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
     'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'

@@ -47,15 +47,15 @@ FEWER = 8192
 """Number of surrogate samples for quantiles of all outputs and times, and for sampled skewness and kurtosis."""
 
 MOMENTS = 16_384
-"""Number of surrogate samples for mean and standard deviation; where their sampling error is large, it grows."""
+"""Initial number of surrogate samples for mean and standard deviation; it is doubled if the sampling error is large."""
 MOST_MOMENTS = 131_072
 """Maximum number of surrogate samples for mean and standard deviation."""
 MOST_VALUES = 2**26
-"""Maximum number of samples times outputs times instants: about half a second."""
+"""Maximum product of the numbers of samples, outputs and times; the computation takes about half a second."""
 MOMENT_ERROR = 2.5e-4
-"""Sampling error of mean and standard deviation, over the largest standard deviation, that needs no more samples."""
+"""Sampling error of mean and standard deviation, over the largest standard deviation, that is small enough."""
 SMALL_SHARE = 0.3
-"""Sampling error over the root mean square error of the surrogate that needs no more samples."""
+"""Sampling error, over the root mean square error of the surrogate, that is small enough."""
 FROZEN = 4_096
 """Number of pairs of samples for Sobol' indices."""
 TOPS = 256
@@ -277,7 +277,7 @@ class SampledMoments:
 
     @property
     def sobol_second(self) -> Array:
-        """Raise StudyError: samples do not give indices of pairs."""
+        """Raise StudyError, because indices of pairs are not computed from samples."""
         raise StudyError(
             "This surrogate has no Sobol' indices of pairs, because its statistics are computed from samples. "
             "Expected a surrogate of polynomials at equal times. Use sobol_first and sobol_total."
@@ -298,7 +298,7 @@ class SampledMoments:
 
     @cached_property
     def _sums(self) -> PowerSums:
-        """Sums of powers of the samples: as many samples as the sampling error needs, within the limits."""
+        """Sums of powers of the samples; their number is doubled until the sampling error is small, within limits."""
         germs = moment_germs(self.space, MOMENTS)
         found = PowerSums.of(self.evaluate, germs, self.evaluate(germs[0, :1])[0])
         small = 0.0 if self.rms is None else SMALL_SHARE * np.nan_to_num(self.rms)

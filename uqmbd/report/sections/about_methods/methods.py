@@ -12,7 +12,7 @@ from uqmbd.report.sections.about_results import input_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
-from uqmbd.results.assessment import STILL, coupled_systems, worst_integration_share
+from uqmbd.results.assessment import NO_VARIATION, coupled_systems, worst_integration_share
 from uqmbd.wording import format_count, format_duration, format_integer, format_number, format_part
 
 __all__ = ["COST", "METHODS", "PROVENANCE"]
@@ -56,7 +56,7 @@ def _sentences(result: StudyResult) -> list[str]:
     text += result.assessment.precision
     constant = [n for n in result.histories if all(one.level == 3 for one in result.assessment.of(n))]
     if constant:
-        words = STILL if len(constant) == 1 else STILL.replace("does", "do", 1)
+        words = NO_VARIATION if len(constant) == 1 else NO_VARIATION.replace("does", "do", 1)
         text.append(f"{', '.join(constant)} {words}.")
     return text + list(map(str, result.findings))
 

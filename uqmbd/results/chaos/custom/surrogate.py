@@ -129,11 +129,11 @@ class CustomSurrogate(Surrogate):
         if self.verification_germs is None:
             return
         count = len(self.verification_germs)
-        wanted: dict[str, tuple[int, ...]] = {
+        shapes: dict[str, tuple[int, ...]] = {
             "germs": (count, self.space.dimension),
             "response": (count, *self.labels.shape),
         }
-        for part, shape in wanted.items():
+        for part, shape in shapes.items():
             given = np.shape(getattr(self, f"verification_{part}"))
             if given != shape:
                 raise StudyError(f"CustomSurrogate: verification_{part} has the shape {given}; expected {shape}.")
@@ -157,12 +157,12 @@ class CustomSurrogate(Surrogate):
 
     @property
     def top_energy(self) -> Array:
-        """Not known: the model has no terms."""
+        """Raise StudyError, because the model has no terms."""
         raise StudyError(NO_TERMS)
 
     @property
     def top_energy_germ(self) -> Array:
-        """Not known: the model has no terms."""
+        """Raise StudyError, because the model has no terms."""
         raise StudyError(NO_TERMS)
 
     @property
@@ -186,23 +186,23 @@ class CustomSurrogate(Surrogate):
         return found
 
     def _at_inputs(self, points: Array) -> Array:
-        self.space.to_germs(points)  # a point outside the distributions is an error
+        self.space.to_germs(points)  # raises StudyError for points outside the distributions
         return self._evaluate_inputs(points)
 
     def _input_gradient(self, points: Array) -> Array:
-        made_by = getattr(self.model, "gradient", None)
-        if not callable(made_by):
+        gradient = getattr(self.model, "gradient", None)
+        if not callable(gradient):
             raise StudyError(
                 f"The model {self.model.name!r} of this surrogate has no gradient; its class defines gradient(inputs)."
             )
-        self.space.to_germs(points)  # a point outside the distributions is an error
-        return self._own(made_by(points), points.shape, "gradient")
+        self.space.to_germs(points)  # raises StudyError for points outside the distributions
+        return self._own(gradient(points), points.shape, "gradient")
 
     def _derivative(self, germs: Array, germ: int) -> Array:
         raise StudyError("A CustomSurrogate has derivatives with respect to inputs only; use gradient.")
 
     def _own(self, values: Any, begin: tuple[int, ...], method: str) -> Array:
-        """Check values of the model, and return the outputs and times of this surrogate, (K, ..., O, T)."""
+        """Check values of the model, and return the values at outputs and times of this surrogate, (K, ..., O, T)."""
         found = np.asarray(values)
         rows, size = self.rows, len(begin)
         # this surrogate may have fewer outputs and times than its model

@@ -47,15 +47,15 @@ def surrogate_statistics(
     *,
     shape_samples: int,
     samples: int,
-    wanted: int,
+    requested: int,
     terms: int,
     of_germs: tuple[Sequence[str], Array, Array] | None,
     stated: tuple[Array, Array] | None,
 ) -> xr.Dataset:
     """Build the dataset of statistics, with attributes for statistics from samples."""
-    # `shape_samples`: samples for skewness and kurtosis, 0 if exact; `samples`: samples for quantiles, fewer than the
-    # requested `wanted` if there are many `terms`; `of_germs`: names, first-order and total indices of the germs, for
-    # dependent inputs; `stated`: stated error (O, T) and its uncertainty factor
+    # `shape_samples`: number of samples for skewness and kurtosis, 0 if exact; `samples`: number of samples for
+    # quantiles, less than `requested` if there are many `terms`; `of_germs`: names, first-order and total indices of
+    # the germs, for dependent inputs; `stated`: stated error (O, T) and its uncertainty factor
     found = statistics_dataset(labels, **values)
     if shape_samples:
         for name in ("skewness", "kurtosis"):
@@ -63,7 +63,7 @@ def surrogate_statistics(
                 "samples": shape_samples,
                 "comment": f"{found[name].attrs['comment']}; of {shape_samples} samples of the surrogate",
             }
-    if samples < wanted:
+    if samples < requested:
         found["quantile"].attrs |= {
             "samples": samples,
             "comment": f"of {samples} samples of the surrogate: its {terms} terms allow no more",

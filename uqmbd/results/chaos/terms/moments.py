@@ -28,8 +28,8 @@ MAX_NODES = 4_000_000
 MAX_PRODUCTS = 5_000_000
 """Maximum number of non-zero linearisation coefficients in a table, which needs 140 bytes each during construction."""
 
-# Relative costs, measured with one thread: a flop of a small matrix product, powers and sums of a node, a non-zero of
-# a sparse product, a pair of terms, and the construction of a non-zero for each input.
+# Relative costs, measured with one thread: of a floating-point operation in a small matrix product, of the powers and
+# sums at a node, of a non-zero in a sparse product, of a pair of terms, and of constructing a non-zero for each input.
 _FLOP, _NODE, _NONZERO, _PAIR, _MAKING = 0.1, 6.0, 1.2, 6.0, 60.0
 
 

@@ -17,8 +17,8 @@ __all__ = ["REPLICATES", "PowerSums"]
 REPLICATES = 8
 """Number of Sobol' sequences with independent scrambling; the scatter of their moments gives the sampling error.
 
-Consecutive blocks of one sequence would be more accurate for smooth functions.  But their errors are equal for waves
-that are in phase with the points, and their scatter was up to fifty times too small.
+Consecutive blocks of one sequence would be more accurate for smooth functions. But for periodic functions in phase with
+the points, all blocks have equal errors; the sampling error from their scatter was up to fifty times too small.
 """
 PIECE = 2_048
 """Maximum number of samples that are evaluated at once."""
@@ -29,7 +29,7 @@ class PowerSums:
     """Sums of the first four powers of samples in independent replicates."""
 
     shift: Array  # (O, T), subtracted from the samples
-    size: Index  # (O, T), exponents of two by which samples are divided
+    size: Index  # (O, T), exponents of the powers of two by which samples are divided
     sums: Array  # (replicates, 4, O, T)
     count: int  # number of samples
 
@@ -53,7 +53,7 @@ class PowerSums:
         return cls(shift, scale, sums, germs.shape[0] * germs.shape[1])
 
     def joined(self, other: PowerSums) -> PowerSums:
-        """Return the sums of both, replicate by replicate."""
+        """Return the sums over the samples of both objects, for each replicate."""
         return PowerSums(self.shift, self.size, self.sums + other.sums, self.count + other.count)
 
     @cached_property

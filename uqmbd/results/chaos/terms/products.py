@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["ProductTable", "product_count", "product_table"]
 
 
-# A linearisation coefficient below this fraction of the largest of its pair counts as zero.
+# A linearisation coefficient counts as zero below this fraction of the largest coefficient of the same pair.
 _ZERO = 1e-12
 
 
@@ -52,7 +52,7 @@ def product_table(index: Index, germs: Sequence[Germ]) -> ProductTable:
 
     left, right = np.triu_indices(len(index) - 1)
     pairs = np.stack([left, right], axis=1) + 1
-    # start with one row for each pair; each input multiplies it to one row for each non-zero product
+    # start with one row for each pair of terms; each germ replaces a row by one row for each non-zero product
     owner = np.arange(len(pairs))
     value = np.where(left == right, 1.0, 2.0)
     key, own, span = np.zeros(len(pairs), dtype=np.int64), np.zeros(len(index), dtype=np.int64), 1
@@ -75,7 +75,7 @@ def product_table(index: Index, germs: Sequence[Germ]) -> ProductTable:
 
 
 def _renumbered(key: Index, own: Index) -> tuple[Index, Index, int]:
-    """Replace keys by their ranks among all keys; return also the number of different keys."""
+    """Replace keys by their ranks among all keys; also return the number of different keys."""
     distinct, ranks = np.unique(np.concatenate([key, own]), return_inverse=True)
     return ranks[: len(key)], ranks[len(key) :], len(distinct)
 
@@ -83,10 +83,10 @@ def _renumbered(key: Index, own: Index) -> tuple[Index, Index, int]:
 def _nonzeros(germ: Germ, top: int) -> tuple[Index, Index, Index, Array]:
     """Return non-zeros of E[p_i p_j p_k]: number and start by pair (i, j), and degree k and value of each."""
     table = germ.linearisation(top)
-    kept = np.abs(table) > _ZERO * np.abs(table).max(axis=2, keepdims=True)
+    nonzero = np.abs(table) > _ZERO * np.abs(table).max(axis=2, keepdims=True)
     count = np.arange(top + 1)
     i, j, k = count[:, None, None], count[:, None], np.arange(2 * top + 1)
-    kept &= (k >= np.abs(i - j)) & (k <= i + j)
-    number = kept.sum(axis=2)
+    nonzero &= (k >= np.abs(i - j)) & (k <= i + j)
+    number = nonzero.sum(axis=2)
     start = (np.cumsum(number.ravel()) - number.ravel()).reshape(number.shape)
-    return number, start, np.nonzero(kept)[2], table[kept]
+    return number, start, np.nonzero(nonzero)[2], table[nonzero]

@@ -39,9 +39,9 @@ def total_order_masks(multi_index: Index) -> Mask:
 
 def interaction_mask(multi_index: Index, columns: Sequence[int]) -> Mask:
     """Return the mask (P,) of terms that involve all given germs and no other germ."""
-    wanted = np.zeros(multi_index.shape[1], dtype=bool)
-    wanted[list(columns)] = True
-    return np.asarray(np.all((multi_index > 0) == wanted, axis=1))
+    involved = np.zeros(multi_index.shape[1], dtype=bool)
+    involved[list(columns)] = True
+    return np.asarray(np.all((multi_index > 0) == involved, axis=1))
 
 
 def second_order_masks(multi_index: Index) -> Mask:
