@@ -110,7 +110,10 @@ def test_what_is_refused(tree, monkeypatch):
         (lambda: uqmbd.to_frame(tree, "z"), "to_frame: the results have no output 'z'"),
         (lambda: uqmbd.to_frame(3), "to_frame: results is 3; expected an xarray.DataTree"),
         (lambda: uqmbd.to_frame(tree, []), "outputs is empty"),
-        (lambda: uqmbd.samples_to_frame(tree["collocation"]), "expected the samples of one method, but none are given"),
+        (
+            lambda: uqmbd.samples_to_frame(tree["collocation"]),
+            "expected the samples of one method, but no samples are given",
+        ),
         (lambda: uqmbd.samples_to_frame(tree, times=1.0), "times=1.0 has no effect without outputs="),
         (
             lambda: uqmbd.samples_to_frame(tree, "x", times=0.33),

@@ -1,4 +1,4 @@
-"""One output of results, with its unit; and results with a variable for each output, as `uqmbd.simulate` gives them."""
+"""Select one output of results with its unit, or convert results to one variable for each output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uqmbd.results.schema import CF, output_places, propagator_nodes, united
 __all__ = ["by_output", "output"]
 
 RESPONSE = "response"
-"""Name of the variable with the output itself, not a statistic of the output."""
+"""Name of the variable that contains values of the outputs instead of statistics."""
 
 _OF_OUTPUTS = (
     "output_units",
@@ -46,13 +46,13 @@ def output(
     ----------
     data : xarray.DataTree, xarray.Dataset or xarray.DataArray
         Result of a study, node of a method, one of its datasets, return value of :func:`uqmbd.simulate`, or variable
-        along ``output``. Of the result of a study, its statistics are used, with a dimension ``propagator`` (labels).
-        Of a node, its ``statistics`` are used, including those of scalar outputs.
+        along ``output``. For the result of a study, the statistics of all methods are used, with a dimension
+        ``propagator`` (labels). For a node, its ``statistics`` are used, including the statistics of scalar outputs.
     name : str
         Name of the output, or of a series of scalar outputs, such as spectral densities. A series has its axis as a
         dimension, such as ``frequency``.
     input : str, optional
-        Name of an input, which selects its part of variables along ``input``: Sobol' indices, derivatives.
+        Name of the input to select in variables along ``input``, such as Sobol' indices and derivatives.
 
     Returns
     -------
@@ -76,9 +76,9 @@ def output(
     ('N^2', 'several')
     """
     if isinstance(data, xr.DataArray):
-        kept = str(data.name or RESPONSE)
-        chosen = _chosen(data.to_dataset(name=kept), name, input)[kept]
-        return chosen.rename(name) if kept == RESPONSE else chosen
+        variable = str(data.name or RESPONSE)
+        chosen = _chosen(data.to_dataset(name=variable), name, input)[variable]
+        return chosen.rename(name) if variable == RESPONSE else chosen
     if isinstance(data, xr.Dataset):
         return _chosen(data, name, input)
     if "statistics" in data.children:
@@ -246,5 +246,5 @@ def _motion(data: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def _has_unit(variable: xr.DataArray) -> bool:
-    """Return whether a variable has its unit, or needs none: texts and numbers that count."""
+    """Return whether a variable has a unit or needs none, because it contains texts, integers or truth values."""
     return variable.dtype.kind != "f" or "units" in variable.attrs

@@ -71,7 +71,7 @@ def test_reflection_is_unbiased_at_a_bound() -> None:
 def test_a_curve_that_is_known_to_be_wrong_flattens_no_other() -> None:
     """The axes are as high as bars and trusted curves are; alone a wrong curve is shown whole."""
     values = np.random.default_rng(1).normal(size=400)
-    wrong = DensityCurve(0.01 * values, 1, trusted=False)
+    wrong = DensityCurve(0.01 * values, 1, scales=False)
     assert densities(values, [DensityCurve(values), wrong]).top == densities(values, [DensityCurve(values)]).top
     assert densities(None, [wrong]).top > 30
 

@@ -78,7 +78,7 @@ def test_functions_of_another_output_have_the_bands_of_the_figure():
     places, mean = axes.lines[0].get_data()
     np.testing.assert_array_equal(unpacked(data["time"]), places)
     np.testing.assert_array_equal(values(data["methods"][0]), mean)
-    assert data["across"] == {"name": "x", "units": "m", "told": "m"}
+    assert data["across"] == {"name": "x", "units": "m", "place_units": "m"}
     low, high = (unpacked(data["methods"][0]["lines"][k]["values"]) for k in (1, 2))
     area = axes.collections[0].get_paths()[0].vertices[:, 1]
     np.testing.assert_allclose([(mean + low).min(), (mean + high).max()], [area.min(), area.max()], rtol=1e-6)

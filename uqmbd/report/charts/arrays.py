@@ -24,18 +24,18 @@ __all__ = ["Kind", "packed", "packed_relative", "packed_selection", "packed_with
 Kind = Literal["float32", "float64", "int32"]
 
 LARGEST = 2.0**44
-"""Largest integer number of steps: scripts compute with 53 bits, and roots of two may differ by the last bit."""
+"""Largest number of steps; scripts compute with 53 bits, and their roots of two may differ by the last bit."""
 
 BLOCK = 8
-"""Number of integers in a block of one width in bits; the width is also the number of bytes of the block."""
+"""Number of integers in a block; all have the same width in bits, which is the number of bytes of the block."""
 
 ALIKE = 16
-"""Number of neighbours with a common step, which the smallest of them determines."""
+"""Number of neighbouring numbers with a common step, which the smallest number determines."""
 
 ROUNDING = 1e-13
-"""Rounding error relative to the largest of the neighbours."""
+"""Rounding error relative to the largest of the neighbouring numbers."""
 
-# matches only text after the shape of an array as `packed` writes it, so other scripts of a page do not change
+# the pattern requires the shape of an array as `packed` writes it, so it does not match other scripts of a page
 _REPEATED = re.compile(r'(?<=\],)"base64":"([A-Za-z0-9+/=]{100,})"')
 
 
@@ -71,13 +71,13 @@ def packed_selection(values: ArrayLike, chosen: NDArray[np.intp]) -> dict[str, A
 
 
 def packed_relative(values: Array, part: float) -> dict[str, Any]:
-    """Pack an array with errors up to a given part of each number, or up to the rounding error of its neighbours."""
+    """Pack an array with errors up to `part` times each number, or up to the rounding error of its neighbours."""
     flat = np.asarray(values, dtype=float).ravel()
     known = np.where(np.isfinite(flat), np.abs(flat), 0.0)
     blocks = np.pad(known, (0, -len(known) % ALIKE)).reshape(-1, ALIKE)
     largest = blocks.max(axis=1)
     least = np.where(blocks > 0, blocks, np.inf).min(axis=1, initial=np.inf)
-    # the smallest of the neighbours determines the step; as a power of two, it represents short numbers exactly
+    # the smallest of the neighbours determines the step; a power of two represents numbers of few digits exactly
     allowed = np.where(largest > 0, np.maximum(part * least, ROUNDING * largest), part)
     steps = 2.0 ** np.floor(np.log2(1.95 * allowed))
     return packed_within(flat, 0.51 * np.repeat(steps, ALIKE)[: len(flat)]) | {"shape": list(np.shape(values))}
@@ -111,12 +111,15 @@ def packed_within(
     with np.errstate(over="ignore"):
         if np.isfinite(known.astype(np.float32)).all():
             found.append(packed(values, "float32"))
-    kept = [one for one in found if one is exact or bool((np.abs(unpacked(one) - values) <= limit)[~unknown].all())]
-    return min(kept, key=lambda one: len(str(one)))
+    fits = [one for one in found if one is exact or bool((np.abs(unpacked(one) - values) <= limit)[~unknown].all())]
+    return min(fits, key=lambda one: len(str(one)))
 
 
 def _whole(whole: NDArray[np.int64], lag: int, eighths: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return integers, or their differences, as data; `eighths` are steps as powers of the eighth root of 2."""
+    """Return integers, or their differences at a distance `lag`, as data.
+
+    `eighths`: steps as powers of the eighth root of 2.
+    """
     flat = whole.ravel()
     if lag:
         flat = np.concatenate([flat[:lag], flat[lag:] - flat[:-lag]])
@@ -159,7 +162,7 @@ def _spaced(ends: Sequence[float], kind: Kind, count: int) -> NDArray[Any]:
 
 
 def share_arrays(page: str) -> tuple[str, list[str]]:
-    """Return a page in which numbers replace repeated arrays, and the list of these arrays."""
+    """Replace repeated arrays of a page by their numbers; return the page and the list of these arrays."""
     counts = Counter(_REPEATED.findall(page))
     shared = {text: k for k, text in enumerate(text for text, count in counts.items() if count > 1)}
 
@@ -171,7 +174,7 @@ def share_arrays(page: str) -> tuple[str, list[str]]:
 
 
 def _written(whole: NDArray[np.int64]) -> bytes:
-    """Return integers (N,), with the sign as lowest bit, as bytes: size of a width, widths of blocks, and blocks."""
+    """Return integers (N,) as bytes: size of a width, widths of the blocks, and blocks; the sign is the lowest bit."""
     folded = ((whole << 1) ^ (whole >> 63)).astype(np.uint64)
     blocks = np.pad(folded, (0, -len(folded) % BLOCK)).reshape(-1, BLOCK)
     widths = np.frexp(blocks.max(axis=1, initial=0).astype(float))[1]

@@ -27,7 +27,7 @@ def checked(
     """Return times and curves of a chart as arrays, after a check of their shapes and values.
 
     Times must increase. Along another `axis`, places may repeat, and a single place is sufficient. Bars require
-    categories, whose distance is the width of a bar. A StudyError names inconsistent parts.
+    `categories`, because their distance determines the width of a bar. A StudyError names inconsistent parts.
     """
     where = f"chart {name!r}"
     if not isinstance(name, str):
@@ -47,12 +47,12 @@ def checked(
     if isinstance(given, Curve) or not len(given) or not all(isinstance(curve, Curve) for curve in given):
         raise StudyError(f"{where}: curves is {given!r:.80}; expected a sequence of one or more uqmbd.report.Curve.")
 
-    def fitting(what: str, values: ArrayLike) -> Array:
-        found = _numbers(f"{where}: {what}", values)
+    def fitting(part: str, values: ArrayLike) -> Array:
+        found = _numbers(f"{where}: {part}", values)
         if found.shape != moments.shape or np.isinf(found).any():
             if found.shape == moments.shape:
-                raise StudyError(f"{where}: {what} contains an infinity; expected numbers, or NaN for unknown values.")
-            raise StudyError(f"{where}: {what} has the shape {found.shape}; expected {moments.shape}, as for times.")
+                raise StudyError(f"{where}: {part} contains an infinity; expected numbers, or NaN for unknown values.")
+            raise StudyError(f"{where}: {part} has the shape {found.shape}; expected {moments.shape}, as for times.")
         return found
 
     made = []
@@ -92,7 +92,7 @@ def checked(
 
 
 def _check_columns(where: str, curve: Curve, count: int) -> None:
-    """Raise StudyError for columns without one entry for each place, and for marks without a place."""
+    """Raise StudyError unless columns have one entry for each place, and marks are pairs of a place and a value."""
     for column in curve.columns:
         values = column.values
         given = () if isinstance(values, (str, bytes)) else np.shape(np.asarray(values, dtype=object))
@@ -106,11 +106,11 @@ def _check_columns(where: str, curve: Curve, count: int) -> None:
             raise StudyError(f"{where}: marks contain {mark!r}; expected a place and a value, both finite numbers.")
 
 
-def _numbers(what: str, values: ArrayLike) -> Array:
+def _numbers(where: str, values: ArrayLike) -> Array:
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise StudyError(f"{what}: {error}; expected real numbers.") from error
+        raise StudyError(f"{where}: {error}; expected real numbers.") from error
 
 
 def checked_chart(chart: Chart) -> Chart:

@@ -42,8 +42,8 @@ def charted(
 ) -> dict[str, Any]:
     """Return the HTML of a chart; a note replaces a chart that has no data or cannot be drawn.
 
-    ``name`` is the name of the file with the figure, if requested. ``on_paper`` is the content of this figure, if it
-    contains more. ``still`` requests a picture that is visible if scripts do not run.
+    ``name`` is the name of the file of the figure, if files are requested. ``on_paper`` returns the content of this
+    figure, if it differs from the chart. ``still`` requests a picture that is visible if scripts do not run.
     """
     found: dict[str, Any] = {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name}
     try:
@@ -54,14 +54,14 @@ def charted(
     if shown is not None:
         found["draw"] = lambda: draw_on_paper(shown if on_paper is None else on_paper())
         if still and data is not None:
-            # without a picture, a sentence states the location of the numbers
+            # if the picture fails, a sentence refers to the tables instead
             with contextlib.suppress(Exception):
                 found["source"] = drawn_source(lambda: draw_on_paper(_coarse(shown)))
     return found | ({"note": f"{NOTHING_TO_DRAW}{caption}"} if data is None else {"chart": data})
 
 
 def _coarse(shown: Shown) -> Shown:
-    """Return charts with the number of places of a small picture, including their peaks."""
+    """Reduce charts to the number of places of a small picture; peaks remain."""
     if isinstance(shown, Views):
         return replace(shown, charts=[thinned_chart(chart, SMALL)[0] for chart in shown.charts])
     return thinned_chart(shown, SMALL)[0]

@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 MARKS = {"disc": "o", "square": "s", "diamond": "D", "up": "^", "down": "v", "plus": "P", "cross": "x"}
-"""Shapes of points, with their letters in Matplotlib; all of them differ without colour."""
+"""Shapes of points, with their letters in Matplotlib; readers can distinguish all shapes without colour."""
 
 QUIET = ("#8a8f96", "#7d868f")
 """Colours of curves that represent several quantities, on a light and on a dark page."""
@@ -76,7 +76,8 @@ class Look:
 
     ``colour`` is an index in the series of colours, or the name of a role. ``dash`` contains lengths on and off, in
     widths of the line; ``width`` is in points. ``shape`` is the shape of marks, a key of ``MARKS``, and ``size`` their
-    size, pixels. ``joined`` states whether a line joins marks. The cursor ignores a ``quiet`` curve.
+    size, pixels. ``hollow`` states whether marks are hollow, and ``joined`` whether a line joins them. The cursor
+    ignores a ``quiet`` curve.
     """
 
     colour: int | str | None = None
@@ -187,8 +188,9 @@ class Axis:
     """A horizontal axis.
 
     ``units`` are typeset. ``ends`` are the ends of the axis (default: ends of the places). ``whole`` states whether its
-    numbers are integers. ``before`` is the text before the number of a place, and ``told`` are the units of this number
-    (default: units of the axis). ``texts`` are names of the places, and ticks of the axis if they are ``categories``.
+    numbers are integers. ``before`` is the text before the number of a place, and ``place_units`` are the units after
+    this number (default: units of the axis). ``texts`` are names of the places, and ticks of the axis if they are
+    ``categories``.
     """
 
     name: str
@@ -197,18 +199,18 @@ class Axis:
     log: bool = False
     whole: bool = False
     before: str = ""
-    told: str | None = None
+    place_units: str | None = None
     texts: tuple[str, ...] = ()
     categories: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes in a plane, shaded by a value (B,), from ``left`` to ``right``, over the band of the only curve.
+    """Boxes in a plane, from ``left`` to ``right`` (B,), with the height of the band of the only curve.
 
-    ``ends`` are the values of the palest and the darkest shade, on a linear or logarithmic scale. A ``grid`` (paper
-    only) has values (rows, columns) of equal cells; ``left`` contains its left and right end, and ``right`` its bottom
-    and top end.
+    ``shade`` (B,) are the values that the shade of each box represents. ``ends`` are the values of the palest and the
+    darkest shade, on a linear or logarithmic scale. A ``grid`` (paper only) has values (rows, columns) of equal cells;
+    ``left`` contains its left and right end, and ``right`` its bottom and top end.
     """
 
     name: str
@@ -223,7 +225,7 @@ class Boxes:
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Shaded intervals (R, 2) of the horizontal axis without information (Matplotlib only)."""
+    """Intervals (R, 2) of the horizontal axis without information, which are shaded (Matplotlib only)."""
 
     name: str
     runs: NDArray[np.float64]
@@ -282,7 +284,7 @@ class Chart:
     short : bool
         Whether seven digits of the values are sufficient, as for estimates.
     follows : bool
-        Whether the surrogate of the page may belong to this output.
+        Whether the chart may show the value of the surrogate of the page at the chosen inputs.
     stacked : bool
         Whether the bands of all curves are stacked areas without lines.
     heading : str
@@ -354,10 +356,10 @@ def axis_of(chart: Chart) -> Axis:
 
 
 def several(chart: Chart) -> bool:
-    """Return whether a chart has at least two places, or requires no line (categories, planes, boxes)."""
+    """Return whether a chart has two or more places, or needs only one (categories, planes, boxes)."""
     along = chart.along
-    standing = along is not None and (along.categories or chart.plane is not None or chart.boxes is not None)
-    return standing or len(np.asarray(chart.places)) > 1
+    without_line = along is not None and (along.categories or chart.plane is not None or chart.boxes is not None)
+    return without_line or len(np.asarray(chart.places)) > 1
 
 
 def painted(curve: Curve, k: int, count: int) -> tuple[tuple[str, str], tuple[float, ...], float]:

@@ -28,7 +28,7 @@ _ESCAPES = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
 
 
 EXACT = 200
-"""Maximum number of places of a curve with exact numbers in a page; longer curves have the displayed digits."""
+"""Maximum number of places of a curve with exact numbers in a page; numbers of longer curves have fewer digits."""
 
 DIGITS = 2.5e-4
 """Allowed error of a number, relative to the half-width of a band; a page shows at best a thousandth of this width."""
@@ -40,7 +40,7 @@ FINE = 4e-7
 """Allowed relative error of a number along other axes, because densities are integrated."""
 
 RELATIVE = 1e-13
-"""Allowed error relative to the largest value, for a band without width."""
+"""Minimum allowed error relative to the largest value, for places at which the band has no width."""
 
 
 def json_script(data: Any) -> str:
@@ -84,7 +84,7 @@ def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOS
 
 
 def thinned_chart(chart: Chart, most: int) -> tuple[Chart, NDArray[np.intp]]:
-    """Return a chart of about ``most`` places, including the peaks of each curve, and the indices of the places."""
+    """Reduce a chart to about ``most`` places, including the peaks of each curve; also return their indices."""
     places = np.asarray(chart.places)
     every = np.arange(len(places))
     if len(places) <= most or chart.plane is not None or chart.boxes is not None:
@@ -149,7 +149,7 @@ def page_data(shown: Chart | Views) -> dict[str, Any]:
         data["across"] = {
             "name": axis.name,
             "units": axis.units,
-            "told": axis.told if axis.told is not None else axis.units,
+            "place_units": axis.place_units if axis.place_units is not None else axis.units,
         }
         data["across"] |= _only(
             {"before": axis.before, "log": axis.log, "whole": axis.whole, "texts": list(axis.texts)}
@@ -179,7 +179,7 @@ def _start(chart: Chart, chosen: NDArray[np.intp]) -> int:
 
 
 def _method(curve: Curve, k: int, count: int, chart: Chart) -> dict[str, Any]:
-    """Return the data of a curve: its values, and each end of a band as the distance from the values."""
+    """Return the data of a curve: its values, and the ends of its bands as distances from the values."""
     colours, dash, width = painted(curve, k, count)
     values = np.asarray(curve.values, dtype=float)
     exact = len(values) <= EXACT or chart.plane is not None
@@ -198,7 +198,7 @@ def _method(curve: Curve, k: int, count: int, chart: Chart) -> dict[str, Any]:
         ends = {"name": band.name, "low": len(lines), "high": len(lines) + 1}
         bands.append(ends | {"bars": True} if band.bars else ends)
         for end, edge in (("lower", band.low), ("upper", band.high)):
-            # if only the band is known, its ends are stored instead of distances
+            # where the value is NaN, the end itself is stored instead of the distance
             away = _distance(np.asarray(edge, dtype=float), np.nan_to_num(stored), allowed)
             lines.append({"name": f"{end} end of {band.name}", "values": away})
     data: dict[str, Any] = {
@@ -245,7 +245,7 @@ def _boxes(boxes: Boxes) -> dict[str, Any]:
 
 
 def _allowed(curve: Curve, values: Array) -> Array | None:
-    """Return the allowed errors (T,) of the numbers of a curve in a page; None without bands about a line."""
+    """Return the allowed errors (T,) of the numbers of a line with bands in a page; None for other curves."""
     if curve.drawn not in ("line", "dotted") or not curve.bands or not np.isfinite(values).any():
         return None
     ends = [np.asarray(edge, dtype=float) for band in curve.bands for edge in (band.low, band.high)]

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_on_paper"]
 
 HEIGHT, PANEL = 3.3, 1.45
-"""Height of a figure with one chart, and height of the axes of one of several charts, inches."""
+"""Height of a figure with a single chart, and height of the axes of each of several charts, inches."""
 
 LETTERS = 13
 """Number of letters of a label per inch of an axis."""
@@ -57,8 +57,8 @@ def draw_on_paper(shown: Chart | Views, *, ax: Axes | None = None, height: float
         figure, axes = single_axes(height, ax)
         legend = _draw(axes, shown, 60, 2.6, alone=True)
         if shown.boxes is not None and ax is None:
-            beside = _shades(figure, axes, shown.boxes)
-            arrange(figure, [axes], right=beside, legend=legend, heights=(2.6,))
+            width = _shades(figure, axes, shown.boxes)
+            arrange(figure, [axes], right=width, legend=legend, heights=(2.6,))
             return figure
         finish_single(figure, axes, ax, legend)
         return figure
@@ -105,7 +105,11 @@ def _once(grid: Sequence[Axes], columns: int, *, shared: bool) -> None:
 
 
 def _draw(axes: Axes, whole: Chart, letters: int, height: float, *, alone: bool = False) -> Legend:
-    """Draw a chart and return its legend; ``letters`` is the length of a row beneath it, ``height`` is in inches."""
+    """Draw a chart and return its legend.
+
+    ``letters`` is the number of letters in a row of text beneath the chart. ``height`` is the height of the axes,
+    inches. ``alone`` states whether the figure has no other chart.
+    """
     chart, _ = thinned_chart(whole, MOST_POINTS)
     axis = chart.plane or axis_of(chart)
     places = np.asarray(chart.places, dtype=float)
@@ -248,7 +252,7 @@ def _values(chart: Chart) -> Array:
 
 
 def _limits(chart: Chart) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the drawn limits, and limits that are so far away that the curve would look flat."""
+    """Return the limits to draw, and limits that are not drawn because the curve would look flat."""
     drawn = _values(chart)
     low, high = (float(drawn.min()), float(drawn.max())) if len(drawn) else (0.0, 0.0)
     far = {
@@ -301,7 +305,7 @@ def _right(axes: Axes, chart: Chart, places: Array, letters: int) -> None:
 
 
 def _roomy(low: float, high: float, share: float) -> tuple[float, float]:
-    """Return the ends of an axis with a margin; the axis never magnifies a constant."""
+    """Return the ends of an axis with a margin; rounding errors of a constant are not magnified."""
     if constant(low, high):
         return surroundings(low, high, 0.5)
     return low - share * (high - low), high + share * (high - low)

@@ -26,7 +26,7 @@ __all__ = ["CHARTED", "drawn_source", "figure_html", "image_html", "still_image"
 CHARTED = '<figure class="charted"'
 """First characters of the figure of a chart; scripts of the page search for this text."""
 
-UNSEEN = "(This chart needs scripts; its numbers are in the tables.) "
+NEEDS_SCRIPTS = "(This chart needs scripts; its numbers are in the tables.) "
 """Text in place of a chart without a picture, if scripts do not run."""
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
@@ -54,7 +54,7 @@ def _rounded(found: re.Match[str]) -> str:
 
 def drawn_source(draw: Callable[[], Figure]) -> str:
     """Return a figure as a data URI."""
-    # a figure has thousands of cyclic objects: a single garbage collection after each figure saves a sixth of the time
+    # a figure has thousands of cyclic objects; it takes a sixth less time without garbage collection
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -69,8 +69,8 @@ def still_image(
 ) -> dict[str, Any]:
     """Return the HTML of a drawing; a note replaces a drawing that fails.
 
-    `make` makes the drawing; `alt` and `caption` are alternative text and caption. `name` is the name of a requested
-    file, and `draw` makes the figure of this file.
+    `make` makes the drawing; `alt` and `caption` are alternative text and caption. `name` is the name of the file of
+    the figure, if files are requested, and `draw` makes this figure.
     """
     found = {"drawing": "", "alt": alt, "caption": caption, "problem": "", "name": name}
     try:
@@ -125,7 +125,7 @@ def image_html(found: Mapping[str, Any], chart: str = "") -> str:
     data = f'<script type="application/json">{chart}</script>' if chart else ""
     begin, picture = f"{CHARTED}>" if chart else "<figure>", f'<img src="{text["source"]}" alt="{text["alt"]}">'
     if chart and not found["source"]:
-        begin, picture = f'{CHARTED} data-alt="{text["alt"]}">', f"<noscript>{UNSEEN}</noscript>"
+        begin, picture = f'{CHARTED} data-alt="{text["alt"]}">', f"<noscript>{NEEDS_SCRIPTS}</noscript>"
     return f"{begin}{picture}<figcaption>{text['caption']}</figcaption>{data}</figure>"
 
 
@@ -148,7 +148,7 @@ def write_images(content: object, folder: Path) -> list[Path]:
             continue
         kind, data = source.removeprefix("data:image/").split(";base64,", 1)
         plain = re.sub(r"[^\w.+-]+", "-", name, flags=re.ASCII).strip("-.")
-        # a long name keeps its end, which distinguishes the figures of an output
+        # shorten a long name in its middle, because its end distinguishes the figures of an output
         plain = plain if len(plain) <= LONGEST else f"{plain[: LONGEST // 2]}-{plain[-LONGEST // 2 :]}"
         number, target = 1, folder / f"{plain or 'figure'}.{kind.removesuffix('+xml')}"
         while target in written:  # names may differ only in replaced characters
@@ -182,8 +182,9 @@ def svg(figure: Figure) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
-    # A separate image instead of inline markup avoids clashes of identifiers. Text as text is small, quickly written,
-    # and in the font of the page. With the fixed salt, equal results give equal files.
+    # A separate image instead of inline markup avoids clashes of identifiers. Text elements instead of outlines of
+    # letters are small, quickly written, and in the font of the page. With the fixed salt, equal results give equal
+    # files.
     with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "uqmbd"}):
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         freeze_ticks(figure)
@@ -198,7 +199,7 @@ def svg(figure: Figure) -> str:
 
 
 def _short_markers(drawn: str) -> str:
-    """Return an SVG in which equal markers share one style, and their shapes have short names."""
+    """Shorten an SVG: equal markers share one style, and their shapes have short names."""
     drawn = _ALIKE.sub(lambda found: f"{found[1]}{found[3]}>{found[2].replace(found[3], '')}</g>", drawn)
     for k, name in enumerate(dict.fromkeys(_NAMED.findall(drawn))):
         drawn = drawn.replace(name, f"m{k}")

@@ -88,7 +88,7 @@ def _power(value: float) -> str:
 
 
 def across_axis(axes: Axes, low: float, high: float, *, log: bool, whole: bool) -> None:
-    """Set the ends of the horizontal axis: integers, or logarithmic with ticks at 1, 2, 5, 10."""
+    """Set the ends and the ticks of the horizontal axis; logarithmic axes have ticks at 1, 2, 5, 10."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
     if log and high > low:

@@ -49,7 +49,7 @@ __all__ = [
 
 @functools.cache
 def arranged_layout() -> Any:
-    """Return the layout class (constrained layout) that distinguishes these figures from other figures."""
+    """Return a class of constrained layout, which identifies figures that `arrange` has placed."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     class ArrangedLayout(ConstrainedLayoutEngine):
@@ -63,7 +63,7 @@ def is_arranged(figure: Figure) -> bool:
     return isinstance(figure.get_layout_engine(), arranged_layout())
 
 
-# colours of Okabe and Ito: distinguishable with every common colour vision; in print the line styles differ
+# colours of Okabe and Ito, distinguishable with every common type of colour vision; in print, line styles differ
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
 # lighter versions in the same order, legible on a dark page
 ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
@@ -74,7 +74,7 @@ TALLEST = 1000.0
 
 WIDTH = 5.6  # inches: legible at full size, and also on a phone that reduces the figure
 MOST_LINES = 4
-"""Maximum number of lines of a label: more lines would cover the figure."""
+"""Maximum number of lines of a label; more lines would cover the figure."""
 _LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 _RIGHT = 0.18  # inches: half a number at the end of an axis
 
@@ -231,12 +231,12 @@ def arrange(
         axes.set_subplotspec(cells[k // columns, k % columns])
     _place(figure, grid, columns, top, right, heights)
     for axes in grid:
-        # a given position would exclude the axes from the layout
+        # include axes in the layout, from which their explicit position would exclude them
         axes.set_in_layout(True)
     figure.align_ylabels(grid)
-    # the layout measures objects in the frame of the axes; other objects need additional room
-    beside = 0.0 if any(axes.child_axes for axes in grid) else max(right - _RIGHT, 0.0)
-    figure.set_layout_engine(arranged_layout()(rect=(0, 0, 1 - beside / figure.get_figwidth(), 1)))
+    # the layout does not measure objects outside the axes, which need additional room on the right
+    room = 0.0 if any(axes.child_axes for axes in grid) else max(right - _RIGHT, 0.0)
+    figure.set_layout_engine(arranged_layout()(rect=(0, 0, 1 - room / figure.get_figwidth(), 1)))
 
 
 def _place(
@@ -247,7 +247,7 @@ def _place(
     right: float,
     heights: Sequence[float] | None,
 ) -> None:
-    """Place axes below ``top`` inches, at distances that follow from the lengths of their texts."""
+    """Place axes below the top margin ``top``, inches; the lengths of their texts determine the distances."""
     width, height = figure.get_size_inches()
     rows = [grid[k : k + columns] for k in range(0, len(grid), columns)]
     ticks = [max(tick_width(row[j].yaxis) for row in rows if j < len(row)) for j in range(len(rows[0]))]
@@ -302,7 +302,7 @@ def _keep_ticks_apart(axis: Axis, room: float) -> None:
 
 
 def tick_width(axis: Axis) -> float:
-    """Return the width of the tick labels of axes, inches."""
+    """Return the width of the tick labels of an axis, inches."""
     texts = axis.get_major_formatter().format_ticks(list(axis.get_majorticklocs()))
     return 0.12 + _CHARACTER * max((len(text) for text in texts), default=0)
 
@@ -334,7 +334,7 @@ def histogram(values: NDArray[np.float64], *, density: bool) -> tuple[NDArray[np
 
 
 def line_width(k: int, count: int) -> float:
-    """Return the line width of the k-th method; lower lines are wider, and remain visible if lines coincide.
+    """Return the line width of the k-th of several methods; earlier lines are wider, so that they are never hidden.
 
     >>> line_width(0, 1), line_width(0, 3) > line_width(1, 3) > line_width(2, 3)
     (1.6, True)
@@ -348,7 +348,7 @@ def constant(low: float, high: float) -> bool:
 
 
 def surroundings(low: float, high: float, share: float) -> tuple[float, float]:
-    """Return ends of an axis around a constant, at a distance relative to its magnitude."""
+    """Return the ends of an axis around a constant, at a distance of `share` times its magnitude."""
     centre = (low + high) / 2
     reach = share * (abs(centre) or 1.0)
     return centre - reach, centre + reach

@@ -32,14 +32,14 @@ def freeze_ticks(figure: Figure) -> None:
         _label_at_rest(figure)
     for axes in figure.axes:
         if hasattr(axes, "get_zlim"):
-            continue  # axes in space draw their own ticks
+            continue  # three-dimensional axes draw their own ticks
         axes.axis(axes.axis())  # fix the current limits
         _freeze(axes, "x")
         _freeze(axes, "y")
 
 
 def _label_at_rest(figure: Figure) -> None:
-    """Set the positions of axis labels in a grid by the longest number of their column."""
+    """Align the axis labels of each column of a grid, beyond the widest tick label of the column."""
     width, height = figure.get_size_inches()
     columns: dict[int, list[Axes]] = {}
     for axes in figure.axes:

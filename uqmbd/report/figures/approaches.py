@@ -13,7 +13,7 @@ from uqmbd.typing import Array
 __all__ = ["Approach", "OutputLimit", "closest_approach", "deviation_chart"]
 
 NARROW = 0.05
-"""Ratio of the width of the outer band to the range of the chart below which the band is not visible."""
+"""Maximum ratio of the width of the outer band to the range of the chart at which the band is not visible."""
 
 MARGIN = 1.6
 """Minimum ratio of the end of the axis of deviations to the largest deviation."""
@@ -42,7 +42,7 @@ class Approach:
 
 
 def closest_approach(mean: Array, std: Array, limits: Sequence[OutputLimit]) -> Approach | None:
-    """Return the closest approach of a mean (T,) with a standard deviation (T,) to limits; None without spread."""
+    """Return the closest approach of a mean (T,) to limits, in standard deviations (T,); None without spread."""
     found = None
     for limit in limits:
         away = limit.value - mean
@@ -59,7 +59,7 @@ def closest_approach(mean: Array, std: Array, limits: Sequence[OutputLimit]) -> 
 def deviation_chart(chart: Chart, limits: Mapping[str, float]) -> Chart | None:
     """Return a chart of deviations from the mean of the first curve; None if the band is visible without it.
 
-    `limits` contains values by name; each becomes a curve of the distance from this mean.
+    `limits` contains values by name; each limit becomes a curve of its distance from this mean.
     """
     first = chart.curves[0]
     if not first.bands:

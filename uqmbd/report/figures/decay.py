@@ -39,7 +39,7 @@ _OTHERS = Look("quiet", (), 1.0)
 
 
 class CoefficientParts(NamedTuple):
-    """Contributions to the largest standard deviation; NaN for contributions that are zero except for rounding."""
+    """Contributions to the largest standard deviation; NaN for contributions at the level of rounding."""
 
     at_times: dict[str, Array]  # (N,): by total order from 1, at some times
     largest: Array  # (N,): maximum over time
@@ -122,7 +122,7 @@ def decay_chart(results: Results, output: str, *, times: Sequence[float] | None 
                 f"by {across}",
                 "%",
                 axis="part of the largest std",
-                along=Axis(across, whole=True, told="", before=f"{word} "),
+                along=Axis(across, whole=True, place_units="", before=f"{word} "),
                 ends=percent_ends(found.ends),
                 log=True,
                 limits={"stated error": 100 * EXACT},
@@ -198,12 +198,12 @@ class StatedErrors(NamedTuple):
 
     times: Array  # (T,)
     names: list[str]  # names of the outputs
-    errors: Array  # (N, T): relative to the standard deviation; NaN for errors that are zero except for rounding
+    errors: Array  # (N, T): relative to the standard deviation; NaN for errors at the level of rounding
     horizons: list[float | None]  # first time at which each error exceeds the limit, s
     # named, others: outputs with separate line styles, in order, and outputs with a common style, the worst first
     named: list[int]
     others: list[int]
-    ends: tuple[float, float]  # between which values an axis shows them and the limit
+    ends: tuple[float, float]  # ends of an axis that shows the errors and the limit
 
 
 def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
@@ -232,7 +232,7 @@ def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
         horizons=[horizon(times, error, limit) for error in errors],
         named=named,
         others=[k for k in worst if k not in named],
-        # errors far below the limit need no room if there are larger errors
+        # the axis omits errors far below the limit if there are larger errors
         ends=(max(low, min(1e-4 * limit, 0.1 * high)), max(high, 2 * limit)),
     )
 

@@ -85,7 +85,7 @@ def output_densities(results: Results | Samples, output: str, times: Sequence[fl
             for method, (label, response) in enumerate(responses.items())
         ]
         low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
-        # an axis with the far tails of a surrogate would hide the relevant range
+        # limit the axis, because the far tails of a surrogate would hide the relevant range
         cut = len(responses) > 1 and not constant(low, high)
         span = (low - 0.2 * (high - low), high + 0.2 * (high - low)) if cut else None
         panels.append(DensityPanel(time, first.values[:, k] if bars else None, curves, span))
@@ -158,7 +158,10 @@ def _errors(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, xr.DataA
 def _responses(
     results: Results | Samples, output: str, times: Sequence[float] | None
 ) -> tuple[dict[str, xr.DataArray], list[int]]:
-    """Return responses (sample, time), and the indices of displayed times; later methods may have only these times."""
+    """Return responses (sample, time) by method, and the indices of displayed times in the first response.
+
+    The responses of other methods may have only the displayed times.
+    """
     import xarray as xr
 
     if isinstance(results, xr.Dataset):
@@ -167,10 +170,10 @@ def _responses(
     nodes = nodes_of(results)
     sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
     surrogates = {label: node for label, node in drawable_nodes(nodes).items() if label not in sampled}
-    # if no method has samples or a surrogate, the error message names the first method
-    kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
-    failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == Status.OK)]
-    usable = {label: node for label, node in kept.items() if label not in failed} or kept
+    # if no method has samples or a surrogate, use the first method, so that the error message names it
+    drawn = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
+    failed = [label for label, node in drawn.items() if not np.any(samples_of(node)["status"].values == Status.OK)]
+    usable = {label: node for label, node in drawn.items() if label not in failed} or drawn
     found = {label: succeeded(node, output) for label, node in usable.items()}
     chosen: list[int] = []
     for label, node in surrogates.items():
@@ -179,7 +182,7 @@ def _responses(
             leading = next(iter(found.values()))
             chosen = chosen or _chosen(leading, times)
             shown = leading["time"].values[chosen]
-        # samples of a general joint distribution require its mechanism
+        # StudyError: sampling a general joint distribution requires its mechanism
         with contextlib.suppress(StudyError):
             found[label] = of_surrogate(node, output, shown)
     first = next(iter(found.values()))

@@ -24,10 +24,10 @@ __all__ = ["SplitElements", "elements_chart", "elements_in_words", "has_elements
 PROBABILITY = "probability"
 
 SPAN = 1e-3
-"""Smallest ratio to the largest value that the scale shows; rounding errors are below this ratio."""
+"""Smallest value on the scale, relative to the largest value; smaller values are rounding errors."""
 
 _BEYOND = 0.001
-"""Probability outside the frame at an infinite end."""
+"""Probability beyond the visible range, at an infinite end of the support."""
 
 
 def has_elements(node: xr.DataTree) -> bool:
@@ -97,13 +97,13 @@ class SplitElements(NamedTuple):
     up: tuple[Array, Array] | None  # (E,): ends in the other input; None for a single split input
     # (E,): largest stated error of each element, relative to the standard deviation; or probability of the element
     value: Array
-    what: str  # name of the quantity in `value`
+    quantity: str  # name of the quantity in `value`
     probability: Array  # (E,)
 
     @property
     def stated(self) -> bool:
-        """Return whether the values are errors."""
-        return self.what != PROBABILITY
+        """Return whether the values are stated errors."""
+        return self.quantity != PROBABILITY
 
 
 def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElements:
@@ -115,7 +115,7 @@ def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElement
     if output is not None:
         of_output(data, output)
     lower, upper = data["lower"].values, data["upper"].values
-    value, what = _colour(data, output)
+    value, quantity = _colour(data, output)
     counts = _cuts(lower, upper)
     ranked = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
     chosen = ranked[: 2 if len(ranked) > 1 and counts[ranked[1]] else 1]
@@ -127,7 +127,7 @@ def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElement
         across,
         rest[0] if rest else None,
         value,
-        what,
+        quantity,
         np.asarray(data["probability"].values, dtype=float),
     )
 
@@ -157,7 +157,7 @@ def _cuts(lower: Array, upper: Array) -> list[int]:
 
 
 def _colour(data: xr.Dataset, output: str | None) -> tuple[Array, str]:
-    """Return the quantity (E,) of the colours of elements, and its name."""
+    """Return the quantity (E,) that the colours of elements represent, and its name."""
     if "verification_error" not in data:
         return np.asarray(data["probability"].values, dtype=float), PROBABILITY
     error = data["verification_error"]
@@ -187,13 +187,13 @@ def _frame(data: xr.Dataset, germ: int, lower: Array, upper: Array) -> tuple[Arr
             points = np.tile(middle, (len(side), 1))
             points[:, germ] = side
             found.append(space.to_inputs(points)[:, germ])
-    except StudyError:  # without a stored map, show the germ
+    except StudyError:  # the map from germs to inputs is not stored, so use values of the germ
         return sides[0], sides[1]
     return np.minimum(*found), np.maximum(*found)
 
 
 def _ends(values: Array) -> tuple[float, float] | None:
-    """Return the ends of the colour scale of positive values; None if they differ by at most 5 %."""
+    """Return the ends of a colour scale for positive values; None if the values differ by at most 5 %."""
     positive = values[values > 0]
     if not len(positive) or positive.max() <= 1.05 * positive.min():
         return None
@@ -206,11 +206,11 @@ def _worst(values: Array) -> int:
 
 
 def _boxes(found: SplitElements, up: tuple[Array, Array]) -> Chart:
-    """Chart the elements as boxes, ordered along the axis."""
+    """Chart the elements as boxes in the plane of two inputs, ordered along the horizontal axis."""
     (x0, x1), (y0, y1) = found.across, up
     order = np.lexsort((y0 + y1, x0 + x1))
     x0, x1, y0, y1 = (side[order] for side in (x0, x1, y0, y1))
-    scale, name, units = (100.0, "stated error", "% of std") if found.stated else (1.0, found.what, "")
+    scale, name, units = (100.0, "stated error", "% of std") if found.stated else (1.0, found.quantity, "")
     value = scale * found.value[order]
     (across, across_units), (name_up, units_up) = ((one, typeset_units(unit)) for one, unit in found.names)
     columns = [Column(name, value, units, digits=True)]
@@ -247,7 +247,7 @@ def _steps(found: SplitElements) -> Chart:
     order = np.argsort(x0)
     value = (100.0 if found.stated else 1.0) * found.value[order]
     ends = _ends(value) if found.stated else None
-    name = "stated error" if found.stated else found.what
+    name = "stated error" if found.stated else found.quantity
     shown = value if ends is None else np.maximum(value, ends[0])
     up = (0.0, 1.05 * float(np.nanmax(value, initial=0.0)) or 1.0)
     if ends is not None:

@@ -88,7 +88,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
         ("by realisations", "realisations", Axis("realisations", log=True, whole=True)),
         ("by wall time", "wall_time", Axis("wall time", "s", log=True)),
     ):
-        # rows have the order of levels, so a line goes back if a finer level has a lower cost
+        # rows are in the order of levels, so a line turns back if a finer level has a lower cost
         rows = [(k, one, np.where(np.isfinite(one.errors), getattr(one, cost), np.nan)) for k, one in enumerate(found)]
         rows = [row for row in rows if np.isfinite(row[2]).any()]
         if not rows:
@@ -120,12 +120,12 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
                 title,
                 "%",
                 axis="relative error",
-                along=Axis("level", told="", before="level ", whole=True),
+                along=Axis("level", place_units="", before="level ", whole=True),
                 plane=plane,
                 ends=(low, high),
                 log=True,
                 digits=True,
-                # the finest level that most methods have
+                # start at the finest of the levels that the largest number of curves have
                 start=count - 1 - int(known[::-1].argmax()),
                 heading=f"reference: {convergence.attrs.get('reference', '')}" if not charts else "",
             )

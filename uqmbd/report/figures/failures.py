@@ -37,14 +37,14 @@ __all__ = [
 _MOST_POINTS = 1500
 ENOUGH = 3
 """Minimum number of failures of one kind for a comparison of inputs."""
-# names in quotes, and digits that belong to a word, do not change; remarks in brackets are ignored
+# group 1: a name in quotes, which is not changed; group 2: a number that is not part of a word
 _TOKENS = re.compile(r"""('[^']*'|"[^"]*")|(?<![\w.])([+\-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+\-]?\d+)?)(?![\w]|\.\d)""")
 _BRACKETS = re.compile(r"\s*\([^()]*\)")
 
 
 @dataclass(frozen=True, eq=False)
 class FailureGroup:
-    """Failures with one reason: status as text, message with numbers as ranges, and samples."""
+    """Failed samples with the same reason: status as text, message with ranges of numbers, and sample indices."""
 
     kind: str
     text: str
@@ -102,7 +102,7 @@ def _pattern(message: str) -> str:
 
 
 def _joined(messages: list[str]) -> str:
-    """Return one message that represents messages of the same pattern."""
+    """Merge messages of the same pattern; ranges replace numbers that differ."""
     if not messages[0]:
         return "no reason was reported"
     if len(set(messages)) == 1:
@@ -189,7 +189,7 @@ def _short(value: float) -> str:
 
 
 def _ranges(bad: NDArray[np.float64], good: NDArray[np.float64]) -> list[tuple[float, float]]:
-    """Return the range of sorted failed values, or two ranges with most of the successful samples between them."""
+    """Return the range of sorted failed values, or two ranges if most successful values are between them."""
     whole = [(float(bad[0]), float(bad[-1]))]
     if len(bad) < 2 or not len(good):
         return whole
@@ -208,13 +208,13 @@ def _input_labels(samples: xr.Dataset) -> tuple[list[str], list[str]]:
 
 @dataclass(frozen=True, eq=False)
 class FailedInputs:
-    """One or two inputs with the clearest separation of samples that failed for one reason."""
+    """Samples in the one or two inputs that separate samples that failed for one reason most clearly."""
 
     # names, units: names and units of one or two inputs
     names: tuple[str, ...]
     units: tuple[str, ...]
     drawn: NDArray[np.float64]  # (S, 1) or (S, 2): inputs of all samples
-    # fine, failed: displayed samples; every second or third one of many samples
+    # fine, failed: indices of displayed samples; of many samples, only every second, third, ... one is displayed
     fine: NDArray[np.intp]
     failed: NDArray[np.intp]
     # count_fine, count_failed: total numbers of samples
@@ -222,10 +222,10 @@ class FailedInputs:
     count_failed: int
 
     def places(self, which: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the positions of the samples; for a single input, the height is evenly spaced without meaning."""
+        """Return the positions of samples; for a single input, heights have no meaning and only separate the points."""
         if len(self.names) > 1:
             return self.drawn[which, 0], self.drawn[which, 1]
-        # multiples of the golden ratio keep points from hiding each other
+        # multiples of the golden ratio distribute the heights evenly
         return self.drawn[which, 0], np.asarray((which * 0.6180339887) % 1, dtype=float)
 
 
@@ -278,7 +278,7 @@ def failures_chart(node: Samples, reason: int | FailureGroup) -> Chart:
         curves,
         units="" if single else found.units[1],
         axis="" if single else found.names[1],
-        along=Axis("sample", told="", before="sample ", whole=True),
+        along=Axis("sample", place_units="", before="sample ", whole=True),
         plane=Axis(found.names[0], typeset_units(found.units[0])),
         ends=(0.0, 1.0) if single else None,
         hidden=single,

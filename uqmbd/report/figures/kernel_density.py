@@ -43,11 +43,13 @@ _TAIL = 1e-4
 _ROUGHNESS = 0.5 / math.sqrt(math.pi)
 """Integral of the squared Gaussian kernel, to which the variance of the estimate is proportional."""
 _WIDENED = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
-"""Factors by which a kernel is widened, until no peak remains that may be due to chance."""
+"""Factors by which a kernel is widened in turn, until all remaining peaks are significant."""
 _CLEAR, _FAR = 2.5, 0.1
-"""Depth of a significant dip between two peaks, in standard errors; ratio to the largest peak of outlying peaks."""
+"""Minimum depth of a significant dip between two peaks, in standard errors, and minimum height of a peak that counts,
+relative to the largest peak."""
 _PILED, _ENOUGH = 0.25, 100
-"""Ratio of the density at an end to its maximum above which values accumulate there; minimum number of values."""
+"""Ratio of the density at an end to the maximum, above which the end is a bound; minimum number of values for this
+test."""
 
 
 class DensityCurve(NamedTuple):
@@ -55,7 +57,7 @@ class DensityCurve(NamedTuple):
 
     values: NDArray[np.float64]  # (S,)
     style: int = 0  # index of colour and line style
-    trusted: bool = True  # whether the curve affects the height of the axes; false for a curve with a known error
+    scales: bool = True  # whether the curve affects the height of the axes; False for a curve with a large error
     # points and density of a curve without estimation
     known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
@@ -86,12 +88,12 @@ def density(
     low, high = float(values.min()), float(values.max())
     if len(values) < 2 or constant(low, high):
         return None
-    # shifted and scaled, so that the variance of values of 1e-200 does not underflow
+    # shift and scale, so that the variance of values of 1e-200 does not underflow
     scaled = (values - low) / (high - low)
     first, last = ((end - low) / (high - low) for end in ends)
     places, weights = scaled, np.full(len(scaled), 1 / len(scaled))
     if len(scaled) > 2 * _CELLS:
-        # many samples are first counted in cells that are much finer than the width of a kernel
+        # count many samples in cells, which are much finer than the width of a kernel
         counts, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
         places, weights = (edges[:-1] + edges[1:])[counts > 0] / 2, counts[counts > 0] / len(scaled)
     width = _silverman(scaled)
@@ -103,7 +105,7 @@ def density(
         for end in (first, last):
             if -3 * wide < end < 1 + 3 * wide:
                 f += _kernels(2 * end - x, places, weights, wide)
-        found.append((_doubtful_dips(f, len(values) * wide), x, f))
+        found.append((_insignificant_dips(f, len(values) * wide), x, f))
         if not found[-1][0]:
             break
     _, x, f = min(found, key=lambda one: one[0])
@@ -113,8 +115,8 @@ def density(
 def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return the densities of inputs from the germ map that a surrogate stores.
 
-    Return points and densities by input. Inputs with discrete values, and inputs of a general joint distribution, are
-    omitted.
+    The result contains points and densities by input. Inputs with discrete values, and inputs of a general joint
+    distribution, are omitted.
 
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermSpace, JointInput
@@ -136,7 +138,7 @@ def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], ND
             germ = space.germs[column]
             if germ.values is not None:
                 continue
-            # germs of several inputs belong to a Gaussian copula with standard normal variables
+            # several inputs of a group are coupled by a Gaussian copula, whose variables are standard normal
             alone = len(group.columns) == 1
             tails = [_TAIL, 1 - _TAIL]
             low, high = (germ.from_uniform(tails) if alone else ndtri(tails)).tolist()
@@ -149,7 +151,7 @@ def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], ND
             if not np.all(steps) or len(np.unique(np.sign(steps))) > 1:
                 continue
             f = np.diff(below) / np.abs(steps)
-            # midpoints between points, and the end points
+            # place densities at the midpoints between points, and at the end points
             points = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
             found[space.inputs[column]] = points, np.concatenate([f[:1], f, f[-1:]])
     return found
@@ -169,8 +171,8 @@ def _kernels(
     return np.asarray(summed / (math.sqrt(2 * math.pi) * width))
 
 
-def _doubtful_dips(f: NDArray[np.float64], weight: float) -> int:
-    """Count dips between peaks that may be due to chance; ``weight`` is sample count times kernel width."""
+def _insignificant_dips(f: NDArray[np.float64], weight: float) -> int:
+    """Count dips between peaks that are not significant; ``weight`` is sample count times kernel width."""
     rising = np.sign(np.diff(f))
     turns = np.flatnonzero(rising[:-1] * rising[1:] < 0) + 1
     peaks = [int(k) for k in turns if f[k] > f[k - 1]]
@@ -189,9 +191,9 @@ def _doubtful_dips(f: NDArray[np.float64], weight: float) -> int:
 def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
     """Estimate the ends of the support of a quantity from samples.
 
-    Zero is a bound of a quantity if no sample is beyond zero and some samples are near zero. The probability beyond
-    zero is then at most 3 / S (with 95 % confidence), which is not visible in a density. The smallest or largest sample
-    is a bound if many samples accumulate near it, as for a uniform distribution.
+    Zero is a bound if no sample is beyond zero and some samples are near zero. The probability beyond zero is then at
+    most 3 / S (with 95 % confidence), which is not visible in a density. The smallest or largest sample is a bound if
+    the density there is large, as for a uniform distribution.
 
     `values` has the shape (S,). Return lower and upper bound; infinite without a bound.
 
@@ -222,25 +224,22 @@ class Densities(NamedTuple):
     bars: tuple[NDArray[np.float64], NDArray[np.float64]] | None  # edges and heights of a histogram, as a density
     # index of colour and line style, points and densities of each curve; the curve is zero at its ends
     curves: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]
-    top: float  # highest value that must be visible
+    top: float  # largest density that must be visible
 
 
 def densities(bars: NDArray[np.float64] | None, curves: Sequence[DensityCurve]) -> Densities:
-    """Return the histogram of values, and kernel density estimates of further values.
-
-    `bars` (S,) are the values of the histogram.
-    """
+    """Return the data of a density chart: the histogram of values `bars` (S,), and the densities of `curves`."""
     counted = None if bars is None else histogram(bars, density=True)
     tops = {True: 0.0 if counted is None else float(counted[1].max()), False: 0.0}
     found = []
-    for values, number, trusted, known in curves:
+    for values, number, scales, known in curves:
         curve = known or density(values, ends=ends_of(values))
         if curve is None:
             continue
         x, f = curve
-        # at a bound, the curve ends on the axis
+        # append zeros, so that the curve also ends on the axis at a bound
         found.append((number, np.concatenate([x[:1], x, x[-1:]]), np.concatenate([[0.0], f, [0.0]])))
-        tops[trusted] = max(tops[trusted], float(f.max()))
+        tops[scales] = max(tops[scales], float(f.max()))
     return Densities(counted, found, tops[True] or tops[False])
 
 
@@ -259,7 +258,8 @@ def density_chart(
 ) -> Chart:
     """Chart densities of a quantity at common positions; a jump has two values at one position.
 
-    ``barred`` is the name of the histogram; ``colour`` is the series of all curves; ``failed`` are values with a mark.
+    ``barred`` is the name of the histogram; ``colour`` is the index of a common colour of all curves; ``failed`` are
+    values of failed samples, which get a mark.
     """
     places = _places(shown, span)
     curves = []
@@ -300,14 +300,14 @@ def _places(shown: Densities, span: tuple[float, float] | None) -> Array:
     every = np.concatenate(jumps)
     low, high = (float(every.min()), float(every.max())) if span is None else span
     parts = [np.linspace(low, high, _SHARED), every, every]
-    # further positions for a narrow curve among wide curves
+    # add positions for narrow curves
     parts += [np.linspace(x[0], x[-1], _SHARED // 2) for _, x, _ in shown.curves if 2 * (x[-1] - x[0]) < high - low]
     places = np.sort(np.concatenate(parts))
     return np.asarray(places[(places >= low) & (places <= high)])
 
 
 def _at(places: Array, x: Array, f: Array) -> Array:
-    """Return a curve at given positions; at its ends, the outer of the two values is zero."""
+    """Return a curve at given positions; at each end, which occurs twice, the outer value is zero."""
     if x[0] > x[-1]:
         x, f = x[::-1], f[::-1]
     values = np.interp(places, x[1:-1], f[1:-1], left=np.nan, right=np.nan)

@@ -39,9 +39,9 @@ class Convergence:
 
 
 def orders_of(results: Results, output: str, reference: str | None = None) -> tuple[str, list[Convergence]]:
-    """Return the reference, and the distance from it of each series of chaoses with several orders.
+    """Return the label of the reference, and the differences of each series of chaoses from the reference.
 
-    The default of `reference` is the finest chaos, because the standard error of Monte Carlo would limit the decrease.
+    The default reference is the finest chaos: the differences from Monte Carlo would not fall below its standard error.
     Raise StudyError if the reference is unknown, or no other chaos can be compared with it.
     """
     nodes = {label: node for label, node in nodes_of(results).items() if _has(node, output)}
@@ -82,9 +82,10 @@ def _off(node: xr.DataTree, output: str, base: xr.Dataset, scale: float) -> tupl
 
 
 def orders_chart(results: Results, output: str, reference: str | None = None) -> Views:
-    """Chart the distance of chaoses of several orders from the finest, in per cent of its largest std.
+    """Chart the difference of chaoses of several orders from the finest chaos, in per cent of its largest std.
 
-    One view shows the order, another the number of realisations if known, with the standard errors of samplings.
+    One view is over the order. Another view, if the numbers are known, is over the number of realisations; it includes
+    the standard errors of sampling methods.
 
     Raise StudyError if no surrogate is left to compare with the finest, or times differ.
     """
@@ -102,7 +103,7 @@ def orders_chart(results: Results, output: str, reference: str | None = None) ->
     charts = []
     for word, counts, places in (("order", "orders", orders), ("realisations", "realisations", sizes)):
         cost = counts == "realisations"
-        if cost and places[0] < 1:  # the numbers are unknown
+        if cost and places[0] < 1:  # a number of realisations is unknown
             continue
         curves = []
         for k, row in enumerate(found):
@@ -124,7 +125,9 @@ def orders_chart(results: Results, output: str, reference: str | None = None) ->
                 f"by {word}",
                 "%",
                 axis="difference / largest std",
-                along=Axis(word, whole=True, log=cost, told=word if cost else "", before="" if cost else f"{word} "),
+                along=Axis(
+                    word, whole=True, log=cost, place_units=word if cost else "", before="" if cost else f"{word} "
+                ),
                 ends=ends,
                 log=True,
                 start=len(places) - 1,
@@ -135,7 +138,7 @@ def orders_chart(results: Results, output: str, reference: str | None = None) ->
 
 
 def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> Array:
-    """Return values in per cent at some of the positions; NaN elsewhere, and for values without a logarithm."""
+    """Return values in per cent at their positions; NaN at other positions, and for values that count as zero."""
     shown = np.full(len(places), np.nan)
     shown[at] = np.where(values > SMALLEST, 100 * values, np.nan)
     return shown
@@ -184,7 +187,10 @@ def _statistics(nodes: Mapping[str, xr.DataTree], label: str, output: str) -> xr
 
 
 def sampling_errors(nodes: Mapping[str, xr.DataTree], chosen: str, output: str) -> list[tuple[str, int, float]]:
-    """Return, for each sampling, label, realisations, and ratio of the largest standard error to the largest std."""
+    """Return label, realisations, and relative standard error of each method without a chaos.
+
+    The error is the largest standard error of the std over time, relative to the largest std of the reference `chosen`.
+    """
     scale = float(_statistics(nodes, chosen, output)["std"].max()) or 1.0
     found = []
     for label, node in nodes.items():

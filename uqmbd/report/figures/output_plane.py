@@ -33,20 +33,20 @@ PLACES = 200
 """Number of values of the other output at which bands are computed."""
 
 MOST = 4096
-"""Maximum number of realisations for bands; the first ones are used."""
+"""Maximum number of realisations for bands; the first realisations are used."""
 
 BENDS = 200
 """Maximum number of points of a single realisation."""
 
 STRAIGHT = 1 / 800
-"""Allowed distance of lines from the data, relative to the height and width of a chart: about half a pixel."""
+"""Allowed deviation of lines from the data, relative to the height and width of a chart: about half a pixel."""
 
 CURVES = 60
 """Maximum number of realisations that are drawn as lines if there are no bands."""
 
 
 class OutputPaths(NamedTuple):
-    """Realisations of two outputs in their common plane: the other output (x) and the drawn one (y).
+    """Realisations of two outputs of a method: the output on the horizontal axis (x), and on the vertical axis (y).
 
     Both have the shape (realisation, time). A method without realisations has one row with the means. The times are all
     times at which both outputs are known.
@@ -94,10 +94,10 @@ def paths_over(results: Results, output: str, over: str) -> Over:
 
 
 def bands_over(path: OutputPaths, places: Array | None = None) -> tuple[Array, Array, Array]:
-    """Return values of the other output, the mean at these, and the ends of the 95 % and 50 % bands, shape (4, P).
+    """Return P values of the other output, and mean (P,) and ends of bands (4, P) of the output at these values.
 
-    The ends are the lower and upper end of the wide band, then of the narrow band. By default there are 200 values
-    within the range that all realisations cover; at other given values, results are NaN.
+    The ends are the lower and upper end of the 95 % band, then of the 50 % band. By default, there are 200 values
+    within the range that all realisations cover. Beyond this range, results are NaN at given values `places`.
     """
     x, y = (path.x, path.y) if path.x[0, -1] > path.x[0, 0] else (path.x[:, ::-1], path.y[:, ::-1])
     low, high = float(x[:, 0].max()), float(x[:, -1].min())
@@ -110,8 +110,9 @@ def bands_over(path: OutputPaths, places: Array | None = None) -> tuple[Array, A
 def over_chart(results: Results, output: str, over: str) -> Chart:
     """Chart an output over another output, with the content of `over_output`.
 
-    If bands are drawn, the chart contains curves along the other output. Otherwise it is in the plane of both outputs,
-    with the time of the page: the means at each time, and single realisations of the first method.
+    If bands are drawn, the chart contains curves along the other output. Otherwise it is in the plane of both outputs:
+    it contains the means at each time, and single realisations of the first method; its cursor follows the time of the
+    page.
 
     Raise StudyError if no such output exists, or both are the same.
     """
@@ -145,7 +146,7 @@ def _banded(paths: Mapping[str, OutputPaths], output: str, units: str, axis: Axi
 
 
 def _strands(path: OutputPaths, chosen: Array) -> Strands:
-    """Return single realisations at a selection of the chosen times, sufficient for straight lines in between."""
+    """Return single realisations at a selection of the chosen times; straight lines join their points."""
     x, y = (values[:, np.isin(path.times, chosen)] for values in path.single)
     at = _bends(np.stack([x, y], axis=1), BENDS, STRAIGHT)
     own = np.flatnonzero(np.isin(chosen, path.times))
@@ -153,7 +154,7 @@ def _strands(path: OutputPaths, chosen: Array) -> Strands:
 
 
 def _bends(lines: Array, most: int, tolerance: float) -> NDArray[np.intp]:
-    """Choose points such that straight lines between them approximate lines of shape (R, 2, T).
+    """Choose indices (of T) such that straight lines between their points approximate lines (R, 2, T).
 
     Each step adds the point with the largest deviation. The search ends at ``most`` points, or if no deviation exceeds
     the tolerance, relative to the extent of all lines along each axis. The method is the algorithm of Ramer, Douglas
@@ -254,7 +255,7 @@ def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
             found = [of_output(samples, name)["response"].values[fine] for name in (over, output)]
             sampled = True
     elif drawable_nodes({"": node}):
-        # samples of a general joint distribution require its mechanism
+        # StudyError: sampling a general joint distribution requires its mechanism
         with contextlib.suppress(StudyError):
             found = [of_surrogate(node, name).values for name in (over, output)]
             sampled = True

@@ -190,8 +190,8 @@ def difference_chart(nodes: Mapping[str, xr.DataTree], output: str, reference: s
     others = {label: one - values[reference] for label, one in values.items() if label != reference}
     curves += [Curve(label, off, (), "difference") for label, off in others.items()]
     largest = max((np.nan_to_num(np.abs(off)) for off in others.values()), key=lambda off: off.max())
-    what = {"mean": "mean", "std": "standard deviation"}[statistic]
-    name, axis = f"{output}: difference of the {what}", f"difference of the {what}"
+    words = {"mean": "mean", "std": "standard deviation"}[statistic]
+    name, axis = f"{output}: difference of the {words}", f"difference of the {words}"
     return Chart(name, times, curves, units=_units(statistics), axis=axis, start=int(largest.argmax()))
 
 
@@ -318,7 +318,7 @@ def occurrences(
     low, high = float(values.min()), float(values.max())
     if constant(low, high):
         low, high = surroundings(low, high, 0.5)
-    # half the bin width of Freedman and Diaconis, from the spread at a typical time
+    # half the bin width of Freedman and Diaconis, for the spread at a typical time
     typical = float(np.median(np.subtract(*np.percentile(values, [75, 25], axis=0)))) * samples ** (-1 / 3)
     rows = int(np.clip((high - low) / typical, 40, _MOST_VALUES)) if typical > 0 else _MOST_VALUES
     bins = np.clip(((values - low) / (high - low) * rows).astype(int), 0, rows - 1) * columns + np.arange(columns)
@@ -329,13 +329,13 @@ def occurrences(
 def band_edges(
     statistics: xr.Dataset,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]] | None, str]:
-    """Return the ends of the 95 % band, the ends of the 50 % band if known, and the name of the first band."""
+    """Return the ends of the 95 % band, the ends of the 50 % band if known, and the name of the 95 % band."""
     quantile = statistics["quantile"]
     levels = quantile["probability"].values
 
-    def pair(*wanted: float) -> list[NDArray[np.float64]] | None:
-        places = [int(np.abs(levels - p).argmin()) for p in wanted] if levels.size else []
-        if not places or np.any(np.abs(levels[places] - wanted) > 1e-6):
+    def pair(*ends: float) -> list[NDArray[np.float64]] | None:
+        places = [int(np.abs(levels - p).argmin()) for p in ends] if levels.size else []
+        if not places or np.any(np.abs(levels[places] - ends) > 1e-6):
             return None
         edges = [quantile.isel(probability=k).values for k in places]
         return edges if all(np.all(np.isfinite(edge)) for edge in edges) else None
@@ -359,7 +359,7 @@ def _units(statistics: Mapping[str, xr.Dataset]) -> str:
 
 
 def at_times(data: xr.Dataset, times: Array, values: Array) -> Array:
-    """Return values at some of their times; NaN if unknown."""
+    """Return values of `data` at given times; NaN at times that `data` does not contain."""
     own = data["time"].values
     place = np.clip(np.searchsorted(own, times), 0, len(own) - 1)
     return np.where(own[place] == times, np.asarray(values, dtype=float)[place], np.nan)

@@ -25,7 +25,7 @@ MOST_REQUIREMENTS = 12
 """Maximum number of requirements in a figure."""
 
 RARE = 1.0
-"""Largest probability of violation, per cent, for which the axis is logarithmic."""
+"""Probability of violation, per cent, below which the axis is logarithmic."""
 
 DECADES = 4
 """Maximum number of powers of ten below the smallest final probability on a logarithmic axis."""
@@ -85,10 +85,10 @@ def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
         return None
     charts = []
     for name in names:
-        curves = {label: data.sel(requirement=name) for label, data in found.items() if _told(data, name)}
+        curves = {label: data.sel(requirement=name) for label, data in found.items() if _is_stated(data, name)}
         charts.append(replace(_violation(name, curves), title=name, heading=name))
     worst = [
-        float(max(d.sel(requirement=n)["violated_by"].max() for d in found.values() if _told(d, n))) for n in names
+        float(max(d.sel(requirement=n)["violated_by"].max() for d in found.values() if _is_stated(d, n))) for n in names
     ]
     return Views(charts, "Requirement", int(np.argmax(worst)))
 
@@ -96,17 +96,18 @@ def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
 def worst_violations_chart(nodes: Mapping[str, xr.DataTree], most: int = 6) -> Chart | None:
     """Chart the probability of violation until each time for the most probable violations.
 
-    A single requirement has a curve of each method; several requirements have a curve of the first method. Return None
-    if no probability grows.
+    A single requirement has a curve for each method. For several requirements, each has a curve of the first method
+    whose probabilities grow. Return None if no probability grows.
     """
     found = _requirements_chart(nodes)
     names = _growing(found)
     if len(names) == 1:
-        return _violation(names[0], {k: d.sel(requirement=names[0]) for k, d in found.items() if _told(d, names[0])})
+        name = names[0]
+        return _violation(name, {k: d.sel(requirement=name) for k, d in found.items() if _is_stated(d, name)})
     data = next((one for one in found.values() if changing_with_time(one)), None)
     if data is None:
         return None
-    last = {name: float(data["violated_by"].sel(requirement=name).max()) for name in names if _told(data, name)}
+    last = {name: float(data["violated_by"].sel(requirement=name).max()) for name in names if _is_stated(data, name)}
     chosen = sorted(last, key=lambda name: -last[name])[:most]
     return _violation("requirements", {name: data.sel(requirement=name) for name in last if name in chosen})
 
@@ -119,7 +120,7 @@ def _growing(found: Mapping[str, xr.Dataset]) -> list[str]:
     return list(dict.fromkeys(name for data in found.values() for name in changing_with_time(data)))[:MOST_REQUIREMENTS]
 
 
-def _told(data: xr.Dataset, name: str) -> bool:
+def _is_stated(data: xr.Dataset, name: str) -> bool:
     """Return whether a method states the probability of violation until each time, even if it is constant."""
     return "violated_by" in data and data.sizes.get("time", 0) > 1 and name in data["requirement"].values
 
@@ -133,7 +134,7 @@ def _violation(name: str, found: Mapping[str, xr.Dataset]) -> Chart:
         interval = 100 * np.asarray(data["interval"].values, dtype=float)
         low, high = (np.where(np.arange(len(times)) == last, end, np.nan) for end in interval)
         curves.append(Curve(label, values, (Band("95 % interval of the whole motion", low, high, True),), "violated"))
-        # an interval without information must not hide the curve
+        # the height of the axes ignores an interval up to 100 %, beside which the curve would not be visible
         tops += [float(np.nanmax(values, initial=0.0)), float(interval[1]) if interval[1] < 100 else 0.0]
         last_values.append(float(np.nanmax(values, initial=0.0)))
     top = max(tops)

@@ -27,7 +27,7 @@ __all__ = ["ESTIMATED", "SamplingPlan", "Settling", "convergence", "design_of", 
 NORMAL_95 = 1.96
 _POINTS = 120
 ESTIMATED = {"mean": "mean", "std": "standard deviation"}
-"""Statistics and their names."""
+"""Estimated statistics, with their names in texts."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Settling(NamedTuple):
         return centre, centre - error if name == "mean" else np.maximum(centre - error, 0.0), centre + error
 
     def ends(self, name: str) -> tuple[float, float] | None:
-        """Return the ends of an axis for the estimates and all intervals except the first, widest ones.
+        """Return the ends of an axis that shows all estimates, and all intervals except the first, widest intervals.
 
         Return None if the estimates are constant.
         """
@@ -111,7 +111,7 @@ def settling(node: Samples, output: str, time: float | None = None) -> Settling:
     total = max(int(node.attrs.get("realisations", 0)), len(values))
     counts, found = _estimates(values, fine, design, total)
     if total > len(values) and isinstance(node, xr.DataTree):
-        # only the first samples are stored, but the statistics refer to all samples
+        # only the first samples are stored; the last estimate comes from the statistics of all samples
         last = of_output(node.children["statistics"], output).isel(time=chosen)
         number = total - int(node.attrs.get("failures", 0)) if design.independent else design.replicates
         counts = np.append(counts, number)
@@ -136,7 +136,7 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
     """
     found = settling(node, output, time)
     unit = "samples" if found.independent else "replicates"
-    along = Axis(found.counted, log=found.independent, whole=True, told=unit)
+    along = Axis(found.counted, log=found.independent, whole=True, place_units=unit)
     charts = []
     for name, title in ESTIMATED.items():
         centre, low, high = found.band(name)
@@ -199,7 +199,7 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
 def _estimates(
     values: NDArray[np.float64], fine: NDArray[np.bool_], design: SamplingPlan, planned: int
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Return the numbers of samples or replicates, and the estimates for each."""
+    """Return growing numbers of samples or replicates, and the estimates for each number."""
     if design.independent:
         total = int(fine.sum())
         start = max(2, min(10, total // 4))

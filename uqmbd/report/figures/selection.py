@@ -29,7 +29,7 @@ __all__ = [
 
 
 def percent_ends(ends: tuple[float, float]) -> tuple[float, float]:
-    """Return the full decades around two values, in per cent."""
+    """Return the powers of ten around two values, in per cent."""
     first, last = decades(*(100 * end for end in ends))
     return float(f"1e{first}"), float(f"1e{last}")
 
@@ -71,9 +71,9 @@ def samples_of(node: Samples) -> xr.Dataset:
 
 
 def runs_of(node: Samples) -> xr.Dataset | None:
-    """Return inputs, status and message of every realisation along ``sample``, for samples or quadrature nodes.
+    """Return inputs, status and message of the samples or of the nodes of a method, along ``sample``.
 
-    Return None if a method recorded neither.
+    Return None if a method stored neither samples nor nodes.
     """
     if isinstance(node, xr.Dataset) or "samples" in node.children:
         return samples_of(node)
@@ -84,7 +84,7 @@ def runs_of(node: Samples) -> xr.Dataset | None:
 
 
 def of_output(source: xr.DataTree | xr.Dataset, output: str) -> xr.Dataset:
-    """Return the data of one output; the error on an unknown name lists the known names."""
+    """Return the data of one output; raise StudyError, with the known names, for an unknown name."""
     data = source.to_dataset() if isinstance(source, xr.DataTree) else source
     found = np.flatnonzero(data["output"].values == output)
     if not found.size:
@@ -104,12 +104,12 @@ def succeeded(node: Samples, output: str) -> xr.DataArray:
 
 
 def automatic_times(times: NDArray[np.float64], std: NDArray[np.float64]) -> list[int]:
-    """Choose up to four time indices: a third, two thirds, the largest standard deviation, and the end."""
+    """Choose up to four time indices: the end, the largest standard deviation, a third, two thirds, or the middle."""
     last = len(times) - 1
-    wanted = {last, int(np.argmax(np.nan_to_num(std, nan=-1.0)))}
+    chosen = {last, int(np.argmax(np.nan_to_num(std, nan=-1.0)))}
     for share in (1 / 3, 2 / 3, 1 / 2):
         candidate = int(np.abs(times - (times[0] + share * (times[-1] - times[0]))).argmin())
-        # two panels with similar times would show the same data twice
-        if len(wanted) < 4 and all(abs(candidate - k) > last / 12 for k in wanted):
-            wanted.add(candidate)
-    return sorted(wanted)
+        # omit similar times, at which two panels would show almost the same data
+        if len(chosen) < 4 and all(abs(candidate - k) > last / 12 for k in chosen):
+            chosen.add(candidate)
+    return sorted(chosen)

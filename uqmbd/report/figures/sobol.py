@@ -34,7 +34,7 @@ __all__ = [
 
 
 NEGLIGIBLE = 0.02
-"""Largest total index over time up to which an input is not shown separately; times without spread do not count."""
+"""Largest total index over time (times with spread) up to which an input has no separate curve."""
 TOO_LARGE = 0.1
 """Stated error of a chaos above which the indices of another chaos are preferred."""
 OF_GERMS = "“b | a” is the contribution of b, given a"
@@ -69,7 +69,10 @@ class Indices:
 
     @property
     def averaged_interval(self) -> Array | None:
-        """Average of the 95 % intervals of total indices (G, 2), which contains that of the average; None without."""
+        """Time averages (G, 2) of the ends of the 95 % intervals of total indices; None if there are no intervals.
+
+        This interval contains the 95 % interval of the averaged index.
+        """
         if self.total_interval is None:
             return None
         return np.stack([self._averaged(end) for end in self.total_interval], axis=1)
@@ -78,7 +81,7 @@ class Indices:
     def written(self) -> list[tuple[str, str]]:
         """First-order and total index of each input as text, averaged over time.
 
-        The averages of the ends of intervals contain the interval of the average.
+        The texts include the time averages of the ends of 95 % intervals, if there are intervals.
         """
         found = [(self.first, self.first_interval), (self.total, self.total_interval)]
         columns = []
@@ -108,24 +111,24 @@ def _kind(node: xr.DataTree) -> str | None:
 
 
 def node_with_indices(results: Results) -> xr.DataTree:
-    """Return the method with the displayed indices: the finest chaos with indices, otherwise the first with indices.
+    """Return the method whose indices are displayed: the finest chaos with indices, or else the first method with them.
 
     If this chaos states an error of more than 10 %, return the method with the smallest stated error.
     """
     nodes = nodes_of(results)
-    holders = {label: node for label, node in nodes.items() if has_indices(node)}
-    if not holders:
+    candidates = {label: node for label, node in nodes.items() if has_indices(node)}
+    if not candidates:
         raise StudyError(f"There are no Sobol' indices over time in {', '.join(map(repr, nodes))}.")
-    if not surrogate_nodes(holders):
-        return next(iter(holders.values()))
-    chosen, errors = finest(holders), {label: _typical_error(node) for label, node in holders.items()}
-    # a chaos of high order that misses a jump is less accurate than one of lower order that represents the jump
+    if not surrogate_nodes(candidates):
+        return next(iter(candidates.values()))
+    chosen, errors = finest(candidates), {label: _typical_error(node) for label, node in candidates.items()}
+    # a chaos of high order that misses a jump is less accurate than a chaos of lower order that represents the jump
     wrong = np.isfinite(errors[chosen]) and errors[chosen] > TOO_LARGE
-    return holders[min(errors, key=lambda label: errors[label]) if wrong else chosen]
+    return candidates[min(errors, key=lambda label: errors[label]) if wrong else chosen]
 
 
 def _typical_error(node: xr.DataTree) -> float:
-    """Return the largest stated error of the outputs of a method (root mean square over time); infinite if unknown."""
+    """Return the stated error of a method: root mean square over time, largest over outputs; infinite if unknown."""
     stated = stated_error_of(node)
     if stated is None or not np.isfinite(stated.values).all():
         return np.inf
@@ -265,17 +268,17 @@ def shown_inputs(found: Indices, most: int) -> list[int]:
     ranked = sorted(range(len(share)), key=lambda k: (-share[k], k))
     matter = [k for k in ranked if share[k] > NEGLIGIBLE] or ranked[:1]
     if len(ranked) <= most and len(ranked) - len(matter) < 2:
-        return sorted(ranked)  # a single small input keeps its name
+        return sorted(ranked)  # show a single small input by its name, not as "others"
     return sorted(matter[:most])
 
 
 def _look(found: Indices, named: list[int], k: int) -> Look:
-    """Return the colour and line style of an input; they are equal in all figures of a study with few inputs."""
+    """Return the line style of the k-th input; in studies with few inputs, it is the same in all figures."""
     return Look(k if len(found.names) <= 6 else named.index(k))
 
 
 def _quiet_runs(times: Array, meaningful: NDArray[np.bool_]) -> Array:
-    """Return the time intervals (R, 2) without spread, each extended by half a step to the neighbouring times."""
+    """Return the time intervals (R, 2) without spread, extended by half a step at both ends."""
     quiet = np.concatenate([[False], ~meaningful, [False]])
     starts, ends = np.flatnonzero(quiet[1:] & ~quiet[:-1]), np.flatnonzero(quiet[:-1] & ~quiet[1:])
     edges = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])

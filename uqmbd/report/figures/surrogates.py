@@ -40,12 +40,12 @@ __all__ = [
 
 
 def chaos_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the methods with a single chaos: coefficients of each term, output and time."""
+    """Return the methods with a chaos at fixed times, which has a coefficient for each term, output and time."""
     return {label: node for label, node in nodes.items() if _has_chaos(node)}
 
 
 def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the methods with a surrogate of outputs over time: one chaos, aligned chaoses, or parts of both."""
+    """Return the methods with a chaos of outputs over time: at fixed times, aligned, or composed of both kinds."""
     return {label: node for label, node in nodes.items() if _has_chaos(node) or _is_aligned(node)}
 
 
@@ -57,7 +57,10 @@ def drawable_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 def surrogate_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
 ) -> Part | ComposedChaos:
-    """Return the surrogate of a method over time, or of one output, or a chaos at the times nearest to given times."""
+    """Return the surrogate of a method over time, optionally of one output.
+
+    A chaos at fixed times, or a model of a plugin, is restricted to the times nearest to `times`.
+    """
     if _is_aligned(node):
         return surrogate(node, output)
     if _is_custom(node):
@@ -97,7 +100,7 @@ def chaos_of(
         )
     data = node.children["chaos"].to_dataset()
     if output is not None:
-        of_output(data, output)  # an unknown name is an error
+        of_output(data, output)  # raises StudyError for an unknown name
         data = data.isel(output=[str(name) for name in data["output"].values].index(output) + np.arange(1))
     if times is not None:
         data = data.isel(time=np.unique(np.abs(np.subtract.outer(times, data["time"].values)).argmin(axis=1)))
@@ -111,9 +114,9 @@ def order_of(node: xr.DataTree) -> int:
 
 
 def finest(nodes: Mapping[str, xr.DataTree]) -> str:
-    """Return the label of the chaos of the highest order, and among equal orders with the most realisations.
+    """Return the label of the chaos of the highest order; of several, the chaos with the most realisations.
 
-    A chaos that follows events is returned only if there is no other chaos.
+    Chaoses at fixed times have priority over other chaoses, such as aligned chaoses.
     """
     found = chaos_nodes(nodes) or surrogate_nodes(nodes)
     if not found:
@@ -153,7 +156,7 @@ def times_of(data: xr.Dataset) -> NDArray[np.float64]:
 def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return a mask (T,) of times at which the std of an output exceeds 1 % of its maximum, and the rounding error.
 
-    Shares of a negligible spread are meaningless; the same 1 % bounds the errors that a chaos states.
+    At other times, the spread is negligible and its shares are meaningless. Stated errors use the same limit of 1 %.
 
     >>> import numpy as np
     >>> varies_over_time(np.array([0.0, 1e-4, 0.5]), np.ones(3)).tolist()
@@ -170,7 +173,7 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
 
     Methods belong to one group if their propagator and all text options agree, such as a rule or a kind of fit.
 
-    Return labels by the name of the group: the common start of its labels, or its propagator.
+    Return labels by the name of the group, which is the common beginning of its labels, or its propagator.
     """
     groups: dict[tuple[str, ...], list[str]] = {}
     found = surrogate_nodes(nodes)
@@ -181,7 +184,7 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
             options = {}
         texts = sorted(f"{k}={v}" for k, v in options.items() if isinstance(v, str) and k != "label")
         if options.get("elements") is not None:
-            texts.append("with elements")  # the number of elements does not matter, but their existence does
+            texts.append("with elements")  # methods with different numbers of elements belong to one group
         groups.setdefault((str(node.attrs.get("propagator", "")), *texts), []).append(label)
     named: dict[str, list[str]] = {}
     for (propagator, *_), members in groups.items():
@@ -194,9 +197,10 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
 
 
 def shown_methods(nodes: Mapping[str, xr.DataTree], most: int = 4) -> dict[str, xr.DataTree]:
-    """Return the methods for a common figure: of more than ``most`` methods, only the highest order of each chaos.
+    """Return the methods for a common figure.
 
-    Methods without a chaos always remain.
+    If there are more than ``most`` methods, only the highest order of each series of chaoses is included, with all
+    methods without a chaos.
     """
     lower = {label for members in series(nodes).values() for label in members[:-1]} if len(nodes) > most else set()
     return {label: node for label, node in nodes.items() if label not in lower}

@@ -57,12 +57,15 @@ class ScalarPanel(NamedTuple):
     name: str
     units: str
     bars: NDArray[np.float64] | None  # (S,): samples of the histogram, from the first method with samples
-    barred: str  # label of this method; empty without samples
+    barred: str  # label of the method of the histogram; empty without samples
     curves: list[DensityCurve]
 
 
 def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | None:
-    """Return the methods, in the order of their line styles, and the scalar outputs; None without scalar outputs."""
+    """Return the labels of methods, in the order of their line styles, and the distributions of scalar outputs.
+
+    Return None if there are no scalar outputs, or no samples of them.
+    """
     inner = {label: Method(label, node) for label, node in scalar_nodes(nodes_of(results)).items()}
     units = {name: method.units(name) for method in inner.values() for name in method.names}
     every = list(dict.fromkeys(name for method in inner.values() for name in method.names))
@@ -148,16 +151,17 @@ def _error(method: Method, name: str) -> float:
 
 
 def _responses(method: Method) -> dict[str, NDArray[np.float64]]:
-    """Return samples of each output of a method, or of its surrogate; empty if it has neither.
+    """Return samples of each scalar output from a method or its surrogate; empty if it has neither.
 
-    Samples without the output are omitted, and so are outputs that occur in fewer than two samples.
+    The arrays contain only the samples in which the output occurs. Outputs that occur in fewer than two samples are
+    omitted.
     """
     if method.samples is not None:
         data = method.samples.isel(sample=np.flatnonzero(method.samples["status"].values == Status.OK))
         known = zip(data["output"].values.tolist(), data["response"].values.T, strict=True)
         return {name: some for name, values in known if len(some := values[np.isfinite(values)]) > 1}
     if "chaos" in method.node.children:
-        # samples of a general joint distribution require its mechanism
+        # StudyError: sampling a general joint distribution requires its mechanism
         with contextlib.suppress(StudyError):
             chaos = surrogate(method.node)
             _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)

@@ -26,7 +26,7 @@ function boxesOf({ left, right, shade, ...rest }) {
   return { ...rest, left: numbersOf(left), right: numbersOf(right), shade: known };
 }
 
-const OVER_TIME = { name: "time", units: "s", told: "s", linked: true };
+const OVER_TIME = { name: "time", units: "s", place_units: "s", linked: true };
 
 /**
  * Unpack the data of a chart. `time` are the places along its horizontal axis, which is the time of the page unless the
@@ -59,7 +59,7 @@ export function chartModel(data) {
 export function placeAt({ at, across }, index) {
   if (across.texts) return across.texts[index];
   const spread = across.whole ? 1 : Math.abs(at[at.length - 1] - at[0]) / 10;
-  return `${across.before ?? ""}${formatQuantity(at[index], across.told, spread)}`;
+  return `${across.before ?? ""}${formatQuantity(at[index], across.place_units, spread)}`;
 }
 
 /** How many times the height of what is drawn a limit may be away from it: farther ones would leave a flat line. */

@@ -69,9 +69,10 @@ def decay_dataset(
     energy_note: str,
     rate_note: str,
 ) -> xr.Dataset:
-    """Build the dataset of energies by order (N + 1, O, T) and by germ (d, N + 1, O, T), and of the decay rate (O, T).
+    """Build a dataset of energies and decay rates.
 
-    `constant` (O, T): mask of constant outputs, whose rate is NaN.
+    `energy` (N + 1, O, T): energy by order; `by_germ` (d, N + 1, O, T): energy by degree in each germ; `constant`
+    (O, T): mask of constant outputs, whose rate is NaN; `energy_note`, `rate_note`: attributes.
     """
     dims, note = labels.dims, {"long_name": energy_note}
     rate = np.where(constant, np.nan, decay_rate(energy))

@@ -152,7 +152,9 @@ class Violations:
 
 
 def events(running: Array) -> NDArray[np.bool_]:
-    """Return a mask of events until each time: violations of requirements (K, R, T) and, if several, of any of them.
+    """Return a mask (K, event, T) of violations until each time from running margins (K, R, T).
+
+    If there are several requirements, the last event is the violation of any of them.
 
     >>> events(np.array([[[1.0, -1.0], [2.0, 1.0]]])).tolist()
     [[[False, True], [False, False], [False, True]]]
@@ -164,7 +166,7 @@ def events(running: Array) -> NDArray[np.bool_]:
 
 
 def failures_in(lower: Array, upper: Array, share: float) -> tuple[Array, Array]:
-    """Widen intervals by a share of failed realisations: safe for the lower end, violations for the upper end.
+    """Widen intervals by a share of failed realisations, which may be safe (lower end) or violations (upper end).
 
     >>> failures_in(np.array([0.1]), np.array([0.2]), 0.5)
     (array([0.05]), array([0.6]))

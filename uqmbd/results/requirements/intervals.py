@@ -15,7 +15,10 @@ LEVEL = 0.95
 """Confidence level of intervals."""
 
 FEWEST = 5
-"""Smallest number of replicates with an event, and of replicates with a trial without an event, to use their spread."""
+"""Minimum number of replicates for an interval from their spread.
+
+At least this number must have trials with the event, and at least this number must have trials without the event.
+"""
 
 
 @typechecked
@@ -85,7 +88,7 @@ def of_replicates(
     count, mean = len(shares), shares.mean(axis=0)
     error = shares.std(axis=0, ddof=1) / np.sqrt(count)
     spread = np.minimum((shares > 0).sum(axis=0), (shares < 1).sum(axis=0)) >= FEWEST
-    # replicates may agree by chance: the half-width is at least one trial
+    # replicates may agree by chance, so the half-width is at least the share of one trial
     reach = np.maximum(stdtrit(count - 1, (1 + level) / 2) * error, 1 / of)
     return (
         error,

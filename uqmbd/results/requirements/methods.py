@@ -61,7 +61,7 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
     times = node.children["statistics"].to_dataset()["time"].values
     if surrogate_parts(node):
         counted = int(node.attrs.get("failures", 0)) / max(int(node.attrs.get("realisations", 0)), 1)
-        # realisations that a method places in the tails have smaller weights
+        # `failed_share` is weighted: realisations that a method places in the tails have smaller weights
         lost = float(node.attrs.get("failed_share", counted))
         return sampled_requirements(
             requirements, late, surrogate(node, times=[len(times) - 1]), surrogate(node), lost, 0

@@ -126,17 +126,17 @@ def meets(found: Collection[Answer], allowed: float) -> bool | None:
         return None
     if all(one.upper <= allowed for one in found):
         return True
-    surely = any(one.lower > allowed for one in found) and not any(one.upper <= allowed for one in found)
-    return False if surely else None
+    violated = any(one.lower > allowed for one in found) and not any(one.upper <= allowed for one in found)
+    return False if violated else None
 
 
 def met_by(found: Collection[Answer], allowed: float) -> list[Answer]:
-    """Return the probabilities of the methods with which a requirement is met: their upper ends are allowed."""
+    """Return the results of the methods by which a requirement is met, because their upper ends are allowed."""
     return [one for one in found if one.known and one.upper <= allowed]
 
 
 def met_in_words(found: Collection[Answer], allowed: float) -> str:
-    """Name the methods by which a requirement is met, is not met, or may be met; empty if no method is certain.
+    """Name the methods by which a requirement is met, not met or uncertain; empty if all methods are uncertain.
 
     >>> one = Answer("few", "clear", "", "", 0.02, 0.005, 0.05, "")
     >>> met_in_words([one, Answer("many", "clear", "", "", 0.02, 0.019, 0.021, "")], 0.03)

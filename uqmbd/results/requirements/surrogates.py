@@ -1,18 +1,20 @@
 """Probabilities of violation from a surrogate of margins, with intervals that include the error of the surrogate.
 
 A million samples of an inaccurate surrogate give a wrong probability with a small sampling error. Verification
-realisations, which did not enter the surrogate, measure its error. The error of polynomials grows with the distance of
-the margin from its median, and limits are usually far from the median. Residuals are therefore divided by the root of a
-growth function: the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate, at most `HIGHEST`. Here
-:math:`u` is the normal score of the margin in its own distribution. An error that consists of all polynomials up to
-that degree grows like this. The root mean square of the divided residuals is multiplied by a quantile of Student's t
-distribution. The degrees of freedom of the quantile are the effective number of residuals. This product, times the root
-of the growth function, is the half-width of a band about the limit. Residuals have the weights of the realisations or
-equal weights; the wider band is used. Samples within the band may be violations or not.
+realisations, which did not enter the surrogate, measure its error. The residuals of these realisations give a band
+about the limit of a margin; samples within the band may be violations or not.
 
-Residuals contain no information on a margin that the surrogate does not follow at all. Such a margin jumps, or its only
-change is between the realisations. Such a margin is assumed if residuals exceed `FOLLOWED` of the spread of the
-samples, or if nothing varies. The interval then also includes the information from signs: the probability that a
+The error of polynomials grows with the distance of the margin from its median, and limits are usually far from the
+median. The growth function is the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate, at most
+`HIGHEST`. Here :math:`u` is the normal score of the margin in its own distribution. The mean square of an error that
+consists of all polynomials up to this degree is proportional to this function. The half-width of the band is a product
+of three factors: the root mean square of the residuals, each divided by the root of the growth function; a quantile of
+Student's t distribution, whose degrees of freedom are the effective number of residuals; and the root of the growth
+function. Residuals have the weights of the realisations or equal weights; the wider band is used.
+
+If the surrogate does not follow a margin at all, residuals contain no information. Such a margin jumps, or changes only
+between the realisations. Two conditions reveal it: residuals that exceed `FOLLOWED` times the standard deviation of the
+samples, or samples that do not vary. The interval then also includes information from signs: the probability that a
 verification realisation and the surrogate are on different sides of the limit. Clopper and Pearson's method gives the
 interval of this probability, with the effective number of trials of the weights.
 """
@@ -46,7 +48,7 @@ FEWER = 1 << 14
 ROWS = 4096
 """Number of samples that are evaluated at once."""
 
-RELIANCE = 0.995
+BAND_PROBABILITY = 0.995
 """One-sided probability of the quantile of Student's t distribution for the band from residuals."""
 
 FOLLOWED = 0.3
@@ -83,14 +85,14 @@ def sampled_requirements(
         events((margins + shift)[:, :, None])[:, :, 0].sum(axis=0) for shift in (0.0, bands, -bands)
     )
     probability = happened / count
-    astray: list[str] = []
+    inaccurate: list[str] = []
     if verified:
         lower, upper = clopper_pearson(least, count)[0], clopper_pearson(most, count)[1]
         down, up, followed = signs_allow(at_end, margins)
         lower = np.where(followed, lower, np.minimum(lower, np.maximum(probability - down, 0)))
         upper = np.where(followed, upper, np.maximum(upper, np.minimum(probability + up, 1)))
         lower, upper = failures_in(lower, upper, lost)
-        astray = [r.name for r, f in zip(requirements, followed, strict=False) if not f]
+        inaccurate = [r.name for r, f in zip(requirements, followed, strict=False) if not f]
     else:
         lower, upper = np.zeros(len(happened)), np.ones(len(happened))
     times = over_time.labels.times
@@ -102,8 +104,9 @@ def sampled_requirements(
         if verified
         else "; without verification realisations its error is unknown: use verify=16 or more"
     )
-    if astray:
-        about["how"] += f"; for {', '.join(astray)} it is inaccurate, and only the signs of its margins are reliable"
+    if inaccurate:
+        names = ", ".join(inaccurate)
+        about["how"] += f"; for {names} it is inaccurate, and only the signs of its margins are reliable"
     near = (("requirement",), (most - least) / count, {"long_name": "share of samples that the error can move over"})
     return requirements_dataset(
         requirements,
@@ -124,27 +127,27 @@ def _sampled(chaos: Surrogate, samples: int, seed: int) -> Array:
 
 
 def margins_of(chaos: Surrogate, germs: Array) -> Array:
-    """Return margins (K, requirement) at germs (K, d) of a surrogate at one time; evaluate some thousand at once."""
+    """Return margins (K, requirement) at germs (K, d) of a surrogate at one time, in blocks of `ROWS` germs."""
     parts = [chaos.evaluate_germs(germs[k : k + ROWS]) for k in range(0, len(germs), ROWS)]
     return np.concatenate(parts).reshape(len(germs), len(chaos.labels.outputs))
 
 
 def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, seed: int) -> Array:
-    """Return the probabilities (event, T) of a violation until each time; `probability` is that at the last time."""
+    """Return the probabilities (event, T) of a violation until each time; `probability` is the last one."""
     germs = spread_germs(chaos.space, FEWER, seed)
     counts: Array | float = 0.0
     for k in range(0, len(germs), ROWS):
         margins = chaos.evaluate_germs(germs[k : k + ROWS]).reshape(-1, len(late), chaos.labels.shape[1])
         margins[:, late, :-1] = np.inf
         counts = counts + events(margins).sum(axis=0)
-    # a violation is permanent, which separate polynomials at each time do not express
+    # a violation is permanent, but separate polynomials at each time may give decreasing shares
     shares = np.minimum(np.maximum.accumulate(np.asarray(counts) / len(germs), axis=1), probability[:, None])
     shares[:, -1] = probability
     return np.asarray(shares)
 
 
 def margin_bands(chaos: Surrogate, margins: Array) -> Array:
-    """Return half-widths (K, requirement) of the band within which margins may be on the other side of a limit."""
+    """Return half-widths (K, requirement) of the band in which the error may move margins over the limit."""
     from scipy.special import ndtri
 
     points = np.asarray(chaos.verification_germs)
@@ -161,17 +164,17 @@ def margin_bands(chaos: Surrogate, margins: Array) -> Array:
         rank = np.searchsorted(margins[order, k], seen[:, k])
         growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
         square = (real[:, k] - seen[:, k]) ** 2 / growth[rank]
-        # use the weights, as for means, and equal weights, as for the tails
+        # weights represent the inputs as in a mean; equal weights represent the tails better
         bound = max(_error_bound(square, w) for w in (weights, np.full(count, 1 / count)))
         bands[order, k] = bound * np.sqrt(growth[:-1])
     return bands
 
 
 def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return bounds of probabilities from signs at verification realisations.
+    """Bound probabilities by the signs of margins at verification realisations.
 
-    The results (event,) are the possible decrease and increase of each probability, and whether the surrogate follows
-    the margin. If it does, decrease and increase are 0.
+    Return, with the shape (event,), the possible decrease and increase of each probability, and whether the surrogate
+    follows the margin. If it does, decrease and increase are 0.
     """
     points = np.asarray(chaos.verification_germs)
     count, size = len(points), margins.shape[1]
@@ -194,10 +197,11 @@ def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray
 def _error_bound(square: Array, weights: Array) -> float:
     """Return the root mean square of errors times a quantile of Student's t, from squares and weights of sum 1.
 
-    The degrees of freedom are the effective number of the weights, ``1 / sum(weights^2)``, or fewer. Near a jump, a few
-    squares may be nearly all of the sum. The root mean square is then as uncertain as from so few errors. The
-    degrees of freedom are therefore at most three times the effective number of the weighted squares. This number is
-    about a third of the number of points for normal errors with equal weights, so these lose no degrees of freedom.
+    The degrees of freedom are the effective number of realisations, ``1 / sum(weights^2)``, or fewer. Near a jump, a
+    few squares may be nearly all of the sum. The root mean square is then as uncertain as a root mean square of these
+    few errors. The degrees of freedom are therefore at most three times the effective number of the weighted squares.
+    For normal errors with equal weights, this effective number is about a third of the number of realisations, so the
+    limit has no effect.
     """
     from scipy.special import stdtrit
 
@@ -205,11 +209,13 @@ def _error_bound(square: Array, weights: Array) -> float:
     if not (total := float(parts.sum())) > 0:
         return 0.0
     freedom = min(1 / float((weights**2).sum()), 3 * total**2 / float((parts**2).sum()))
-    return float(stdtrit(freedom, RELIANCE)) * float(np.sqrt(total))
+    return float(stdtrit(freedom, BAND_PROBABILITY)) * float(np.sqrt(total))
 
 
 def _growth(scores: Array, degree: int) -> Array:
-    """Return the mean of the squares of orthonormal Hermite polynomials up to a degree; at least 1 / (degree + 1).
+    """Return the growth function (K,): the mean square of orthonormal Hermite polynomials up to a degree.
+
+    `scores` (K,): normal scores of a margin. The result is at least 1 / (degree + 1).
 
     >>> _growth(np.array([0.0, 3.0]), 2).round(3).tolist()
     [0.5, 14.0]

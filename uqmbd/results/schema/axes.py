@@ -236,7 +236,7 @@ def output_infos(data: xr.Dataset) -> tuple[OutputInfo, ...]:
 
 
 def output_places(data: xr.Dataset | xr.DataArray) -> list[SeriesPlace | None]:
-    """Read the place of each output in a series; None if it belongs to none."""
+    """Read the place of each output in its series; None for an output that belongs to no series."""
     if "output_series" not in data.coords:
         return [None] * data["output"].size
     parts = [np.atleast_1d(data[f"output_{name}"].values) for name in ("series", "position", "axis", "axis_units")]

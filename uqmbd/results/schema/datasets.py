@@ -13,7 +13,7 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     |   |                      if unknown
     |   |-- samples            response (sample, output, time), inputs (sample, input), status, message (sample):
     |   |                      draws from the joint distribution of the inputs
-    |   `-- nodes              same variables by ``node`` for training points; no probability is counted from them
+    |   `-- nodes              same variables by ``node`` for training points, which no probability counts
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 
 A propagator labels its axes once (:func:`uqmbd.extend.labels`), and passes arrays to :func:`sample_dataset`,
@@ -92,7 +92,7 @@ _COMMENTS = {
     "variance": "of independent samples unbiased (divisor N - 1), of a sampling design with divisor N",
     "skewness": "third standardised moment; 0 where the output does not vary",
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
-    "quantile": "NaN where the method cannot tell",
+    "quantile": "NaN where the method states no quantile",
     "quantile_error": "largest possible difference between the stated quantile and the quantile of all samples",
     "quantile_interval": "by ranks of independent samples, or by replicates of a design; infinite with too few samples",
     "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel, and for other outputs",
@@ -233,8 +233,8 @@ def sample_dataset(
 
 def check_kind(data: xr.Dataset, child: str, whose: str) -> None:
     """Raise StudyError unless a dataset of realisations states the kind of the child that contains it."""
-    stated, wanted = data.attrs.get(KIND), CHILDREN[child]
-    if stated == wanted:
+    stated, expected = data.attrs.get(KIND), CHILDREN[child]
+    if stated == expected:
         return
     found = f"states that its rows are {stated!r}" if stated else "does not state the kind of its rows"
     raise StudyError(

@@ -202,13 +202,13 @@ def methods(tree: xr.DataTree) -> dict[str, xr.DataTree]:
 
 
 propagator_nodes = methods
-"""Earlier name of `methods`, which the core uses."""
+"""Earlier name of `methods`; modules of the core use this name."""
 
 
 def total_realisations(node: xr.DataTree) -> int:
     """Return the number of realisations that a method computed for all its outputs and requirements.
 
-    It includes those that only scalar outputs or requirements needed. Costs of methods are compared by this number.
+    The number includes realisations for scalar outputs or requirements only. Costs of methods are compared by it.
 
     >>> total_realisations(xr.DataTree(xr.Dataset(attrs={"realisations": 20, "further_realisations": 5})))
     25
@@ -218,7 +218,9 @@ def total_realisations(node: xr.DataTree) -> int:
 
 @typechecked
 def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the nodes whose inputs have the distributions of the study, or of the first node if there are none.
+    """Return the nodes whose inputs have the distributions of the study.
+
+    If there are no such nodes, return the nodes whose inputs have the distributions of the first node.
 
     If a method uses other distributions than the study, the attribute ``population`` of its node states the origin of
     the distributions.
@@ -232,8 +234,8 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     kinds = {label: str(node.attrs.get("population", "")) for label, node in nodes.items()}
     if not kinds:
         return {}
-    wanted = "" if "" in kinds.values() else next(iter(kinds.values()))
-    return {label: node for label, node in nodes.items() if kinds[label] == wanted}
+    population = "" if "" in kinds.values() else next(iter(kinds.values()))
+    return {label: node for label, node in nodes.items() if kinds[label] == population}
 
 
 @typechecked
@@ -293,7 +295,7 @@ def _plain(value: object) -> object:
 
 @cache
 def _version(package: str) -> str:
-    """Return the cached version of an installed package; without a cache it takes 1/4 of the time of a small study."""
+    """Return the version of an installed package; without the cache, this takes a quarter of a small study's time."""
     try:
         return version(package)
     except PackageNotFoundError:

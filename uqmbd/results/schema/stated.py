@@ -23,8 +23,8 @@ SPREAD_FLOOR = 0.01
 
 def reference_spread(std: Array) -> Array:
     """Return the reference (O, T) of relative errors: the standard deviation, at least 1 % of its maximum over time."""
-    # an error relative to the local standard deviation is useless at times when an output hardly varies (a common
-    # start, a nodal point); a NaN makes the result NaN at that time only
+    # an error relative to the standard deviation is meaningless at times at which an output hardly varies (a common
+    # start, a nodal point); a NaN makes the result NaN only at its time
     return np.asarray(np.maximum(std, SPREAD_FLOOR * np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)))
 
 
@@ -80,7 +80,10 @@ class StatedError:
 
 
 def stated_variables(labels: Labels, stated: StatedError, std: Array) -> Mapping[str, Any]:
-    """Return variables of a stated error (O, T): absolute, in the units of the outputs, and relative to the spread."""
+    """Return the variables ``stated_error``, in the units of the outputs, and ``verification_error``, relative.
+
+    `std` (O, T): standard deviation of the outputs, to which the relative error refers (see `reference_spread`).
+    """
     values, spread = real_numbers("stated_error", stated.values), reference_spread(std)
     if values.shape != labels.shape:
         raise StudyError(
@@ -90,7 +93,7 @@ def stated_variables(labels: Labels, stated: StatedError, std: Array) -> Mapping
     if stated.kind == "relative":
         absolute, relative = values * spread, values
     else:
-        # without spread, an error is the whole possible variation of an output
+        # without spread, the relative error is 1 for any positive error: the error may be the whole variation
         absolute, relative = values, np.where(none, (values > 0) * 1.0, values / np.where(none, 1.0, spread))
     about = {"named": stated.name, "remedy": stated.remedy, "kind": stated.kind}
     relative = np.where(np.isnan(values), np.nan, relative)

@@ -120,7 +120,7 @@ def _is_object(text: object) -> bool:
 
 
 def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
-    """Check the node of a propagator; `before`: whether its schema version requires no reasons for NaN."""
+    """Check the node of a propagator; `before`: whether the schema is before version 2, without reasons for NaN."""
     _text_attrs(node, _TEXT_ATTRS)
     _require(node.attrs["label"] == label, node.path, f"attribute 'label' = {node.attrs['label']!r}", f"{label!r}")
     for name in _JSON_ATTRS:
@@ -136,20 +136,20 @@ def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
     statistics = node.children["statistics"]
     end = _end(node, statistics)
     _validate_statistics(statistics, end, before)
-    held = [name for name in CHILDREN if name in node.children]
-    # methods store nodes with other layouts, too
-    held = [name for name in held if name == "samples" or KIND in node.children[name].attrs]
-    for name in held:
+    children = [name for name in CHILDREN if name in node.children]
+    # methods may store children ``nodes`` of another layout, which have no kind
+    children = [name for name in children if name == "samples" or KIND in node.children[name].attrs]
+    for name in children:
         if KIND in node.children[name].attrs:
             check_kind(node.children[name].to_dataset(), name, node.path)
         _validate_samples(node.children[name], statistics, "sample" if name == "samples" else "node")
-    if held and "samples_kept" not in node.attrs:
-        count = sum(_failed(node.children[name]) for name in held)
+    if children and "samples_kept" not in node.attrs:
+        count = sum(_failed(node.children[name]) for name in children)
         _require(
             count == node.attrs["failures"],
             node.path,
             f"attribute 'failures' = {node.attrs['failures']}",
-            f"{count}, the number of {' and '.join(held)} that failed by their status",
+            f"{count}, the number of {' and '.join(children)} that failed by their status",
         )
     names = statistics.coords["output"].values
     _validate_surrogates(node, statistics, end, names)
@@ -342,8 +342,8 @@ def _validate_axes(node: xr.DataTree, names: Array, times: Array, end: float) ->
             _text_coord(node, name, dim)
     for name, expected in {"output": names, "time": times}.items():
         same = name not in node.coords or np.array_equal(node.coords[name].values, expected)
-        wanted = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
-        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", wanted)
+        expected = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", expected)
 
 
 def _validate_degrees(node: xr.DataTree) -> None:

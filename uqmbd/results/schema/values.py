@@ -51,7 +51,7 @@ _KNOWN = (
 )  # fmt: skip
 _NOT_STATED = "not stated"
 _MAY_LACK_REASONS = ("skewness", "kurtosis", "quantile", "std_error_mean", "std_error_std")
-"""Statistics whose NaN without a reason gets the default reason in runs."""
+"""Statistics for which a run adds the default reason to NaN without a reason."""
 _FINITE_BEFORE = ("mean", "std", "variance", "std_error_mean", "std_error_std", "variance_reduction",
                   "variance_reduction_std")  # fmt: skip
 """Variables that had to be finite before schema version 2."""
@@ -63,7 +63,7 @@ REAL = "expected real numbers in an array or a sequence"
 
 
 def real_numbers(name: str, value: Any, *, copy: bool = True, expected: str = REAL) -> Array:
-    """Return real numbers as an array; without `copy`, an array of real numbers is returned itself.
+    """Return real numbers as an array; without `copy`, an array of real numbers is returned unchanged.
 
     Raise StudyError for complex numbers, for other objects, and for masked arrays: masks would be lost, and masked
     entries would become values.
@@ -126,13 +126,13 @@ def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray
 
 
 def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) -> xr.Dataset:
-    """Return statistics with the reason of an output in each variable that is partly NaN for this output."""
+    """Add the reason of an output to each statistic that is NaN for this output at some times, but not at all."""
     found = {}
     for name, data in statistics.data_vars.items():
         if "output" not in data.dims or data.dtype.kind != "f" or not np.isnan(data.values).any():
             continue
         missing, others = data.isnull(), [dim for dim in data.dims if dim != "output"]
-        # variables that are NaN everywhere have another reason, such as a circular mean without an angle
+        # a variable that is NaN at all times has another reason: a circular mean needs an angle
         partly = (missing.any(others) & ~missing.all(others)).values
         own = [str(x) for x, which in zip(data["output"].values, partly, strict=True) if which]
         found[name] = with_reasons(data, {x: reasons[x] for x in own if x in reasons})
@@ -140,11 +140,11 @@ def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) ->
 
 
 def with_default_reasons(data: xr.Dataset, *, end: float = np.inf) -> tuple[xr.Dataset, dict[str, list[str]]]:
-    """Add the default reason to shape statistics and standard errors that are NaN without a reason.
+    """Add the default reason to shape statistics, quantiles and standard errors that are NaN without a reason.
 
     `data`: statistics of outputs, or probabilities of requirements; `end`: time, s, after which there are no results.
-    The results are the dataset, unchanged if it states all reasons, and outputs or requirements without a reason, by
-    the name of the variable.
+    Return the dataset, which is unchanged if it states all reasons. Also return the names of outputs or requirements
+    to which a reason was added, by the name of the variable.
     """
     found: dict[str, list[str]] = {}
     for name, dim in (*((name, "output") for name in _MAY_LACK_REASONS), ("std_error", "requirement")):
@@ -174,17 +174,17 @@ def check_values(
     version 2, in which NaN has no reason. Raise StudyError for the first invalid value; the message states the
     variable, output, place and expected value.
     """
-    # variables without coordinates: operations on data arrays would copy and align the coordinates each time
+    # use variables, because each operation on data arrays would copy and align their coordinates
     variables = statistics.variables
-    held = [name for name in _KNOWN if name in statistics.data_vars and "output" in variables[name].dims]
-    for name in held:
+    names = [name for name in _KNOWN if name in statistics.data_vars and "output" in variables[name].dims]
+    for name in names:
         _check_real(variables[name], f"{path}/{name}", statistics)
-    explained = {name: _explained(statistics, name, end, refused) | before for name in held}
-    # without a mean, its error is unknown, too
+    explained = {name: _explained(statistics, name, end, refused) | before for name in names}
+    # if the mean is unknown with a reason, its integration error may be unknown without a reason
     for name in INTEGRATION_ERRORS if "mean" in explained else ():
         if name in explained:
             explained[name] |= explained["mean"] & np.isnan(variables["mean"].values)
-    for name in held:
+    for name in names:
         data, where, values = variables[name], f"{path}/{name}", variables[name].values
         if name in _INTERVALS:
             _check_order(data, where, data.copy(data=explained[name]), statistics)
@@ -212,13 +212,13 @@ def check_values(
         if name == "kurtosis":
             expected = "the fourth standardised moment (3 for a normal), not the excess"
             refuse(values < 1 - 1e-9, "a value below 1", expected)
-    if {"variance", "std"} <= set(held):
+    if {"variance", "std"} <= set(names):
         variance, std = variables["variance"], variables["std"]
         off = abs(variance - std**2) > 1e-6 * variance + np.finfo(float).tiny
         off |= variance.isnull() != std.isnull()
         where, found = f"{path}/variance", "a value that differs from std**2"
         _refuse(where, off.values, off.dims, statistics, found, "the square of 'std'")
-    if "quantile" in held:
+    if "quantile" in names:
         _check_quantiles(statistics, path)
 
 
@@ -256,7 +256,7 @@ def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) ->
 
 
 def _ends(data: xr.Variable, where: str) -> tuple[xr.Variable, xr.Variable]:
-    """Return the lower and the upper ends of intervals."""
+    """Return the lower and the upper ends of intervals; raise StudyError without a dimension ``bound`` of size 2."""
     if data.sizes.get("bound") != 2:
         given = ", ".join(f"{dim}: {size}" for dim, size in data.sizes.items())
         raise StudyError(f"{where}: found the dimensions ({given}); expected one that is called 'bound', of size 2.")
@@ -264,7 +264,7 @@ def _ends(data: xr.Variable, where: str) -> tuple[xr.Variable, xr.Variable]:
 
 
 def _check_order(data: xr.Variable, where: str, explained: xr.Variable, statistics: xr.Dataset) -> None:
-    """Raise StudyError if ends of intervals are not in order; both may be NaN with a reason."""
+    """Raise StudyError if a lower end exceeds its upper end; both may be NaN with a reason."""
     lower, upper = _ends(data, where)
     bad = ~(lower <= upper) & ~(explained.isel(bound=0) & lower.isnull() & upper.isnull())
     if bad.values.any():
@@ -302,12 +302,12 @@ def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
 
 
 def _names(data: xr.Dataset, dim: str, count: int) -> list[str]:
-    """Return the names of outputs or requirements, or their numbers without names."""
+    """Return the names of outputs or requirements, or their indices if they have no names."""
     return [str(x) for x in data[dim].values] if dim in data.coords else [str(k) for k in range(count)]
 
 
 def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str], dim: str = "output") -> Mask:
-    """Return a mask of valid NaN values, with a reason, in the shape of the variable."""
+    """Return a mask of values that may be NaN, because there is a reason, in the shape of the variable."""
     data = statistics.variables[name]
     reasons = reasons_of(data)
     outputs = _names(statistics, dim, data.sizes[dim])
@@ -331,12 +331,12 @@ def _along(values: Mask, dim: str, data: xr.Variable) -> Mask:
 
 
 def place_of(bad: xr.DataArray) -> str:
-    """Return the place of the first bad value, by the coordinates of its dimensions."""
+    """Return the place of the first bad value of a mask as text, by the coordinates of its dimensions."""
     return _place(bad.values, bad.dims, bad)
 
 
 def _place(bad: Mask, dims: Sequence[Hashable], data: xr.DataArray | xr.Dataset) -> str:
-    """Return the place of the first bad value of an array with these dimensions, by the coordinates of the data."""
+    """Return the place of the first bad value of a mask with dimensions `dims`, by the coordinates of `data`."""
     index = np.argwhere(bad)[0]
     parts = []
     for dim, k in zip(dims, index, strict=True):

@@ -35,8 +35,8 @@ _PENDING = 1_000_000
 class Brackets:
     """M closed intervals [low, high] of values, each in one of C columns and divided into equal bins.
 
-    A non-decreasing function maps the values of a bin to the same integer. This function is linear, or counts the
-    floating-point numbers from the lower end. The second function separates any two values.
+    A non-decreasing function maps values to the integer of their bin. This function is linear in the value, or counts
+    the floating-point numbers from the lower end. The second function can separate any two different values.
     """
 
     column: Index  # (M,)
@@ -112,14 +112,14 @@ class Brackets:
             under = part < self.low[first:last]
             if below is not None:
                 below[first:last] += under.sum(axis=0, dtype=np.uint16)
-            # a value below is not above: one comparison replaces two
+            # `under` values are also <= high, so the exclusive or selects the values in the brackets
             hit = np.flatnonzero((part <= self.high[first:last]) ^ under)
             found.append((first + hit % (last - first), part.ravel()[hit]))
         return found
 
     @cached_property
     def _groups(self) -> list[tuple[int, int]]:
-        """Index ranges of the groups; a group with all columns has them in order."""
+        """Ranges of the bracket indices of the groups; if a group has all columns, they are in order."""
         edges = np.flatnonzero(np.diff(self.group, prepend=-1, append=np.iinfo(np.int64).max))
         return [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
 

@@ -106,7 +106,7 @@ def circular_std(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = 
     """
     given = np.asarray(angles, dtype=float)
     mean = circular_mean(given, axis, weights)
-    # R = mean cos(angle - mean) = 1 - lack: no digits are lost for small deviations
+    # R = mean cos(angle - mean) = 1 - lack; the computation of `lack` loses no digits for small deviations
     lack = weighted_mean(2.0 * np.sin((given - np.expand_dims(mean, axis)) / 2.0) ** 2, axis, weights)
     std = np.sqrt(-2.0 * np.log1p(-np.where(np.isnan(mean), 0.0, np.minimum(lack, 1.0 - ROUNDING))))
     return np.where(np.isnan(mean), np.inf, std + 0.0)
@@ -207,9 +207,10 @@ def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
 def circular_of_blocks(
     shape: tuple[int, ...], count: int, turns: Array, samples: Callable[[int, slice], Array]
 ) -> dict[str, Array]:
-    """Compute `circular_of_samples` from samples (S, t) that a function returns for an output and a slice of times.
+    """Compute the result of `circular_of_samples` block by block.
 
-    `shape`: shape of the outputs, (O, T) or (O,); `count`: S.
+    `shape`: shape of the outputs, (O, T) or (O,); `count`: number S of samples; `turns` (O,): length of a full turn;
+    `samples`: function that returns samples (S, t) of an output at a slice of t times.
     """
     if not np.any(turns):
         return {}

@@ -108,7 +108,7 @@ class CircularMoments:
         sine, lack = self.sine / self.count, self.lack / self.count
         length = np.hypot(1.0 - lack, sine)
         cancels = length <= ROUNDING
-        # 1 - length, without the loss of digits of that difference
+        # 1 - length, computed without the loss of digits of the difference
         short = np.clip((2.0 * lack - lack**2 - sine**2) / (1.0 + length), 0.0, 1.0 - ROUNDING)
         angle = self.reference + np.arctan2(sine, 1.0 - lack)
         angle -= 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

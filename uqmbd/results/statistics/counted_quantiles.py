@@ -127,23 +127,23 @@ class CountedQuantiles:
 
 
 def _about(counts: Counts, levels: Array, ranks: Index) -> tuple[Array, Array, Array]:
-    """Estimate order statistics (P, C), with lower and upper bounds."""
+    """Estimate the order statistics (P, C) of given ranks (P,) from counts, with lower and upper bounds."""
     brackets = counts.brackets
     shape = (len(levels), len(counts.smallest))
     smallest, largest = (np.tile(x, len(levels)) for x in (counts.smallest, counts.largest))
-    wanted = np.repeat(ranks, shape[1]) - counts.below
+    position = np.repeat(ranks, shape[1]) - counts.below
     cumulated = counts.inside.cumsum(axis=1)
     within = cumulated[:, -1]
-    cases = [wanted < 0, wanted >= within]
-    which = np.arange(len(wanted))
-    number = np.minimum(bin_of(cumulated, wanted, which), brackets.bins - 1)
+    cases = [position < 0, position >= within]
+    which = np.arange(len(position))
+    number = np.minimum(bin_of(cumulated, position, which), brackets.bins - 1)
     low, high = brackets.edges(which, number)
     there = counts.inside[which, number]
     before = cumulated[which, number] - there
     low = np.maximum(np.select(cases, [smallest, brackets.high], low), smallest)
     high = np.minimum(np.select(cases, [brackets.low, largest], high), largest)
     there = np.select(cases, [counts.below, counts.count - counts.below - within], there)
-    place = wanted - np.select(cases, [-counts.below, within], before)
+    place = position - np.select(cases, [-counts.below, within], before)
     with np.errstate(over="ignore"):
         value = np.clip(low + (place + 0.5) / there * (high - low), low, high)
     return value.reshape(shape), low.reshape(shape), high.reshape(shape)

@@ -166,12 +166,15 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
     side of the interval, divided by 1.96: ``s / sqrt(n) (t + |g| (1 + 2 t^2) / (6 sqrt(n))) / 1.96``.
 
     The variance is approximated by a multiple of chi-square with ``2 / v`` degrees of freedom, at least one [2]_. Here
-    v is the relative variance of the estimated variance, from the kurtosis with the divisor of the variance [3]_. If
-    this kurtosis is 3, and without the increase below, the interval is exact for normal samples. The error is the upper
-    side of the 95 % interval of s, divided by 1.96. The true deviation is above s more often than below. Few samples of
-    a long tail have too small a kurtosis, mostly if s is also too small. Kurtosis minus one is therefore multiplied by
-    ``1 + 3 sqrt((k - 1 + g^2) / n)``. The factor of three comes from experiments: with two, intervals of ``z^2`` and
-    ``exp(z / 2)`` of 30 normal samples z contain the true value in less than 93 %.
+    v is the relative variance of the estimated variance, from the kurtosis with the divisor of the variance [3]_. For
+    normal samples, the interval would be exact with the kurtosis 3 and without the increase of the kurtosis below. The
+    error is the upper side of the 95 % interval of s, divided by 1.96. The upper side is used because the true
+    deviation is above s more often than below.
+
+    The kurtosis of few samples of a long tail is too small, mostly if s is also too small. Kurtosis minus one is
+    therefore multiplied by ``1 + 3 sqrt((k - 1 + g^2) / n)``. The factor of three comes from experiments. With a factor
+    of two, intervals for ``z^2`` and ``exp(z / 2)`` of 30 normal samples z contain the true value in less than 93 % of
+    cases.
 
     .. [1] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
     .. [2] G. E. P. Box, Biometrika 40 (1953) 318-335.
@@ -183,10 +186,10 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
     t = stdtrit(n - 1.0, 0.975)
     of_mean = std / np.sqrt(n) * (t + np.abs(skewness) * (1.0 + 2.0 * t**2) / (6.0 * np.sqrt(n)))
     raised = 1.0 + RAISED * np.sqrt((kurtosis - 1.0 + skewness**2) / n)
-    # use the divisor of the variance, to avoid cancellation for a kurtosis near 1, as for two values
+    # the kurtosis with the divisor of the variance avoids cancellation if the kurtosis is near 1, as for two values
     excess = np.maximum(kurtosis * (n / (n - 1.0)) ** 2 - 1.0, 0.0)
     relative = (excess * raised + 2.0 / (n - 1.0)) / n
-    # a sample has at least one squared deviation
+    # chi-square has at least one degree of freedom
     freedom = np.maximum(2.0 / relative, 1.0)
     of_std = std * (np.sqrt(freedom / chdtri(freedom, 0.975)) - 1.0)
     return np.asarray(of_mean / NORMAL), np.asarray(of_std / NORMAL)
@@ -204,16 +207,22 @@ def usual_errors(std: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]
 
 
 FACTOR = 3.0
-"""Standard deviation, in integration errors, up to which an output is constant; few realisations give the error."""
+"""Ratio of standard deviation to integration error up to which an output is constant.
+
+The ratio exceeds one, because the integration error is estimated from few realisations.
+"""
 
 LONG = 0.1
-"""Fraction of times with variation above which an output varies, for any error at the other times."""
+"""Fraction of times with variation above which an output varies, independent of the error at the other times."""
 
 ROUNDING, ALIKE, ANY = 1e-12, 1e-13, 1e-15
-"""Rounding relative to the largest mean of the output, of outputs in the same units, and of all outputs (for zeros)."""
+"""Rounding errors, relative to the largest mean of the output, of outputs in the same units, and of all outputs.
+
+The last one applies only to outputs that are zero except for rounding.
+"""
 
 OF_TOLERANCE = 0.1
-"""Assumed integration error, relative to its tolerance and the largest mean, if it was not measured."""
+"""Integration error that is assumed if it was not measured, relative to the tolerance times the largest mean."""
 
 SETTLED = {"skewness": 0.0, "kurtosis": 3.0, "verification_error": 0.0, "verification_factor": 1.0}
 """Statistics of an output without variation, except Sobol' indices, which are 0."""
@@ -318,7 +327,7 @@ def varies(node: xr.DataTree, output: str) -> bool:
 
 
 def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = None) -> xr.Dataset:
-    """Return statistics with neutral Sobol' indices, shape and stated error of outputs without variation.
+    """Replace Sobol' indices, shape and stated error of outputs without variation by neutral values.
 
     For these outputs, Sobol' indices, the stated error of a surrogate and the skewness are 0. The kurtosis is 3, and
     the uncertainty factor of the stated error is 1. Mean and standard deviation are unchanged.
@@ -343,8 +352,8 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = 
 
 
 def _varies_where_verified(statistics: xr.Dataset, verified: Array, rtol: float) -> Mask:
-    """Return a mask (O,) of outputs whose verification realisations, of standard deviation (O, T), vary."""
-    # these realisations have separate steps, so errors of other realisations do not limit their errors
+    """Return a mask (O,) of outputs that vary in the verification realisations, of standard deviation (O, T)."""
+    # the integration of these realisations has its own steps, so errors of other realisations may not apply
     seen = statistics.assign(std=statistics["std"].copy(data=verified))
     unmeasured = seen.drop_vars(["integration_error_rms", "integration_error"], errors="ignore")
     return np.asarray(varying(seen, rtol) & varying(unmeasured, rtol))
@@ -377,11 +386,11 @@ def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     largest = size.max()
     rounding = np.maximum(ROUNDING * size, ALIKE * alike)
     stated = np.full(mean.shape, np.nan)
-    # prefer the root mean square, because limits of the largest errors exceed it
+    # prefer the root mean square to the bound of the largest error, which is larger
     named = next((name for name in ("integration_error_rms", "integration_error") if name in statistics), "")
     if named:
         stated = over_time(statistics[named].values)
-    # use outputs in other units if the error is unknown
+    # outputs in other units determine the rounding error only if the integration error is unknown
     unknown = ~np.isfinite(stated).any(axis=1) & (size <= ANY * largest)
     rounding = np.where(unknown, np.maximum(rounding, ANY * largest), rounding)
     error = np.where(np.isfinite(stated), stated, (OF_TOLERANCE * rtol * size)[:, None])

@@ -20,8 +20,8 @@ FEWEST = 5
 def interval_ranks(count: int, levels: Array) -> Index:
     """Return the ranks (2, P), from 0 to `count` + 1, of the samples that are the ends of 95 % intervals of quantiles.
 
-    The number of independent samples up to a quantile is binomial for each distribution. With jumps the confidence is
-    larger. Rank 0 is below all samples, and rank `count` + 1 is above them.
+    For any continuous distribution, the number of independent samples up to a quantile is binomial. If the distribution
+    function has jumps, the confidence is larger. Rank 0 is below all samples, and rank `count` + 1 is above them.
 
     >>> interval_ranks(100, np.array([0.01, 0.5])).tolist()
     [[0, 40], [4, 61]]
@@ -29,7 +29,7 @@ def interval_ranks(count: int, levels: Array) -> Index:
     from scipy.special import bdtr, bdtrik
 
     share = np.array([[TAIL], [1 - TAIL]])
-    # the smallest number whose probability is at least the share; at 0 and 1 the number is certain
+    # the smallest number whose cumulative probability is at least the share; for levels 0 and 1 the number is certain
     inner = np.clip(levels, 1e-300, 1 - 1e-16)
     number = np.ceil(bdtrik(share, count, inner))
     number = np.where(bdtr(np.maximum(number - 1, 0), count, inner) >= share, np.maximum(number - 1, 0), number)
@@ -38,7 +38,9 @@ def interval_ranks(count: int, levels: Array) -> Index:
 
 
 def within_samples(ranks: Index, count: int) -> Index:
-    """Return the indices of samples in ascending order, for ranks from 0 to `count` + 1; outer ranks have the extremes.
+    """Return indices of samples in ascending order for ranks from 0 to `count` + 1.
+
+    Ranks 0 and `count` + 1 have the indices of the smallest and the largest sample.
 
     >>> within_samples(np.array([0, 1, 4, 5]), 4).tolist()
     [0, 0, 3, 3]
@@ -47,7 +49,7 @@ def within_samples(ranks: Index, count: int) -> Index:
 
 
 def with_open_ends(ends: Array, ranks: Index, count: int) -> Array:
-    """Return ends (2, P, C) of intervals, infinite where their ranks, (2, P) or (2, P, C), are beyond all samples."""
+    """Replace ends (2, P, C) of intervals by infinity where ranks, (2, P) or (2, P, C), are beyond all samples."""
     beyond = (ranks == 0) | (ranks == count + 1)
     outer = np.array([-np.inf, np.inf])[:, None, None]
     return np.where(beyond if beyond.ndim == 3 else beyond[..., None], outer, ends)
@@ -67,8 +69,9 @@ def interval_of_ranks(ordered: Array, levels: Array) -> Array:
 def interval_of_replicates(samples: Array, sizes: Sequence[int], levels: Array) -> Array:
     """Return 95 % intervals (2, P, C) of quantiles from samples (C, S) of consecutive replicates of a design.
 
-    A value is in the interval if the probability of the quantile is in the interval of Student's t for the probability
-    of this value. The spread of the shares of smaller samples over the replicates gives this interval.
+    The share of samples below a value estimates the cumulative probability of the value. The spread of this share over
+    the replicates gives an interval of Student's t for this probability. The interval of a quantile contains the values
+    for which this interval contains the probability of the quantile.
 
     `sizes` (R,): numbers of samples of the replicates, with the sum S. With fewer than two replicates the ends are NaN.
 
@@ -87,22 +90,22 @@ def interval_of_replicates(samples: Array, sizes: Sequence[int], levels: Array) 
         return np.full((2, len(levels), len(samples)), np.nan)
     order = np.argsort(samples, axis=1, kind="stable")
     replicate = np.repeat(np.arange(count), used)[order]
-    # number of smaller samples in the same replicate: a stable sort by replicates keeps the order within each
+    # number of smaller samples in the same replicate: a stable sort by replicates preserves the order within each
     by_replicate = np.argsort(replicate.astype(np.uint16), axis=1, kind="stable")
     before = np.empty_like(order)
     inside = np.concatenate([np.arange(size) for size in used])
     np.put_along_axis(before, by_replicate, np.broadcast_to(inside, order.shape), axis=1)
-    # for 0, 1, ... S smallest samples: mean and variance of their shares over the replicates
+    # mean and variance over the replicates of the share of the 0, 1, ... S smallest samples
     weight = (1.0 / used)[replicate]
-    mean = np.minimum(_summed(weight) / count, 1.0)  # the rounded sum of all may exceed one
+    mean = np.minimum(_summed(weight) / count, 1.0)  # rounding may raise the total above one
     variance = (_summed((2.0 * before + 1.0) * weight**2) / count - mean**2) * count / (count - 1)
-    # The number of points of a design below a value is rounded to an integer, and replicates may agree by chance. The
-    # variance of this rounding is at most 1/4; far in a tail it is that of independent points.
+    # The number of points of a design below a value is an integer, and replicates may agree by chance. The variance is
+    # therefore at least the variance of this rounding: 1/4, or in a tail the smaller variance of independent points.
     size = total / count
     variance = np.maximum(variance, np.minimum(0.25, size * mean * (1.0 - mean)) / size**2)
     reach = stdtrit(count - 1, 1.0 - TAIL) * np.sqrt(variance / count)
     lower, upper = mean - reach, mean + reach
-    # in a tail, where few replicates have samples, as for independent samples
+    # in a tail, where few replicates have samples, use the interval of independent samples
     few = np.minimum(_summed(before == 0), count - _summed(before == (used - 1)[replicate])) < FEWEST
     some = np.flatnonzero(few.any(axis=0))
     tails = np.where(some > 0, betaincinv(np.maximum(some, 1), total - some + 1, TAIL), 0.0)

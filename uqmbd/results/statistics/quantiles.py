@@ -49,7 +49,8 @@ FIRST_NUMBERS = 8_000_000
 """Maximum number of values (8 bytes each) of these samples."""
 
 DEVIATIONS = 6.0
-"""Half-width of a first bracket, in standard deviations of the rank; one bracket in 5e8 misses its quantile."""
+"""Half-width of a first bracket, in standard deviations of the rank; one of 5e8 brackets does not contain its
+quantile."""
 
 BEYOND = 0.5
 """Extension of a bracket at the end of the first samples, as a fraction of their range."""
@@ -65,7 +66,10 @@ NOT_FINITE = "A sample with status 0 contains NaN or infinity; set a status othe
 CHANGED = "The samples changed between two passes. Do not modify them during the computation."
 
 POOR = 4
-"""Factor of the reduction of candidates by bins; below this factor, the next bins count floating-point numbers."""
+"""Minimum factor by which linear bins should reduce the number of candidates.
+
+If the reduction is smaller, the next bins count floating-point numbers.
+"""
 
 
 @typechecked
@@ -125,10 +129,10 @@ def quantiles_of_chunks(
     check_counts(counts)
     below, part = ranks_of(levels, counts.count)
     ends = interval_ranks(counts.count, levels) if independent else np.empty((0, len(levels)), dtype=np.int64)
-    wanted = np.stack([below, below + 1, *within_samples(ends, counts.count)])
-    # order statistics for the interpolation of quantiles and the ends of their intervals, and their brackets
-    rank = np.repeat(wanted.ravel(), columns)
-    where = np.tile(np.arange(len(levels) * columns), len(wanted))
+    ranks = np.stack([below, below + 1, *within_samples(ends, counts.count)])
+    # ranks and brackets of the order statistics for the interpolation of quantiles and for the ends of their intervals
+    rank = np.repeat(ranks.ravel(), columns)
+    where = np.tile(np.arange(len(levels) * columns), len(ranks))
     value, open_ = np.empty(len(rank)), np.arange(len(rank))
     while True:
         narrowed, inverse = _narrowed(counts, rank[open_], where[open_])
@@ -143,7 +147,7 @@ def quantiles_of_chunks(
             break
         where[open_] = inverse
         counts = _counted(chunks, narrowed.brackets, columns)
-    low, high, *others = value.reshape(len(wanted), len(levels), columns)
+    low, high, *others = value.reshape(len(ranks), len(levels), columns)
     found = {
         "quantile": interpolated(low, high, part).reshape(-1, *shape),
         "smallest": counts.smallest.reshape(shape),
@@ -157,11 +161,11 @@ def quantiles_of_chunks(
 
 @dataclass(frozen=True, eq=False)
 class _Narrowed:
-    """Brackets about a bin of other brackets, or about all values below or above them."""
+    """Brackets about single bins of parent brackets, or about all values below or above a parent bracket."""
 
     brackets: Brackets
-    # parent, bin: (M,), index of the other bracket, and index of its bin; the bin is -1 for values below the bracket,
-    # and the number of bins for values above
+    # parent, bin: (M,), index of the parent bracket and of its bin; the bin is -1 for values below the parent, and the
+    # number of bins for values above
     parent: Index
     bin: Index
     # before, number: (M,), number of smaller samples, and number of samples in the bracket
@@ -180,11 +184,14 @@ class _Narrowed:
 
 
 def _narrowed(counts: Counts, rank: Index, where: Index) -> tuple[_Narrowed, Index]:
-    """Return brackets of the bins with order statistics of brackets `where`, and the bracket of each statistic."""
+    """Return brackets about the bins that contain order statistics, and the index of the bracket of each statistic.
+
+    `rank`, `where`: rank of each order statistic, and index of its bracket in `counts`.
+    """
     brackets, bins = counts.brackets, counts.brackets.bins
     cumulated = counts.inside.cumsum(axis=1)
-    wanted = rank - counts.below[where]
-    number = np.where(wanted < 0, -1, bin_of(cumulated, wanted, where))
+    position = rank - counts.below[where]
+    number = np.where(position < 0, -1, bin_of(cumulated, position, where))
     pairs, inverse = np.unique(where * (bins + 2) + number + 1, return_inverse=True)
     parent, number = pairs // (bins + 2), pairs % (bins + 2) - 1
     inner = np.clip(number, 0, bins - 1)
@@ -223,16 +230,16 @@ def _counted(chunks: Iterable[ConsecutiveSamples], brackets: Brackets, columns: 
 
 
 def _gathered(chunks: Iterable[ConsecutiveSamples], parents: Brackets, narrowed: _Narrowed) -> Array:
-    """Return all values in brackets, sorted in each, bracket after bracket."""
+    """Return all values in the brackets, sorted within each bracket, one bracket after the other."""
     if not len(narrowed.number):
         return np.empty(0)
-    # fill the final arrays: many small arrays between large ones would prevent the reuse of memory
+    # fill preallocated arrays: many small arrays between large ones would prevent the reuse of memory
     total = int(narrowed.number.sum())
     owner, values, count = np.empty(total, dtype=np.int64), np.empty(total), 0
     inner = (narrowed.bin >= 0) & (narrowed.bin < parents.bins)
     for block in row_blocks(_good_rows(chunks)):
         for which, x in narrowed.brackets.within(block):
-            # brackets of bins are wider by a few last bits
+            # a bracket about a bin is wider than the bin by a few last bits, so compare the bins of its values
             keep = ~inner[which]
             keep[~keep] = parents.index(narrowed.parent[which[~keep]], x[~keep]) == narrowed.bin[which[~keep]]
             which, x = which[keep], x[keep]
@@ -290,7 +297,10 @@ def check_counts(counts: Counts) -> None:
 
 
 def first_brackets(first: Array, levels: Array) -> Brackets:
-    """Return a bracket about each quantile, level after level, from the first samples, shape (S, C), S at least 1."""
+    """Return a bracket about each quantile from the first samples, shape (S, C), S at least 1.
+
+    The brackets of all columns for the first level come first.
+    """
     count, columns = first.shape
     reach = DEVIATIONS * np.sqrt(count * levels * (1 - levels)) + 1
     ranks = np.array([np.floor(levels * (count - 1) - reach), np.ceil(levels * (count - 1) + reach)])
@@ -314,13 +324,17 @@ def bins_of(brackets: int) -> int:
     return int(np.clip(COUNTERS // max(brackets, 1), LEAST_BINS, MOST_BINS))
 
 
-def bin_of(cumulated: Index, wanted: Index, where: Index) -> Index:
-    """Return the bins with order statistics `wanted` of brackets `where`; the number of bins if no bin contains one."""
+def bin_of(cumulated: Index, position: Index, where: Index) -> Index:
+    """Return the bin that contains the sample at each `position` among the sorted samples of a bracket.
+
+    `cumulated` (M, bins): cumulative counts of the bins; `where`: index of the bracket of each position. The result is
+    the number of bins if no bin contains the position.
+    """
     bins = cumulated.shape[1]
-    # the concatenated rows ascend
+    # offsets make the concatenated rows ascending, so that one search finds all positions
     height = int(cumulated[:, -1].max(initial=0)) + 1
     rows = (cumulated + height * np.arange(len(cumulated))[:, None]).ravel()
-    target = np.clip(wanted, 0, height - 1) + height * where
+    target = np.clip(position, 0, height - 1) + height * where
     found: Index = np.clip(np.searchsorted(rows, target, side="right") - bins * where, 0, bins)
     return found
 
@@ -334,7 +348,7 @@ def levels_of(probabilities: Sequence[float]) -> Array:
 
 
 def ranks_of(levels: Array, count: int) -> tuple[Index, Array]:
-    """Return the lower rank of the pair that encloses each quantile, and the interpolation fraction to the next."""
+    """Return the lower of the two ranks that enclose each quantile, and the interpolation fraction to the upper one."""
     position = levels * (count - 1)
     below = np.minimum(position.astype(np.int64), count - 2)
     return below, position - below

@@ -40,17 +40,22 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
 
     Notes
     -----
-    The jackknife error [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened in three steps. First,
-    Student's t of R - 1 degrees of freedom accounts for the small number of replicates. Second, if replicates are
-    skewed, as for few points of a long tail, t is increased by ``g (1 + 2 t^2) / (6 sqrt(R))``. A skewness g moves an
-    end of the interval by at most this amount [2]_. Here g is the sum of two skewnesses: of the replicates minus the
-    random skewness ``sqrt(6 / R)`` of normal replicates, and of the samples. Few replicates rarely include an outlier,
-    and the sampling error of a design in a long tail comes from its outermost points: means of replicates are about as
-    skewed as the samples. For a standard deviation, the skewness of squared samples is taken as
-    ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the samples, and k - 3 is at
-    least 0; `docs/explanation/stated_errors.md` contains measurements of the formula. Third, the error of a standard
-    deviation s is proportional to the true value, which is above s more often than below. A half-width x, over s,
-    becomes ``exp(x + x^2) - 1``, the upper end of such an interval to second order.
+    The jackknife error [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened in three steps.
+
+    First, Student's t of R - 1 degrees of freedom accounts for the small number of replicates.
+
+    Second, if replicates are skewed, as for few points of a long tail, t is increased by ``g (1 + 2 t^2) / (6
+    sqrt(R))``. A skewness g moves an end of the interval by at most this amount [2]_. Here g is the sum of two terms.
+    The first term is the skewness of the replicates minus ``sqrt(6 / R)``, the random skewness of normal replicates.
+    The second term is the skewness of the samples. It is needed because few replicates rarely include an outlier. The
+    sampling error of a design in a long tail comes from its outermost points: means of replicates are about as skewed
+    as the samples. For a standard deviation, the skewness of squared samples is taken as ``sqrt((2.5 (k - 3))^2
+    / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the samples, and k - 3 is at least 0;
+    `docs/explanation/stated_errors.md` contains measurements of the formula.
+
+    Third, the error of a standard deviation s is proportional to the true value, which is above s more often than
+    below. A half-width x, relative to s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to second
+    order.
 
     References
     ----------
@@ -90,7 +95,7 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
 
 
 def _half_width(estimates: Array, of_samples: Array) -> Array:
-    """Return the half-width (...) of the 95 % interval from estimates (R, ...) without one replicate each.
+    """Return the half-width (...) of the 95 % interval from R leave-one-out estimates (R, ...).
 
     `of_samples` (...): skewness of the contributions of single samples to the estimate.
     """
@@ -108,7 +113,7 @@ def _half_width(estimates: Array, of_samples: Array) -> Array:
 
 
 def _of_proportion(half_width: Array, std: Array) -> Array:
-    """Return the upper distance (...) of the true standard deviation, from a symmetric half-width (...)."""
+    """Return the upper side (...) of the interval of a standard deviation from a symmetric half-width (...)."""
     share = np.minimum(half_width / divisor(std), 1.0)
     return np.asarray(np.maximum(half_width, std * np.expm1(share + share**2)))
 

@@ -154,7 +154,7 @@ def _block_statistics(
 ) -> dict[str, NDArray[np.float64]]:
     """Compute statistics of samples (S, C) for each of the C columns."""
     n = len(block)
-    # One row per column: contiguous sorting gives quantiles, extremes and the median (an exact shift) at once.
+    # One sort of contiguous rows (one for each column) gives quantiles, extremes and the median, which is the shift.
     x = np.sort(np.ascontiguousarray(block.T), axis=1)
     if not (np.all(np.isfinite(x[:, 0])) and np.all(np.isfinite(x[:, -1]))):
         raise StudyError(NOT_FINITE)
@@ -171,7 +171,7 @@ def _block_statistics(
     reach = np.maximum(np.abs(x[:, 0]), np.abs(x[:, -1]))
     spread = x[:, -1] - x[:, 0]
     centre = x[:, n // 2].copy()
-    # Shifted by a sample and scaled by the spread: no cancellation for 1e5 + 1e-3 noise, no underflow for 1e-100.
+    # Shift by a sample and scale by the spread, to avoid cancellation for 1e5 + 1e-3 noise and underflow for 1e-100.
     unit = divisor(spread)
     x -= centre[:, None]
     x /= unit[:, None]
@@ -221,7 +221,7 @@ def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArra
         raise StudyError(
             f"The sample numbers of running statistics are {n.tolist()}; expected numbers from 2 to {x.size}."
         )
-    # Shifted by the median and scaled by the spread, as in `sample_statistics`.
+    # Shift by the median and scale by the spread, as in `sample_statistics`.
     centre, spread = float(np.median(x)), float(np.ptp(x))
     scaled = (x - centre) / (spread or 1.0)
     m1, r2, r3, r4 = (np.cumsum(scaled**k)[n - 1] / n for k in (1, 2, 3, 4))

@@ -28,7 +28,7 @@ LARGEST = 1 << 30
 """Maximum number of bytes of a chunk that is compressed; the limit of Blosc is twice this number."""
 
 _SUM = 4
-"""Bytes of a checksum."""
+"""Number of bytes of a checksum."""
 
 
 def codecs(kind: str, chunk: tuple[int, ...]) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) 
 
 
 def decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    """Return the values of a chunk; empty chunks have no file, except for floating-point variables.
+    """Return the values of a chunk; chunks of zeros or empty texts may have no file, unless they are floating-point.
 
     Raise StudyError if the file is missing or damaged.
     """
@@ -96,7 +96,7 @@ _ADVICE = (
 
 
 def _body(path: Path, content: bytes) -> memoryview:
-    """Return the content of a file without its checksum, which is compared."""
+    """Compare the checksum of a file with its content; return the content without the checksum."""
     body = memoryview(content)[_SUM:]
     if len(content) < _SUM or zlib.crc32(body) != checksum_of(content):
         raise StudyError(f"{path} is damaged: its content does not match its checksum. {_ADVICE}")
@@ -109,7 +109,7 @@ def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> ND
     try:
         if not _small(kind, chunk):
             return np.frombuffer(body, dtype=kind).reshape(chunk)
-        # check the stated length before that much memory is allocated
+        # check the stated length, because this much memory is allocated
         if len(body) < 16 or int.from_bytes(body[4:8], "little") != size:
             raise ValueError("its length is wrong")
         return np.frombuffer(blosc.decompress(body), dtype=kind).reshape(chunk)
@@ -133,8 +133,8 @@ def _small(kind: str, chunk: tuple[int, ...]) -> bool:
 
 def write_file(path: Path, content: bytes) -> None:
     """Write a file atomically; several processes may write the same file."""
-    # uqmbd.files.replacing makes a folder, which is slower (1.1 ms instead of 0.4 ms for 0.8 MB), and only the owner
-    # could read files of tempfile
+    # uqmbd.files.replacing is slower (1.1 ms instead of 0.4 ms for 0.8 MB), because it makes a folder; files of
+    # tempfile are readable only for their owner
     part = path.with_name(f".{secrets.token_hex(8)}.part")
     try:
         with part.open("xb") as file:

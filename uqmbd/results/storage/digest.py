@@ -25,16 +25,16 @@ Span = tuple[int, int]
 """Offset and length of a range of bytes in a file."""
 
 CHECKSUM = 4
-"""Bytes of the HDF5 checksum at the end of a chunk."""
+"""Number of bytes of the HDF5 checksum at the end of a chunk."""
 
 MARK = "uqmbd_digest_follows"
-"""Root attribute of a file with a digest; it shows that a digest was lost."""
+"""Root attribute of a file with a digest; if the digest is missing, the attribute reveals the loss."""
 
 _FORM = "uqmbd digest 1"
 _END = b"\x89uqmbd digest\r\n\x1a\n"
 _SHA = hashlib.sha256().digest_size
 _FOOT = 8 + _SHA + len(_END)
-"""Bytes of the footer: length of the statement, digest of the statement, and end mark."""
+"""Number of bytes of the footer, which contains length and digest of the statement, and the end mark."""
 _LARGEST = 1 << 26
 _AT_ONCE = 1 << 20
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -43,7 +43,8 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 def add_digest(path: Path, spans: Sequence[Span]) -> None:
     """Append the digest to a complete file.
 
-    `path`: HDF5 file without a digest; `spans`: disjoint ranges of bytes that are not read when a file is only opened.
+    `path`: HDF5 file without a digest; `spans`: disjoint ranges of bytes with separate digests, which are not read when
+    a file is only opened.
     Raise OSError if the file cannot be written.
     """
     with open(path, "r+b", opener=no_link) as file:
@@ -122,7 +123,7 @@ def _parts(file: BinaryIO, count: int) -> Iterator[bytes]:
 
 
 def _has_mark(file: BinaryIO) -> bool:
-    """Return whether a file, which may be truncated, was written with a digest."""
+    """Return whether a file, which may be truncated, contains the mark of files with a digest."""
     marks = (MARK.encode(), _FORM.encode())
     file.seek(0)
     last = b""

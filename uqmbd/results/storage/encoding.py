@@ -30,7 +30,7 @@ def encode_tree(tree: xr.DataTree) -> xr.DataTree:
     datasets = {}
     for node in tree.subtree:
         dataset = _encode(node.to_dataset(inherit=False))
-        # Zarr lists groups alphabetically; reports show methods in the order of the study
+        # store the order of the groups: reports show methods in the order of the study, but Zarr sorts groups by name
         order = {_CHILDREN: json.dumps(list(node.children))} if len(node.children) > 1 else {}
         datasets[node.relative_to(tree)] = dataset.assign_attrs(order)
     root = datasets["."]
@@ -52,7 +52,7 @@ def decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTre
 def drop_own(attrs: dict[Any, Any]) -> None:
     """Remove the attributes of the root that `save` added."""
     if attrs.pop(_VERSION_ADDED, None) and attrs.get(_VERSION) == SCHEMA_VERSION:
-        # results of an earlier version keep it, because they may lack variables
+        # a schema version that `save` did not add remains: results of an earlier version may lack variables
         del attrs[_VERSION]
     attrs.pop(MARK, None)
 
@@ -110,7 +110,7 @@ def decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
     """Convert the content of a file to the original dataset."""
     variables = {}
     for name, variable in dataset.variables.items():
-        # the reader may return empty or variable-length text; restore the written fixed width
+        # readers return fixed-width text as text of variable length, or as empty text
         values = _fixed(variable.values, str(name), source) if variable.dtype.kind in "OTU" else variable.data
         variables[name] = xr.Variable(variable.dims, values, _decode_attributes(variable.attrs))
     coords = {name: variables.pop(name) for name in dataset.coords}
@@ -118,7 +118,7 @@ def decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
 
 
 def _fixed(values: NDArray[Any], name: str, source: Path) -> NDArray[np.str_]:
-    """Convert text from a file to fixed width, with four bytes a character, after a check of its size."""
+    """Convert text from a file to fixed width (four bytes for each character) after a check of its size."""
     if values.dtype.kind == "U":
         return values
     texts = values.ravel().tolist()
@@ -144,7 +144,7 @@ def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _array(values: list[Any]) -> Any:
-    """Convert a list of numbers, as which Zarr wrote an array, to an array; return other lists unchanged."""
+    """Convert a list of numbers to an array, because Zarr writes arrays as lists; return other lists unchanged."""
     try:
         found = np.array(values)
     except ValueError:  # ragged
@@ -153,5 +153,5 @@ def _array(values: list[Any]) -> Any:
 
 
 def _text(values: NDArray[Any]) -> NDArray[np.str_]:
-    """Convert text to fixed width; NumPy converts its variable-width text only by way of objects."""
+    """Convert text to fixed width; NumPy converts variable-width text only via objects."""
     return values.astype(object).astype(np.str_)

@@ -1,4 +1,4 @@
-"""Provide HDF5 files that close even if the disk fails, and that cache their objects by path.
+"""Provide HDF5 files that can be closed after a failed write, and that cache their objects by path.
 
 For each access, h5netcdf searches an object by its path: 43 times for a variable. These searches take half of the time
 to write (152 small variables: 1.0 of 2.0 s) or read results. The classes in this module find each object once.
@@ -22,7 +22,7 @@ __all__ = ["NetcdfFile", "WriteError", "netcdf_file", "remembering"]
 
 
 class WriteError(OSError):
-    """Error of the disk when a file is written."""
+    """A file could not be written to the disk."""
 
 
 class _Handle(io.RawIOBase):
@@ -103,9 +103,9 @@ def remembering() -> Any:
             self._known = known
 
         def __delitem__(self, name: str) -> None:
-            gone = f"{self.name.rstrip('/')}/{name}"
+            path = f"{self.name.rstrip('/')}/{name}"
             super().__delitem__(name)
-            _forget(self._known, gone)
+            _forget(self._known, path)
 
     class RememberingFile(h5py.File):  # type: ignore[misc]  # h5py has no types
         def __init__(self, place: Any, mode: str) -> None:
@@ -130,9 +130,9 @@ def remembering() -> Any:
     return RememberingFile
 
 
-def _forget(known: dict[str, Any], gone: str) -> None:
-    """Remove cached entries of a path from the root, and of all paths below it."""
-    for name in [name for name in known if f"/{name.strip('/')}/".startswith(f"{gone}/")]:
+def _forget(known: dict[str, Any], path: str) -> None:
+    """Remove the cached objects at an absolute path and below it."""
+    for name in [name for name in known if f"/{name.strip('/')}/".startswith(f"{path}/")]:
         del known[name]
 
 
@@ -177,6 +177,6 @@ def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
                 yield NetcdfFile(file, inner, handle)
                 handle.check()
         except Exception:
-            handle.check()  # HDF5 reports an error of the disk by exceptions of several types
+            handle.check()  # replace the exception of HDF5, whose type varies, by the error of the disk
             raise
         handle.check()

@@ -56,7 +56,7 @@ class Journal:
             place = file.seek(0, os.SEEK_END)
             rest = memoryview(_MARK + _HEAD.pack(len(payload), zlib.crc32(payload)) + payload)
             while rest:
-                rest = rest[file.write(rest) :]  # a partial write on a full disk
+                rest = rest[file.write(rest) :]  # a write may be partial, such as on a full disk
         return place
 
     def read(self, place: int) -> Record | None:
@@ -92,7 +92,7 @@ def _payload(file: Any, place: int) -> bytes | None:
 
 
 def _next(file: Any, place: int) -> int:
-    """Return the offset of the next mark from `place` on, bytes; -1 if there is none."""
+    """Return the offset (bytes) of the first mark at or after `place`; -1 if there is none."""
     while True:
         file.seek(place)
         part = file.read(_AT_ONCE)

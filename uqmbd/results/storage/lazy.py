@@ -1,4 +1,4 @@
-"""Open results as Dask arrays, which are read on use, with samples beyond `keep` from a separate store."""
+"""Open results as Dask arrays, which are read on use; the separate store provides samples beyond `keep`."""
 
 from __future__ import annotations
 
@@ -141,13 +141,13 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
             stacklevel=3,
         )
         return None
-    kept = node.children["samples"].to_dataset(inherit=False) if "samples" in node.children else xr.Dataset()
+    first = node.children["samples"].to_dataset(inherit=False) if "samples" in node.children else xr.Dataset()
     if place.suffix == ".nc":  # written by uqmbd 0.1
         data = load_with(place, _unread).to_dataset()
     else:
         data = _stored(SampleStore.open(place.resolve()))
     data = data.drop_attrs(deep=False)
-    if "time" not in kept.dims and data.sizes.get("time") == 1:
+    if "time" not in first.dims and data.sizes.get("time") == 1:
         data = data.isel(time=0, drop=True)
     texts = {
         str(key): (data[key].dims, fixed_width(data[key].values), data[key].attrs)
@@ -157,7 +157,7 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
     data = data.assign_coords(texts)
     try:
         same = node.attrs.get("all_samples_count", data.sizes["sample"]) == data.sizes["sample"]
-        same = same and _begins_with(data, kept)
+        same = same and _begins_with(data, first)
     except (OSError, ValueError, RuntimeError) as error:
         raise StudyError(f"The sample store {str(place)!r} is damaged: {error}") from error
     if not same:
@@ -169,15 +169,16 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
             stacklevel=3,
         )
         return None
-    for key in set(data.variables) & set(kept.variables):
-        data[key].attrs = kept[key].attrs
-    return data.assign_attrs(kept.attrs)
+    for key in set(data.variables) & set(first.variables):
+        data[key].attrs = first[key].attrs
+    return data.assign_attrs(first.attrs)
 
 
 def _stored(store: SampleStore) -> xr.Dataset:
     """Return a store as a dataset of Dask arrays.
 
-    `SampleStore` reads the chunks: Zarr does not name the file of a damaged chunk, and reads a missing chunk as NaN.
+    `SampleStore` reads the chunks instead of Zarr, which does not name the file of a damaged chunk, and reads a missing
+    chunk as NaN.
     """
     import dask.array as da
     from dask.base import tokenize
@@ -185,7 +186,7 @@ def _stored(store: SampleStore) -> xr.Dataset:
     with xr.open_zarr(store.folder, chunks=None, consolidated=True) as found:
         data: xr.Dataset = found.coords.to_dataset().load()
     row = max(np.dtype(kind).itemsize * int(np.prod(store.shapes(name)[0][1:])) for name, kind in KINDS.items())
-    # read whole chunks of all variables; for long responses, whole chunks of the responses only
+    # a Dask block consists of whole chunks of all variables, or, for long responses, of whole chunks of responses only
     rows = AT_ONCE // row
     whole = store.block if rows >= store.block else store.size
     rows = max(1, rows // whole) * whole
@@ -212,7 +213,7 @@ def _rows(store: SampleStore, name: str, block_info: Any = None) -> NDArray[Any]
 
 
 def _starts(first: int, last: int, size: int) -> list[int]:
-    """Split samples `first` to `last` (excluded) at chunks of `size` samples; return the index where each part begins.
+    """Split samples `first` to `last` (excluded) at the chunks of `size` samples; return the first index of each part.
 
     >>> _starts(6, 13, 4)
     [6, 8, 12]
@@ -220,12 +221,12 @@ def _starts(first: int, last: int, size: int) -> list[int]:
     return [first, *range(first - first % size + size, last, size)]
 
 
-def _begins_with(data: xr.Dataset, kept: xr.Dataset) -> bool:
-    """Return whether the first samples of a store equal those in the result bit by bit, so that both have one run."""
-    count = min(kept.sizes.get("sample", 0), COMPARED)
+def _begins_with(data: xr.Dataset, first: xr.Dataset) -> bool:
+    """Return whether the store `data` begins with the samples `first` in the result, bit by bit."""
+    count = min(first.sizes.get("sample", 0), COMPARED)
     for name in ("inputs", "response"):
-        if name in kept:
-            found, expected = (one[name].isel(sample=slice(count)) for one in (data, kept))
+        if name in first:
+            found, expected = (one[name].isel(sample=slice(count)) for one in (data, first))
             if found.dims != expected.dims or not np.array_equal(found.values, expected.values, equal_nan=True):
                 return False
     return True

@@ -47,7 +47,7 @@ _LARGEST = 1 << 24
 _RESULT = re.compile(r"(results|motion|pose_surrogate|comparison)\.nc")
 _NAME = re.compile(rf"{_RESULT.pattern}|report\.html|[^/\\]+-samples\.zarr|{FIGURES}/[^/\\]+")
 _STATED = re.compile(rf"{_NAME.pattern}|[^/\\.][^/\\]*\.nc")
-"""Names as in `_NAME`, and names of other netCDF files, which commands of plugins declare before they write."""
+"""Names as in `_NAME`, and names of other netCDF files, which commands of plugins declare before they write them."""
 _TITLE = b" uqmbd report</title>"
 _IN_STORE = re.compile(r"\.z[a-z]+|\d+(\.\d+)*|\.[0-9a-f]{16}\.part")
 """Names of files in a store of samples."""
@@ -137,9 +137,9 @@ def foreign_in_store(place: Path) -> list[Path]:
 
 
 def check_names(folder: Path, names: Iterable[str]) -> list[str]:
-    """Return the names among `names` that belong to unlisted files which uqmbd may have written.
+    """Return the names in `names` of existing files that uqmbd may have written, but the manifest does not list.
 
-    Raise StudyError, with the name and a remedy, if another file has one of the names.
+    Raise StudyError, with the name and a remedy, if a file of another origin has one of the names.
     """
     manifest = folder / MANIFEST
     if os.path.lexists(manifest) and _read(manifest) is None:
@@ -163,7 +163,7 @@ def check_names(folder: Path, names: Iterable[str]) -> list[str]:
 def move_unlisted(folder: Path, names: Collection[str]) -> Path | None:
     """Move unlisted files that uqmbd may have written to a new folder, and return the folder; None if there are none.
 
-    Raise StudyError if another file has one of the names; then nothing is moved.
+    Raise StudyError and move nothing if a file of another origin has one of the names.
     """
     recognised = check_names(folder, names)
     return move_aside(folder, recognised) if recognised else None
@@ -172,8 +172,8 @@ def move_unlisted(folder: Path, names: Collection[str]) -> Path | None:
 def move_aside(folder: Path, names: Collection[str]) -> Path:
     """Move results to a new folder, in reverse order of `names`, and return the folder.
 
-    The folder is ``previous`` if the manifest lists all results and an existing ``previous`` contains only listed,
-    unchanged files; that is removed. Else it is the next ``previous-N``; no run replaces unlisted files in it.
+    If the manifest lists all results, the folder is ``previous``. An existing ``previous`` is removed if it contains
+    only listed, unchanged files. Otherwise, the folder is the next ``previous-N``. No run replaces unlisted files.
     """
     noted, owned = in_manifest(folder), [name for name in names if is_ours(folder, name)]
     target = _new_folder(folder)
@@ -191,7 +191,7 @@ def move_aside(folder: Path, names: Collection[str]) -> Path:
 
 
 def _renamed(folder: Path, target: Path) -> Path:
-    """Rename a new folder to the first name that is unused or belongs to a whole folder, which is removed."""
+    """Rename a new folder to the first name that is unused or belongs to a removable folder; remove the latter."""
     number = 0
     while (place := _numbered(folder, number)) != target:
         if os.path.lexists(place) and _is_whole(place):
@@ -256,7 +256,7 @@ def _is_obstacle(place: Path) -> StudyError:
 
 
 def _read(place: Path) -> dict[str, str] | None:
-    """Return the valid entries of a manifest, or None if the file is no manifest."""
+    """Return the valid entries of a manifest, or None if the file is not a manifest."""
     try:
         with open(place, "rb", opener=no_link) as file:
             about = os.fstat(file.fileno())
@@ -303,7 +303,7 @@ def _digest(place: Path) -> str | None:
 
 
 def _attributes(result: Path) -> list[str] | None:
-    """Return the names of sample stores in a result, or None if the file is no result of uqmbd."""
+    """Return the names of the sample stores of a result, or None if the file is not a result of uqmbd."""
     import h5py
 
     try:

@@ -12,7 +12,7 @@ from uqmbd.plugins import owner, surrogates
 __all__ = ["absent_model", "made_model", "model_class", "source_of_model", "warn_of_absent_models"]
 
 _made: dict[str, list[type]] = {}
-"""Model classes that this process defined, such as classes of a script, by name, with the newest last."""
+"""Model classes that this process defined, such as classes of a script, by name; the newest class is last."""
 
 
 def made_model(name: str, kind: type) -> None:
@@ -21,8 +21,8 @@ def made_model(name: str, kind: type) -> None:
     Raises StudyError if a plugin registers another class by this name; warns with StudyWarning if the code of an
     earlier class of this name differs.
     """
-    offered, known = surrogates().get(name, kind), _made.setdefault(name, [])
-    if offered is not kind:
+    registered, known = surrogates().get(name, kind), _made.setdefault(name, [])
+    if registered is not kind:
         raise StudyError(
             f"CustomSurrogate: the name of {kind.__qualname__} is {name!r}, which "
             f"{owner('surrogates', name)} registers for another class, so uqmbd would evaluate a "

@@ -22,10 +22,10 @@ from uqmbd.results.storage.hdf5 import remembering
 __all__ = ["NUMBERS", "PLAIN", "check_declared", "check_memory", "check_text", "largest", "opened_netcdf"]
 
 PLAIN: Mapping[str, Any] = {"decode_times": False, "decode_timedelta": False}
-"""Options of xarray for opening: times remain numbers for any units."""
+"""Options of xarray for opening files, with which times remain numbers for any units."""
 
 _AT_LEAST = 1 << 28
-"""Bytes that a file of any size may declare."""
+"""Number of bytes that the variables of any file may declare, independent of its size."""
 
 _RATIO = 1100
 """Largest accepted compression ratio of a file; deflate reaches 1032."""
@@ -65,7 +65,7 @@ def check_memory(declared: int, path: Path) -> None:
 
 
 def check_text(letters: int, path: Path) -> None:
-    """Refuse texts that need more memory, at four bytes a character, than a file can contain or the computer has."""
+    """Refuse texts that need more memory than a file can contain or the computer has; a character needs four bytes."""
     size = path.stat().st_size if path.is_file() else sum(one.stat().st_size for one in path.rglob("*"))
     check_declared(4 * letters, size, path)
     check_memory(4 * letters, path)
@@ -118,7 +118,7 @@ def _opened(path: str, mode: str, *, below: bool) -> Any:
     inner = remembering()(path, mode)
     try:
         _check(inner, Path(path), below=below)
-        # h5netcdf reads the attributes first; on failure its half-made object prints a traceback when it is deleted
+        # read the attributes before h5netcdf does: if it fails, its incomplete object prints a traceback when deleted
         dict(inner.attrs)
         return Reader(inner, mode, decode_vlen_strings=True, phony_dims="access")
     except BaseException:
@@ -171,13 +171,13 @@ def _bytes_of(variable: Any, path: Path, size: int) -> int:
     kind, text = variable.dtype, h5py.check_string_dtype(variable.dtype)
     if kind.kind not in NUMBERS + _TEXTS and text is None:
         raise _refused(path, f"{variable.name!r} has the type {kind}; expected numbers or text")
-    # HDF5 reads whole chunks
+    # count at least one whole chunk, because HDF5 reads whole chunks
     count = max(0 if shape is None else math.prod(shape) for shape in (variable.shape, variable.chunks))
     if kind.kind == "f" and bytes(np.bytes_(variable.attrs.get("NAME", b""))).startswith(_PLACEHOLDER):
         return 0
     if text is not None and text.length is None:
         check_declared(count * kind.itemsize, size, path)
-        # each text may refer to the same longest text of the file, so read few texts at a time
+        # all texts may refer to the same longest text of the file, so read few texts at a time
         at_once = max(largest(size) // (4 * size), 1)
         if count > at_once:
             _check_texts(variable, path, size, at_once)
@@ -186,7 +186,7 @@ def _bytes_of(variable: Any, path: Path, size: int) -> int:
 
 
 def _check_texts(texts: Any, path: Path, size: int, at_once: int) -> None:
-    """Refuse texts that need too much memory: each takes four bytes a character of the longest text."""
+    """Refuse texts that need too much memory: four bytes for each character of the longest text, for each text."""
     longest = 0
     *outer, last = texts.shape
     for index in np.ndindex(*outer):

@@ -197,8 +197,8 @@ class SampleStore:
         except StudyError:
             raise
         except _DAMAGED as error:
-            names_it = isinstance(error, (KeyError, FileNotFoundError)) and len(error.args) == 1
-            reason = f"{error.args[0]} is missing" if names_it else error
+            is_missing = isinstance(error, (KeyError, FileNotFoundError)) and len(error.args) == 1
+            reason = f"{error.args[0]} is missing" if is_missing else error
             raise StudyError(f"{str(folder)!r} is damaged, or is not a sample store: {reason}") from error
         if not complete:
             raise StudyError(
@@ -222,7 +222,7 @@ class SampleStore:
         return found | layout == found and same_codecs(found, KINDS[name], chunk)
 
     def _complete(self) -> bool:
-        # Zarr reads missing chunks as NaN
+        # check the names of the chunk files, because Zarr reads missing chunks as NaN
         for name in ("response", "inputs"):
             shape, chunk = self.shapes(name)
             number = -(-shape[0] // chunk[0])
@@ -434,7 +434,7 @@ def _opened(folder: Path) -> tuple[dict[str, dict[str, Any]], xr.Dataset]:
 
 
 def _check_coordinates(folder: Path) -> None:
-    """Raise an error that names the damaged file of a coordinate; errors of Zarr do not name it."""
+    """Raise StudyError if a file of a coordinate is damaged, with the name of the file, which Zarr does not state."""
     with os.scandir(folder) as entries:
         names = [entry.name for entry in entries if entry.is_dir() and entry.name not in KINDS]
     for name in names:

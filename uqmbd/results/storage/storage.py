@@ -185,9 +185,9 @@ def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) -> xr.DataTree:
-    """Open a result, execute no content of its file, and read the result with the function `read`.
+    """Open a result, without executing content of its file, and read it with the function `read`.
 
-    With `read` = `_read` all data are read; with other functions large chunks are not compared with their digests.
+    Large chunks are compared with their digests only if `read` is `_read`, which reads all data.
     """
     suffix = source.suffix.lower()
     if suffix not in (*_NETCDF, ".zarr"):
@@ -212,11 +212,15 @@ def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) ->
 
 
 def _gated(
-    source: Path, decode: Callable[[xr.DataTree], xr.DataTree], what: str, *, whole: bool, below: bool = True
+    source: Path, decode: Callable[[xr.DataTree], xr.DataTree], kind: str, *, whole: bool, below: bool = True
 ) -> xr.DataTree:
-    """Check and open a file or a folder, with or without groups below the root, and convert its tree by `decode`."""
+    """Check and open a file or a folder, and convert its tree by `decode`.
+
+    `kind`: name of the content, for messages; `whole`: whether large chunks are compared with their digests; `below`:
+    whether to read groups below the root.
+    """
     if not source.exists():
-        raise StudyError(f"The {what} {str(source)!r} does not exist.")
+        raise StudyError(f"The {kind} {str(source)!r} does not exist.")
     tree, verified = None, False
     try:
         if source.suffix.lower() == ".zarr":
@@ -238,7 +242,7 @@ def _gated(
             raise
         reason = " ".join(str(error).split())[:300] or type(error).__name__
         raise StudyError(
-            f"{str(source)!r} cannot be read as a {what}; it is damaged, or is not a {what}: {reason}"
+            f"{str(source)!r} cannot be read as a {kind}; it is damaged, or is not a {kind}: {reason}"
         ) from error
     found.set_close(close)
     found.encoding = {"source": str(source), "digest": "verified" if verified else "not verified"}
@@ -264,13 +268,13 @@ def _verified(source: Path, *, whole: bool) -> bool:
 
 
 def not_verified(tree: xr.DataTree) -> bool:
-    """Return whether a result was read from a file or a folder without a digest."""
+    """Return whether a result was read from a file or a folder whose content was not verified by a digest."""
     return bool(tree.encoding.get("digest") == "not verified")
 
 
 @contextmanager
 def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
-    """Add the file name and the schema violation to exceptions caused by results that were read from files.
+    """Convert unexpected exceptions to StudyError with the name of the result file and its violation of the schema.
 
     >>> tree = xr.DataTree(xr.Dataset(attrs={"study": "crank"}))
     >>> tree.encoding = {"source": "results.nc", "digest": "not verified"}
@@ -313,7 +317,7 @@ def _write(tree: xr.DataTree, path: Path) -> None:
             dataset = node.to_dataset(inherit=False).compute()  # loads lazy data
             for name, given in dataset.variables.items():
                 if not given.shape or not given.size or given.dtype.kind == "S":
-                    continue  # HDF5 has no checksums for these
+                    continue  # HDF5 has no checksums for scalars, empty variables and bytes
                 variable, letters = _characters(given) if given.dtype.kind == "U" else (given, {})
                 variables[name] = variable
                 encoding[name] = {"fletcher32": True, "chunksizes": (*chunks_of(variable), *letters.values())}
@@ -331,7 +335,7 @@ def _write(tree: xr.DataTree, path: Path) -> None:
             dataset.dump_to_store(H5NetCDFStore(group), encoding=encoding)
             made.check()
         spans = made.chunks(large)
-    # a chunk ends with HDF5's checksum
+    # exclude the checksum of HDF5 at the end of each chunk
     add_digest(path, [(begin, count - CHECKSUM) for begin, count in spans])
 
 
@@ -343,7 +347,7 @@ def _characters(variable: xr.Variable) -> tuple[xr.Variable, dict[str, int]]:
         raise StudyError(
             f"The string {error.object!r:.100} cannot be stored as UTF-8; expected complete characters."
         ) from None
-    # round the width up to a power of two: each width needs a dimension
+    # round the width up to a power of two, because each width needs a dimension in the file
     width = 1 << max(3, (values.dtype.itemsize - 1).bit_length())
     attrs = {**variable.attrs, "_Encoding": "utf-8"}
     return xr.Variable(variable.dims, values.astype(f"S{width}"), attrs), {f"_uqmbd_characters_{width}": width}

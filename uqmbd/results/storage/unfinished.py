@@ -55,11 +55,11 @@ _FILES = re.compile(
 """Names of files that uqmbd writes into these folders; uqmbd does not remove other files."""
 
 WITHIN = "convergence"
-"""Folder, among the chunks of a run, with the chunks of its convergence runs (error over cost)."""
+"""Folder, within the folder of the chunks of a run, for the chunks of its convergence runs (error over cost)."""
 
 
 def begin(folder: Path, *, resume: bool) -> None:
-    """Create the folder of the chunks of a run; reuse (`resume`) or remove chunks of an earlier run.
+    """Create the folder of the chunks of a run; remove the chunks of an earlier run, or reuse them (`resume`).
 
     Raise StudyError, with the path and a remedy, if a file of another program has the name of the folder or is in it.
     """
@@ -92,7 +92,7 @@ def make(folder: Path) -> None:
 
 
 def check_unfinished(folder: Path) -> None:
-    """Raise a `StudyError` if folders for the chunks of a run contain, or are, files that uqmbd did not write."""
+    """Raise a `StudyError` if a folder for the chunks of a run contains, or is, a file that uqmbd did not write."""
     for name in (FOLDER, _ENDED):
         _check(folder / name)
 
@@ -112,7 +112,7 @@ def _check(place: Path) -> None:
 
 
 def _is_of_earlier_version(place: Path) -> bool:
-    """Return whether a version without ownership marks made a folder, according to its file ``asked.json``."""
+    """Return whether the file ``asked.json`` shows that an earlier version, without ownership marks, made a folder."""
     try:
         with open(place / _ASKED, "rb", opener=no_link) as file:
             found = json.load(file)
@@ -179,7 +179,7 @@ def computed(folder: Path, attrs: Mapping[Any, Any]) -> None:
     place = folder / FOLDER
     if not place.is_dir() or "failed" in attrs:
         return
-    # if the disk is full, for example, the run remains unfinished and no results are lost
+    # if this fails, for example on a full disk, the run remains unfinished and no results are lost
     with contextlib.suppress(OSError):
         with replacing(place / _MARK, lasting=False) as part:
             part.write_text(_identity(attrs))
@@ -196,7 +196,7 @@ def saved(folder: Path, attrs: Mapping[Any, Any]) -> None:
 
 
 def unsaved(folder: Path, attrs: Mapping[Any, Any]) -> None:
-    """Mark the run of these results as unfinished, because its results could not be saved in the folder."""
+    """Mark the run of results as unfinished, because the results could not be saved in the folder."""
     if _is_of(folder, attrs):
         reopen(folder)
 

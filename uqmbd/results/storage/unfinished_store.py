@@ -40,7 +40,7 @@ class ResponseFile:
     """File to which a worker writes the responses of one chunk."""
 
     path: Path  # path of the file
-    token: tuple[Path, str]  # a file and its content: a worker that reads the same content shares the folder
+    token: tuple[Path, str]  # a file and its content; a worker shares the folder if it reads the same content there
     chunk: tuple[int, ...]  # shape of a chunk; the last chunk may be partly filled
     checksum: int | None = None  # checksum of the written file
 
@@ -57,11 +57,11 @@ class ResponseFile:
         return None if self.checksum is None else read_checked(self.path, self.chunk, self.checksum, count)
 
     def put(self, response: Array) -> tuple[int, bytes | None]:
-        """Write responses if the folder is shared; return their checksum and, if not written, the file content."""
+        """Write responses if the folder is shared; return the checksum and, if nothing was written, the content."""
         content = encoded(response, "<f8", self.chunk)
         checksum = checksum_of(content)
         if self.shared:
-            # after a failed write the caller tries again and reports the error
+            # after a failed write, the main process writes the returned content and reports any error
             with contextlib.suppress(OSError):
                 write_file(self.path, content)
                 return checksum, None
@@ -106,7 +106,7 @@ class UnfinishedStore:
             raise self._failed(error) from error
 
     def _made(self, there: Sequence[Path], own: Path) -> SampleStore:
-        """Create the store again, with the recorded responses from earlier stores."""
+        """Create the store again, and move the recorded responses of earlier stores into it."""
         store = SampleStore(own, self._store.count, self._store.size, self._store.labels)
         # chunks beyond the present count may be requested later, for example after the pilot of a budget
         rest = self._place / f"{self._identity}.rest"
@@ -187,8 +187,8 @@ class UnfinishedStore:
         self._flush()
         store = self._store
         try:
-            for stray in store.folder.glob("*/.*.part"):  # files of a killed worker
-                stray.unlink(missing_ok=True)
+            for part in store.folder.glob("*/.*.part"):  # incomplete files of a killed worker
+                part.unlink(missing_ok=True)
             if self._target is not None and store.folder != self._target:
                 flush(store.folder)
                 old = self._place / "old.zarr"
@@ -198,7 +198,7 @@ class UnfinishedStore:
                         os.replace(self._target, old)
                     else:
                         move_unlisted(self._folder, [self._target.name])
-                # record it before it is renamed, so that the manifest also lists the store of a killed run
+                # record the store before it is renamed, so that the manifest lists it even if the run is killed
                 record(self._folder, [self._target.name], [store.folder])
                 os.replace(store.folder, self._target)
                 shutil.rmtree(old, ignore_errors=True)

@@ -31,7 +31,7 @@ _TEXT = "vlen-utf8"
 """Codec with which xarray writes variable-length text."""
 
 _FILTERS = frozenset({"blosc", _TEXT})
-"""Compressor that is applied to chunks of samples before their checksum, and the codec of text."""
+"""Compressor of chunks of samples, which is applied before their checksum, and codec of text."""
 
 _CODECS = frozenset({"bytes", _TEXT, "zstd", "blosc", "gzip", "crc32c"})
 """Codecs of xarray and Zarr in format 3: chunk codecs of the specification."""
@@ -63,7 +63,7 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
     and the codec. Raise OSError or ValueError if the metadata cannot be read.
     """
     size = 0
-    declared: dict[str, int] = {}  # counts arrays once that consolidated metadata repeat
+    declared: dict[str, int] = {}  # bytes by array, because consolidated metadata repeat the arrays
     chunks: list[str] = []
     encoded: dict[str, set[Encoded]] = defaultdict(set)
     for entry in _entries(folder):
@@ -71,7 +71,7 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
         if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
             raise _refused(folder, f"{place} is a link, a pipe or a device")
         if place.split(os.sep)[0] in unread and entry.name[0] != ".":
-            continue  # skip chunks: there may be many
+            continue  # skip the chunks of these arrays, which may be many
         size += entry.stat().st_size
         name = entry.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
         if name not in _METADATA:
@@ -123,7 +123,7 @@ def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
 
 
 def _bytes_of(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
-    """Return the bytes of an array of format 2, or of its chunk if a chunk is larger, and the encoding of the array."""
+    """Return the bytes and the encoding of an array of format 2; the bytes are at least the bytes of one chunk."""
     compressor, filters, kind = about["compressor"], about["filters"], about["dtype"]
     if compressor is not None and compressor["id"] not in _COMPRESSORS:
         raise _refused(folder, f"{array!r} uses the codec {compressor['id']!r}")
@@ -178,7 +178,7 @@ def _bytes_of_3(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
 
 
 def _size(folder: Path, array: str, shape: Any, chunk: Any) -> int:
-    """Return the number of elements of an array, or of its chunk if a chunk is larger."""
+    """Return the number of elements of an array, at least the number of elements of one chunk."""
     whole = all(isinstance(n, int) and n >= 0 for n in (*shape, *chunk)) and len(shape) == len(chunk)
     if not whole or 0 in chunk:
         raise _refused(folder, f"{array!r} has the shape {shape} in chunks of {chunk}")
@@ -186,7 +186,7 @@ def _size(folder: Path, array: str, shape: Any, chunk: Any) -> int:
 
 
 def _name(about: Any) -> str:
-    """Return the name of an extension of format 3 from its text or its mapping with a configuration."""
+    """Return the name of an extension of format 3, which is a text or a mapping with a configuration."""
     return about if isinstance(about, str) else str(about["name"])
 
 

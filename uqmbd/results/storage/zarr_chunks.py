@@ -24,10 +24,10 @@ FIRST, LAST = "checksum before", "checksum after"
 """Names of codecs that add a checksum before or after the other bytes."""
 
 _SUM = 4
-"""Bytes of a checksum."""
+"""Number of bytes of a checksum."""
 
 _ROOM = 1 << 16
-"""Bytes by which the compression of an incompressible chunk may increase its size."""
+"""Number of bytes by which the compression of an incompressible chunk may increase its size."""
 
 _AT_ONCE = 1 << 20
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -53,10 +53,9 @@ def decoded_bytes(path: Path, encoded: Encoded, most: int) -> int:
         raise ValueError("its data are compressed more than once")
     most += _SUM * sum(codec in (FIRST, LAST) for codec in encoded.codecs)
     with path.open("rb") as file:
-        held = file.seek(0, os.SEEK_END)
-        if encoded.size is not None and held > 2 * most + _ROOM:
-            raise ValueError(f"its file has {held} bytes; expected at most {most} bytes after decompression")
-        found = held
+        found = file.seek(0, os.SEEK_END)
+        if encoded.size is not None and found > 2 * most + _ROOM:
+            raise ValueError(f"its file has {found} bytes; expected at most {most} bytes after decompression")
         if within:
             outer = encoded.codecs[: encoded.codecs.index(within[0])]
             found = _READERS[within[0]](file, _SUM * outer.count(FIRST), _SUM * outer.count(LAST), most)
@@ -111,7 +110,7 @@ def _gzip(file: BinaryIO, begin: int, after: int, most: int) -> int:
                 left -= len(rest)
             found += len(reader.decompress(rest, _AT_ONCE))
             rest = reader.unconsumed_tail
-            if reader.eof:  # another gzip member or zeros may follow
+            if reader.eof:  # a further gzip member or zeros may follow
                 rest, reader = reader.unused_data.lstrip(b"\0"), zlib.decompressobj(31)
     except zlib.error as error:
         raise ValueError(str(error)) from error

@@ -42,7 +42,7 @@ def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 
 Reference = str | Sequence[str] | None
-"""Label of the reference, labels from which it is chosen, or None for a choice from all labels."""
+"""Label of the reference, several labels to choose from, or None to choose from all labels."""
 
 
 def compare_both(nodes: Mapping[str, xr.DataTree], reference: Reference = None, rtol: float = 0.0) -> xr.Dataset:
@@ -89,7 +89,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
     compared = _compare(nodes, reference, rtol) if over_time or not inner else None
     if not inner:
         return xr.Dataset() if compared is None else _without_censored(compared, nodes, left_out)
-    # a reference that is chosen for outputs over time may have too few samples for scalar outputs
+    # choose a separate reference, because the other one may have too few samples for scalar outputs
     whole = _compare(inner, None if isinstance(reference, str) and reference not in inner else reference, rtol)
     names = {
         "mean_difference_max": "scalar_mean_difference",
@@ -102,7 +102,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
     for name in names.values():
         found[name].attrs = {"comment": "of outputs without a time"}
     if compared is None:
-        # no outputs, but all data on the methods
+        # select no outputs, so that only the data on the methods remain
         compared = whole.isel(output=slice(0, 0))
     elif "recommendation" in compared.attrs:
         compared = compared.assign_attrs(recommendation=_with_reservations(compared, whole))
@@ -116,19 +116,19 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
 
 
 def _without_censored(compared: xr.Dataset, nodes: Mapping[str, xr.DataTree], left_out: Sequence[str]) -> xr.Dataset:
-    """Return a comparison with the names of censored outputs, and with methods that have statistics of them."""
+    """Add the names of censored outputs, and the methods with their statistics, to a comparison."""
     if not left_out:
         return compared
     compared = compared.assign_attrs(censored=", ".join(left_out))
-    sentence = _unanswered(nodes, left_out, str(compared.attrs.get("recommended", "[]")))
+    sentence = _missing_statistics(nodes, left_out, str(compared.attrs.get("recommended", "[]")))
     if sentence and "recommendation" in compared.attrs:
         lead, *others = str(compared.attrs["recommendation"]).split("\n")
         compared = compared.assign_attrs(recommendation="\n".join((f"{lead} {sentence}", *others)))
     return compared
 
 
-def _unanswered(nodes: Mapping[str, xr.DataTree], left_out: Sequence[str], chosen: str) -> str:
-    """Return a sentence on censored outputs whose statistics a recommended method does not have; empty if it has all.
+def _missing_statistics(nodes: Mapping[str, xr.DataTree], left_out: Sequence[str], chosen: str) -> str:
+    """Return a sentence on the statistics of censored outputs that recommended methods lack; empty if none.
 
     `chosen`: labels of the recommended methods, JSON.
     """
@@ -163,7 +163,7 @@ def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
         known = over_time.get(label)
         if not known or worst(known)[0].kind in (DIFFERS, UNDER_RESOLVED):
             others.append(words)
-        else:  # this method may be the recommended one
+        else:  # no other sentence warns of this method, which may be recommended
             lead += f" {words}"
     return "\n".join((lead, *others))
 
@@ -205,8 +205,8 @@ def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree],
         parts = node_parts(node)
         for path, data in parts.items():
             if "output" in data.dims and "output" in data.coords:
-                kept = [k for k, name in enumerate(data["output"].values) if str(name) not in left_out]
-                parts[path] = data.isel(output=kept)
+                chosen = [k for k, name in enumerate(data["output"].values) if str(name) not in left_out]
+                parts[path] = data.isel(output=chosen)
         if parts["statistics"].sizes["output"]:
             found[label] = xr.DataTree.from_dict(parts, name=node.name)
     return found, left_out
@@ -219,7 +219,7 @@ def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
         inner = node.children.get("requirements")
         if inner is None or "statistics" not in inner.children:
             return {}
-        # include the times, which are in the dataset above
+        # datasets with inherited coordinates, because the times are in the dataset of the parent
         parts = {"/": xr.Dataset(attrs=node.attrs)} | {str(k): one.to_dataset() for k, one in inner.children.items()}
         found[label] = xr.DataTree.from_dict(parts, name=label)
     return found

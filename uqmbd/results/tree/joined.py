@@ -1,4 +1,4 @@
-"""Join nodes of one method for scalar outputs, outputs that may not occur, and requirements."""
+"""Join the nodes of one method for outputs over time, scalar outputs, censored outputs and requirements."""
 
 from __future__ import annotations
 
@@ -128,10 +128,10 @@ def joined_outputs(
 
 def _joined_samples(nodes: Sequence[xr.DataTree], first: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
     """Join the samples of nodes for different outputs; `first` are the samples of one of these nodes."""
-    held = [node.children["samples"].to_dataset(inherit=False) for node in nodes if "samples" in node.children]
+    samples = [node.children["samples"].to_dataset(inherit=False) for node in nodes if "samples" in node.children]
     response = np.full((first.sizes["sample"], len(names), *first["response"].shape[2:]), np.nan)
     units = [""] * len(names)
-    for data in (data for data in held if data.sizes["sample"] == len(response)):
+    for data in (data for data in samples if data.sizes["sample"] == len(response)):
         for column, name in enumerate(data["output"].values.tolist()):
             response[:, names.index(name)] = data["response"].values[:, column]
             units[names.index(name)] = str(data["output_units"].values[column])
@@ -210,7 +210,7 @@ def with_requirements(
 
 
 def _empty(labels: Labels, like: xr.Dataset) -> xr.Dataset:
-    """Return statistics at all times without outputs."""
+    """Return statistics that have all times, but no outputs."""
     none = Labels((), labels.inputs, labels.times)
     blank: Any = np.zeros(none.shape)
     errors = {name: blank for name in ("std_error_mean", "std_error_std") if name in like}

@@ -14,7 +14,7 @@ from uqmbd.report.figures import OF_GERMS, Indices, has_indices, indices_of, lab
 from uqmbd.report.sections.about_results.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
-from uqmbd.results.assessment import STILL
+from uqmbd.results.assessment import NO_VARIATION
 from uqmbd.wording import format_percent, typeset_units
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def influence(result: StudyResult) -> Content | None:
     varying = {name: one for name, one in found.items() if one.meaningful.any()}
     if not varying:
         return {
-            "words": [f"There are no Sobol' indices: each output {STILL}."],
+            "words": [f"There are no Sobol' indices: each output {NO_VARIATION}."],
             "rows": [],
             "figures": [],
             "outputs": [],

@@ -17,7 +17,7 @@ from uqmbd.report.sections.about_results.output_words import in_words, integrati
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import choose_reference
-from uqmbd.results.assessment import STILL
+from uqmbd.results.assessment import NO_VARIATION
 from uqmbd.wording import format_count, typeset_units
 
 __all__ = ["FULL", "OUTPUTS", "bands_chart", "bands_of", "most_uncertain", "only_density", "over_chart", "ranked"]
@@ -116,7 +116,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             "figures": drawn,
             "shown": unfolded,
             "folded": not whole,
-            "note": " ".join(filter(None, (f"This output {STILL}.", integration(first, name)))),
+            "note": " ".join(filter(None, (f"This output {NO_VARIATION}.", integration(first, name)))),
             "words": "",
             "numbers": [],
             "numbers_of": "",
