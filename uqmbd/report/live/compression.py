@@ -19,13 +19,13 @@ __all__ = ["compressed", "expanded"]
 
 
 TRUNCATED = 0.4
-"""Part of the allowed error for omitted components; the rest is for rounding."""
+"""Part of the allowed error for omitted components."""
 
 STEPPED = 0.85
-"""Part of the allowed error for the rounding of factors; the total with omitted components is below the limit."""
+"""Part of the allowed error for the rounding of factors; together with omitted components, the error is allowed."""
 
 BASE = 0.1
-"""Allowed difference between the base and the mean over the elements, relative to the allowed error."""
+"""Allowed difference of the base from the mean over the elements, relative to the allowed error."""
 
 ROUNDING = 1e-15
 """Error that is always allowed, relative to the largest coefficient of an output."""
@@ -38,8 +38,9 @@ def compressed(coefficients: Array, allowed: Array, lags: Sequence[int] = ()) ->
     `allowed` (O, C) is the allowed error in each element, as a root mean square over the inputs, in the units of the
     coefficients. `lags` are possible distances of similar columns.
 
-    Return for each output ``base`` (C,), to be added to the mean, ``left`` (E, P, R) and ``right`` (R, C). The rest is
-    the product of the last two. If this is shorter, ``left`` (E, P, C) is the rest, and ``right`` is None.
+    Return ``base`` (C,), ``left`` (E, P, R) and ``right`` (R, C) for each output. The coefficients are the product of
+    ``left`` and ``right``, plus ``base`` in the term of the mean. If it is shorter, ``left`` (E, P, C) is the product
+    itself, and ``right`` is None.
     """
     outputs = [_output(coefficients[:, :, k], allowed[k], lags) for k in range(coefficients.shape[2])]
     return {"outputs": outputs}
@@ -72,7 +73,7 @@ def _output(coefficients: Array, allowed: Array, lags: Sequence[int]) -> dict[st
     owner = np.repeat(np.arange(elements), terms)[used]
 
     def lasting(count: int) -> bool:
-        """Return whether the remainder after some components is small in every element and column."""
+        """Return whether the remainder after `count` components is small in every element and column."""
         out = (left[:, count:] * s[count:]) @ right[count:]
         starts = np.flatnonzero(np.r_[True, np.diff(owner) > 0])
         return not len(out) or bool(np.add.reduceat(out**2, starts).max() <= TRUNCATED**2)
@@ -84,19 +85,19 @@ def _output(coefficients: Array, allowed: Array, lags: Sequence[int]) -> dict[st
     flat, v = np.zeros((len(rows), count)), s[:count, None] * right[:count] * limit
     flat[used] = left[:, :count]
     u = flat.reshape(elements, terms, count)
-    # the norm of the largest allowed errors over terms or components
+    # the errors of the terms or components add up as root sum of squares, so each has the allowed error over the root
     found: list[tuple[dict[str, Any], dict[str, Any] | None]] = [
         (packed_within(rest, limit / math.sqrt(terms)), None),
         (packed(u, "float32"), packed_within(v, STEPPED * limit / math.sqrt(max(count, 1)), lags=lags)),
         (packed(u), packed(v)),
     ]
-    kept = [pair for pair in found if _lost(pair, rest, limit) <= 1]
-    shortest = min(kept, key=lambda pair: len(str(pair)), default=(packed(rest), None))
+    fits = [pair for pair in found if _lost(pair, rest, limit) <= 1]
+    shortest = min(fits, key=lambda pair: len(str(pair)), default=(packed(rest), None))
     return {"base": base, "left": shortest[0], "right": shortest[1]}
 
 
 def _lost(pair: tuple[dict[str, Any], dict[str, Any] | None], rest: Array, limit: Array) -> float:
-    """Return the largest error of the factors with respect to the rest (E, P, C), relative to the allowed error."""
+    """Return the largest difference of the product of two factors from `rest` (E, P, C), over the allowed error."""
     left, right = pair
     made = unpacked(left).astype(float)
     if right is not None:

@@ -37,8 +37,9 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
     ``method``: label of the method. ``histories``, ``scalars``: outputs with and without a time, or None; they contain
     ``surrogate`` (see `live_surrogate`), ``mean`` and ``std`` (O, T). ``limits``: limits of these outputs.
     ``margins``: other requirements, or None; it contains the ``surrogate`` of margins of the whole motion, and
-    ``requirements`` with ``name`` and ``meaning``, the relation. ``missing``: reasons for missing outputs. ``still``:
-    names of missing requirements. ``order``: indices of the inputs, the most important input first.
+    ``requirements`` with ``name`` and ``meaning``, which is the relation. ``missing``: reasons for missing outputs.
+    ``still``: names of requirements that the page cannot evaluate. ``order``: indices of the inputs, the most important
+    input first.
     """
     label = live_method(tree)
     if not label:
@@ -83,34 +84,40 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
     }
 
 
-def _margins(node: xr.DataTree, wanted: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return the surrogate of the margins of the given requirements; None if it is missing."""
+def _margins(node: xr.DataTree, meanings: Mapping[str, str]) -> dict[str, Any] | None:
+    """Return the surrogate of the margins of requirements; None if it is missing.
+
+    `meanings` contains the relations of these requirements by name.
+    """
     part = node.children.get("requirements")
-    if part is None or not wanted or not surrogate_parts(part):
+    if part is None or not meanings or not surrogate_parts(part):
         return None
     data = live_surrogate(part, at_the_end=True)
     if "reason" in data or not data["inputs"]:
         return None
     names = [o["name"] for o in data["outputs"]]
-    listed = [{"name": name, "meaning": meaning} for name, meaning in wanted.items() if name in names]
+    listed = [{"name": name, "meaning": meaning} for name, meaning in meanings.items() if name in names]
     return {"surrogate": data, "requirements": listed} if listed else None
 
 
 def _order(node: xr.DataTree, inputs: list[str]) -> list[int]:
-    """Return the indices of inputs by descending share in an output, or in the order of the study if unknown."""
+    """Return the indices of inputs, sorted by their largest share of the variance of any output.
+
+    Inputs without a known share remain in the order of the study.
+    """
     largest = dict.fromkeys(inputs, 0.0)
     for part in (node, node.children.get("scalars"), node.children.get("requirements")):
         data = part.children["statistics"].to_dataset() if part is not None and "statistics" in part.children else None
         if data is None or "sobol_total" not in data:
             continue
-        if part is node.children.get("requirements") and "time" in data.dims:  # margin of the whole motion
+        if part is node.children.get("requirements") and "time" in data.dims:  # the last margin is that of the motion
             data = data.isel(time=-1)
         total, variance = data["sobol_total"], data["std"] ** 2
         if "time" in total.dims:
             total = (total * variance).sum("time") / variance.sum("time")
         shares = total.max([dim for dim in total.dims if dim != "input"])
         for name, share in zip(shares["input"].values.tolist(), shares.values.tolist(), strict=True):
-            if share > largest.get(str(name), share):  # NaN for an output that does not vary
+            if share > largest.get(str(name), share):  # False for NaN, the share in outputs that do not vary
                 largest[str(name)] = share
     return sorted(range(len(inputs)), key=lambda k: -largest[inputs[k]])
 
@@ -131,7 +138,7 @@ def _statistics(node: xr.DataTree, outputs: list[str]) -> dict[str, Any]:
 
 
 MOST_BYTES = 220_000
-"""Maximum size of the stored responses, bytes; in a page they take one third more."""
+"""Maximum size of the stored responses, bytes; base64 in the page takes one third more."""
 
 MOST_ROWS, FEWEST_ROWS = 200, 20
 """Maximum and minimum number of realisations in a page; for long responses, fewer times are stored."""
@@ -162,7 +169,7 @@ def collect_nearest_data(
     samples = {
         kind: part.children["samples"].to_dataset() for kind, part in parts.items() if "samples" in part.children
     }
-    # realisations with neighbouring keys have independent paths
+    # omit keys of sampled paths, because realisations with neighbouring keys have independent paths
     samples = {
         kind: data.isel(input=~data["input_key"].values) if "input_key" in data.coords else data
         for kind, data in samples.items()
@@ -187,16 +194,16 @@ def collect_nearest_data(
         statistics = parts[kind].children["statistics"].to_dataset().sel(output=chosen["output"].values)
         about = packed_statistics(*(_along(statistics[name], places) for name in ("mean", "std")))
         found[kind] = {"surrogate": _part(chosen, rows, places)} | about
-    held = {str(one["name"]) for part in found.values() if part for one in part["surrogate"]["outputs"]}
-    kept = [dict(one) for one in limits if one["output"] in held and one.get("end") in ("highest", "lowest")]
+    stored = {str(one["name"]) for part in found.values() if part for one in part["surrogate"]["outputs"]}
+    shown = [dict(one) for one in limits if one["output"] in stored and one.get("end") in ("highest", "lowest")]
     return {
-        "method": label, **found, "limits": list({str(one["requirement"]): one for one in kept}.values()),
+        "method": label, **found, "limits": list({str(one["requirement"]): one for one in shown}.values()),
         "margins": None, "missing": [], "still": [], "nearest": len(rows),
     }  # fmt: skip
 
 
 def _places(data: xr.Dataset, rows: int) -> Index | None:
-    """Return the stored times; None for scalar outputs."""
+    """Return the indices of the stored times; None for scalar outputs."""
     if "time" not in data["response"].dims:
         return None
     count = data.sizes["time"]
@@ -222,7 +229,7 @@ def _part(data: xr.Dataset, rows: Index, places: Index | None) -> dict[str, Any]
         distance = response - origin
         spread = distance.std(axis=0).ravel()
     kind: Kind = "float32" if np.abs(distance).max(initial=0.0) < np.finfo(np.float32).max else "float64"
-    # a page shows numbers with a resolution between one hundredth and one thousandth of their spread
+    # a page shows numbers with a resolution of one hundredth to one thousandth of their spread
     flat = packed_within(distance.reshape(len(rows), -1), DIGITS * np.where(spread > 0, spread, 1.0), kind)
     columns = zip(*(_texts(data, name) for name in ("input", "input_units", "input_description")), strict=True)
     return {

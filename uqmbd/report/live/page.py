@@ -14,7 +14,7 @@ __all__ = ["PageScripts", "cell_html", "joined_modules", "page_scripts"]
 
 
 START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\nstartFolds();\nstartSearch();\n"
-"""Calls of the scripts after the page has loaded; the chart of the first screen sets the initial time of the page."""
+"""Calls that start the scripts of a loaded page; the chart of the first screen sets the initial time of the page."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ def page_scripts() -> PageScripts:
 def cell_html(fragment: str, style: str) -> str:
     """Return the output of a notebook cell with the scripts of its charts.
 
-    `fragment` is HTML with figures that have data; it does not change if scripts do not run. `style` is the CSS of
-    elements that scripts make; it does not affect the rest of the page.
+    `fragment` is HTML with figures that have data; without scripts, the cell shows it unchanged. `style` is the CSS of
+    elements that scripts make; it does not affect the rest of the notebook.
     """
     scripts = page_scripts()
-    # no id: one fragment may be shown several times, and the names of its elements are in a separate tree
+    # a mark instead of an id, because a notebook may show the same fragment several times
     mark = hashlib.sha256(fragment.encode("utf-8", "replace")).hexdigest()[:16]
-    # a separate function for each output: pages of notebooks run scripts in one scope, and never as named modules
+    # wrap the scripts in a function, because notebooks run all scripts in one scope and support no named modules
     lines = [
         scripts.uplot,
         joined_modules("cell.js"),

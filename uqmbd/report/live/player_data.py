@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 __all__ = ["collect_player_data"]
 
 MOST_NUMBERS = 250_000
-"""Maximum number of pose values in a page, 1.3 MB; above it, the page contains fewer realisations."""
+"""Maximum number of pose values in a page (1.3 MB); above it, the page contains fewer realisations."""
 
 RESOLVED = 2e-5
-"""Allowed error of positions, relative to the extent of the drawing: one fiftieth of a pixel for 1000 pixels."""
+"""Allowed error of positions, relative to the extent of the drawing: one fiftieth of a pixel of 1000 pixels."""
 
 
 def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
@@ -91,7 +91,7 @@ def _solids(data: xr.Dataset) -> dict[str, Any]:
 def _packed_poses(poses: Array, bounds: Array, dimension: int) -> dict[str, Any]:
     """Pack poses (realisation, time, body, width) with the resolution of a screen: positions and rotations."""
     allowed = np.full(poses.shape[2:], RESOLVED)
-    # the distance of a point from the position of its body is at most the width of the drawing
+    # rotation errors move a point by at most the error times the width of the drawing
     allowed[:, :dimension] *= float(np.ptp(bounds, axis=0).max(initial=0.0)) or 1.0
     flat = packed_within(poses.reshape(*poses.shape[:2], -1), allowed.ravel(), "float32", lags=[allowed.size])
     return flat | {"shape": list(poses.shape)}
@@ -106,7 +106,7 @@ def _symbols(strokes: Sequence[Stroke]) -> tuple[list[dict[str, Any]], list[Any]
         for given in fields(stroke):
             value = getattr(stroke, given.name)
             if isinstance(value, np.ndarray):
-                # rounded to 1e-4 inches; lengths in metres may have any magnitude
+                # round inches to 1e-4; lengths in metres may have any magnitude, so shorten their digits
                 known = np.round(value, 4) + 0.0 if given.name != "metres" else np.vectorize(_short)(value)
                 text = json.dumps(known.tolist())
                 one[given.name] = lists.setdefault(text, len(lists))

@@ -25,26 +25,25 @@ CHECKED = 512
 """Number of random germ points for the comparison of polynomials and model."""
 
 GOOD = 1e-4
-"""Ratio of difference to standard deviation below which no higher order is tried."""
+"""Ratio of difference to standard deviation that is small enough, so that no higher order is tried."""
 
 ALLOWED = 0.01
 """Maximum ratio of difference to standard deviation of an output; above it, the page has no sliders."""
 
 
 def polynomial_of(chaos: CustomSurrogate) -> tuple[PolynomialChaos, dict[str, Any]]:
-    """Return polynomials of the germs in place of a model, with the verification realisations of the model.
+    """Return polynomials of the germs that replace a model, with the verification realisations of the model.
 
-    Also return the ``model``, the ``order``, and the ``difference`` from the model relative to the standard deviation.
-
-    The difference is the largest root mean square difference at random germ points, over all outputs and times. The
-    order minimises this difference. Raise StudyError if it exceeds 1 %.
+    Also return ``model`` (name), ``order``, and ``difference`` from the model, relative to the standard deviation. The
+    difference is the root mean square over random germ points, and the largest over outputs and times. The order
+    minimises this difference. Raise StudyError if it exceeds 1 %.
     """
     space, shape = chaos.space, chaos.labels.shape
     points = random_germs(space, CHECKED, 1)
     exact = chaos.evaluate_germs(points)
     spread = reference_spread(exact.std(axis=0).reshape(len(chaos.labels.outputs), -1))
     known = (chaos.verification_germs, chaos.verification_response, chaos.verification_weights)
-    # a germ with few values has few polynomials
+    # a discrete germ with few values has few polynomials
     highest = [HIGHEST if germ.highest_degree is None else germ.highest_degree for germ in space.germs]
     best, least = None, np.inf
     for order in range(1, HIGHEST + 1):
@@ -70,6 +69,6 @@ def polynomial_of(chaos: CustomSurrogate) -> tuple[PolynomialChaos, dict[str, An
 
 
 def _largest(difference: Array, spread: Array, shape: tuple[int, ...]) -> float:
-    """Return the largest ratio of the root mean square over K of differences (K, O, T) to a spread (O, T)."""
+    """Return the largest ratio of root mean square differences to a spread (O, T), from differences (K, O, T)."""
     size = np.sqrt((difference**2).mean(axis=0)).reshape(spread.shape)
     return float(np.max(size / np.where(spread > 0, spread, 1.0), initial=0.0))

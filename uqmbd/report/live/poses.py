@@ -1,12 +1,13 @@
 """Poses of the bodies of a mechanism as functions of the germs, for the player: `pose_surrogate`, `packed_poses`.
 
-The page contains the surrogate of one method; poses are functions of the same germs. If this surrogate is one
-polynomial for all germs, a least-squares fit of its terms gives the body coordinates at the frames of the motion. The
-fit uses twice as many further realisations as it has terms, and another 16 measure its error. For other surrogates, the
-method runs once more with every body coordinate as an output. Poses then have the same elements, events and phases as
-the surrogate. The second run doubles the cost of the method. Poses are omitted if their cost is a large part of the
-whole run. The realisations of the motion are too few for a fit: twenty do not determine the 28 terms of order 2 of six
-inputs.
+The page contains the surrogate of one method; poses are functions of the same germs. If this surrogate is a single
+polynomial chaos, the body coordinates at the frames of the motion are fitted by its terms (least squares). The fit uses
+twice as many further realisations as there are terms, and another 16 realisations measure its error. The realisations
+of the motion would be too few: twenty do not determine the 28 terms of order 2 of six inputs.
+
+For other surrogates, the method runs once more with every body coordinate as an output. Poses then have the same
+elements, events and phases as the surrogate, but the second run doubles the cost of the method. Poses are omitted if
+their cost is a large part of the whole run.
 
 Points in the frames of bodies are also functions of the inputs. Polynomials fit them without further realisations.
 """
@@ -36,7 +37,7 @@ __all__ = ["live_poses", "packed_poses", "pose_surrogate", "with_poses"]
 
 
 BUDGET = 1.0
-"""Time that a run may always spend on realisations only for poses, s."""
+"""Time that a run may always spend on realisations that only poses need, s."""
 
 SHARE = 0.5
 """Largest ratio of the time for such realisations to the time of all methods; `BUDGET` applies if it is longer."""
@@ -64,7 +65,7 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surro
     `known` is the surrogate of the outputs. If it is a `PolynomialChaos`, the surrogates of poses have the same terms,
     and the method does not run again. Return a tree with the children ``coordinates`` and ``points``, which
     `uqmbd.results.surrogate` can read. Raise StudyError if the method makes no surrogate of all coordinates at all
-    frames, or realisations fail.
+    frames, or if realisations fail.
     """
     if isinstance(known, PolynomialChaos):
         chaos = _fitted(study, known, frames)
@@ -98,9 +99,9 @@ def _names(study: Study) -> list[str]:
 
 
 def _fitted(study: Study, known: PolynomialChaos, frames: int) -> PolynomialChaos:
-    """Fit the terms of a polynomial to the coordinates of the bodies, at separate realisations."""
+    """Fit the terms of a polynomial chaos to the coordinates of the bodies in further realisations."""
     space, terms = known.space, known.multi_index
-    germs = [spread_germs(space, _wanted(terms), 2)[: _wanted(terms)], random_germs(space, CHECKED, 3)]
+    germs = [spread_germs(space, _fit_size(terms), 2)[: _fit_size(terms)], random_germs(space, CHECKED, 3)]
     values = space.to_inputs(np.concatenate(germs))[:, _columns(study, space)]
     found, message = integrated_bodies(study, frames, values)
     if not np.isfinite(found).all():
@@ -114,7 +115,7 @@ def _fitted(study: Study, known: PolynomialChaos, frames: int) -> PolynomialChao
     return PolynomialChaos(coefficients, terms, space, axes, germs[1], response[split:])
 
 
-def _wanted(terms: Index) -> int:
+def _fit_size(terms: Index) -> int:
     return max(2 * len(terms), 4)
 
 
@@ -124,7 +125,7 @@ def _columns(study: Study, space: GermSpace) -> list[int]:
 
 
 def _fit_poses(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dataset], int]:
-    """Return surrogates of the coordinates from the same method, by node path, and the number of realisations."""
+    """Run a method once more; return surrogates of the coordinates by node path, and the number of realisations."""
     node, names = observed_bodies(study, frames, method)
     if not surrogate_parts(node):
         raise StudyError(
@@ -194,7 +195,7 @@ def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
     spent = {label: float(node.attrs.get("wall_time", np.inf)) for label, node in propagator_nodes(tree).items()}
     cost, allowed = spent[method], max(BUDGET, SHARE * sum(spent.values()))
     if isinstance(known, PolynomialChaos):
-        cost *= (_wanted(known.multi_index) + CHECKED) / max(float(tree.children[method].attrs["realisations"]), 1.0)
+        cost *= (_fit_size(known.multi_index) + CHECKED) / max(float(tree.children[method].attrs["realisations"]), 1.0)
     if not cost <= allowed:
         raise StudyError(
             f"The realisations for the poses would take {cost:.3g} s; at most {allowed:.3g} s are allowed."

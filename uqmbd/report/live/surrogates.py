@@ -47,7 +47,7 @@ SHARE = 0.1
 """Allowed compression error, relative to the stated error."""
 
 LEAST = 1e-6
-"""Allowed compression error, relative to the standard deviation, if the stated error is smaller or unknown."""
+"""Minimum allowed compression error, relative to the standard deviation, for small or unknown stated errors."""
 
 ROUNDING = 1e-14
 """Rounding error relative to the largest mean."""
@@ -56,16 +56,17 @@ PROBES = 256
 """Number of germ points for the measurement of the compression error."""
 
 MARGIN = 0.6
-"""Limit of the measured error relative to the allowed error, because the germ points do not cover all tails."""
+"""Limit of the measured error, relative to the allowed error; below 1, because germ points do not cover all tails."""
 
 TIGHTER = (1.0, 0.5, 0.2, 0.04, 0.008, 0.0)
-"""Factors of the allowed error of coefficients, tried until the error of outputs is allowed; 0: no compression."""
+"""Factors of the allowed error of coefficients, tried in turn until the error of outputs is allowed; 0: no
+compression."""
 
 RELATIVE = 2e-4
 """Allowed relative error of a stated error; a page shows two digits."""
 
 PERIOD = 13
-"""Maximum distance of a similar earlier segment, in segments."""
+"""Maximum distance, in segments, at which similar earlier segments are searched."""
 
 LARGEST = 4_000_000
 """Maximum number of characters of a surrogate in a page."""
@@ -78,8 +79,8 @@ NO_SURROGATE = "The results contain samples, but no surrogate. Collocation and G
 def live_method(tree: xr.DataTree) -> str:
     """Return the label of the method with the surrogate of a page; empty without a surrogate.
 
-    The recommended method has priority; otherwise the method with the smallest largest stated error is used. Without
-    stated errors, the first method is used.
+    The recommended method has priority. Otherwise, the method whose largest stated error is smallest is used; without
+    stated errors, the first method.
     """
     nodes = {label: with_surrogate(node) for label, node in propagator_nodes(tree).items()}
     nodes = {label: node for label, node in nodes.items() if surrogate_parts(node)}
@@ -129,9 +130,9 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool =
 def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
     """Return a surrogate as plain data.
 
-    The coefficients are compressed. At every output and time, the root mean square of the change over `PROBES` germ
-    points is at most one tenth of the stated error. If a millionth of the standard deviation is larger, it is the
-    limit. `shipped` returns the surrogate with this change.
+    The coefficients are compressed. For every output and time, the root mean square compression error over `PROBES`
+    germ points is at most one tenth of the stated error, or a millionth of the standard deviation if this is larger.
+    `shipped` returns the surrogate with the compressed coefficients.
 
     The result is for `json_script`. The keys are ``outputs``, ``times``, ``inputs``, ``germs`` and ``parts``.
     ``stated_rms`` is the stated error (O, T) in the units of the outputs, or None without verification. ``loss`` is the
@@ -141,7 +142,7 @@ def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
     """
     fitted = None
     if isinstance(chaos, CustomSurrogate):
-        # a page evaluates polynomials; their stated error refers to the realisations
+        # the stated error of the polynomials refers to the verification realisations, not to the model
         chaos, fitted = polynomial_of(chaos)
     germs = spread_germs(chaos.space, PROBES, 0)
     values = chaos.evaluate_germs(germs).reshape(len(germs), len(chaos.labels.outputs), -1)
@@ -190,7 +191,7 @@ def shipped(chaos: Surrogate, data: Mapping[str, Any]) -> Surrogate:
 
 
 def _parts(chaos: Surrogate) -> list[tuple[Any, list[int], Mask]]:
-    """Return the surrogate of each kind, its output indices, and a mask (own outputs, T) of its validity."""
+    """Return the part of each kind, the indices of its outputs, and a mask (own outputs, T) of its times."""
     parts = dict(chaos.parts) if isinstance(chaos, ComposedChaos) else {"": chaos}
     used = (chaos.used if isinstance(chaos, ComposedChaos) else None) or {}
     names = [o.name for o in chaos.labels.outputs]
@@ -202,7 +203,7 @@ def _parts(chaos: Surrogate) -> list[tuple[Any, list[int], Mask]]:
 
 
 def _allowed(values: Array, rms: Array) -> Array:
-    """Return the allowed compression error (O, T) as root mean square; rms (O, T) is the stated error."""
+    """Return the allowed root mean square compression error (O, T); `rms` (O, T) is the stated error."""
     there = np.isfinite(values)
     count = np.maximum(there.sum(axis=0), 1)
     mean = np.where(there, values, 0.0).sum(axis=0) / count
@@ -258,10 +259,10 @@ def _segments(element: AlignedElement, times: Array, allowed: Array) -> dict[str
     for s in range(count):
         inside = (times >= element.edges[0, s]) & (times <= element.edges[0, s + 1])
         own = allowed[:, inside] if inside.any() else allowed
-        # the smallest limit over time applies; at the start the allowed error is almost zero
+        # use the smallest limit within the segment only: at the start of the motion, the allowed error is almost zero
         limits[:, s] = own.min(axis=1, keepdims=True) / np.sqrt(powers)
     flat = element.segments.transpose(0, 2, 1, 3).reshape(1, terms, outputs, count * powers)
-    # a turn of a crank has few segments, and the next turn has similar segments
+    # segments may be similar to segments of the previous turn, for example of a crank
     field = compressed(flat, limits.reshape(outputs, -1), [k * powers for k in range(1, min(PERIOD, count))])
     return {"edges": packed(element.edges), "segments": count, "powers": powers, "field": field}
 
@@ -291,7 +292,7 @@ def _recurrences(spaces: list[GermSpace], terms: Index) -> Array:
     found = np.zeros((len(spaces), terms.shape[1], 2, int(highest.max(initial=0)) + 1))
     for e, space in enumerate(spaces):
         for k, germ in enumerate(space.germs):
-            # an element with few values of a discrete germ has fewer polynomials than others
+            # an element with few values of a discrete germ has fewer polynomials than other elements
             most = highest[k] if germ.highest_degree is None else min(highest[k], germ.highest_degree)
             alpha, beta = germ.coefficients(int(most) + 1)
             found[e, k, :, : len(alpha)] = alpha, np.sqrt(beta)
@@ -299,7 +300,7 @@ def _recurrences(spaces: list[GermSpace], terms: Index) -> Array:
 
 
 def _restored(part: Any, data: Mapping[str, Any]) -> Any:
-    """Return a surrogate of one kind from the coefficients of the page."""
+    """Return a surrogate of one kind with the compressed coefficients of the page."""
     if isinstance(part, PolynomialChaos):
         return replace(part, coefficients=expanded(data["field"])[0].reshape(part.coefficients.shape))
     if isinstance(part, PiecewiseChaos):
@@ -315,8 +316,8 @@ def _restored(part: Any, data: Mapping[str, Any]) -> Any:
             elements.append(replace(element, segments=segments, edges=unpacked(own["edges"])))
         else:
             real, imaginary = np.split(field, 2, axis=2)
-            kept = {name: unpacked(own[name]) for name in ("frequencies", "constants", "drifts")}
-            elements.append(replace(element, waves=real - 1j * imaginary, **kept))
+            others = {name: unpacked(own[name]) for name in ("frequencies", "constants", "drifts")}
+            elements.append(replace(element, waves=real - 1j * imaginary, **others))
     return replace(part, elements=tuple(elements))
 
 

@@ -31,22 +31,22 @@ BETWEEN = np.arange(1, 16) / 16
 """Relative positions between two knots for the measurement of the error of a table."""
 
 SAFE = 1.1
-"""Safety factor of the measured error, for positions in between."""
+"""Safety factor of the measured error, because the error between these positions may be larger."""
 
 TAIL = 1e-3
-"""Probability beyond each end of a slider, if the distribution has no end nearby."""
+"""Probability beyond each end of a slider, unless the end of the distribution is nearby."""
 
 REMOTE = 1e-12
 """Probability beyond each end of the range of values that a page accepts."""
 
 NEAR = 0.05
-"""Maximum extension of a slider to the end of a distribution, relative to its length."""
+"""Maximum extension of a slider to a nearby end of the distribution, relative to the length of the slider."""
 
 NODES = 40
-"""Number of nodes of the Gauss rule for means, which is exact for inputs that are polynomials of their germs."""
+"""Number of nodes of the Gauss rule for means; it is exact for inputs that are polynomials of their germs."""
 
 GRID = 8.0
-"""Largest standard normal value in the sum for means of tables."""
+"""Largest standard normal value in the numerical integration of means from tables."""
 
 UNKNOWN = (
     "This input depends on other inputs by a joint distribution that this page does not evaluate. Its slider shows "
@@ -55,7 +55,7 @@ UNKNOWN = (
 """Reason why an input has no values."""
 
 FARTHEST = 6.0
-"""Largest standard normal value of a table of quantiles."""
+"""Largest standard normal value in a table of quantiles."""
 
 
 def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
@@ -72,9 +72,9 @@ def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
 def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
     """Describe the inputs.
 
-    The keys of each input are ``name``, ``units``, ``description``, ``sum``, ``map`` and ``mean``. ``sum`` contains
-    germs and weights of the standard variable; ``map`` maps this variable to the value. Without a map, ``reason``
-    states why.
+    The keys of each input are ``name``, ``units``, ``description``, ``sum``, ``map`` and ``mean``. The standard
+    variable of an input is a weighted sum of germs: ``sum`` contains the germs and their weights. ``map`` maps this
+    variable to the value of the input. If there is no map, ``reason`` states why.
     """
     found: list[dict[str, Any]] = [
         {
@@ -123,7 +123,7 @@ def _germ(germ: Germ, verified: Array | None) -> dict[str, Any]:
 
 
 def _reach(germ: Germ) -> list[float]:
-    """Return the ends of the support, or, if infinite, the quantiles that exclude the share `REMOTE`."""
+    """Return the ends of the support; quantiles with the probability `REMOTE` beyond them replace infinite ends."""
     ends = zip(germ.bounds, germ.from_uniform([REMOTE, 1 - REMOTE]).tolist(), strict=True)
     return [float(bound if np.isfinite(bound) else remote) for bound, remote in ends]
 
@@ -131,7 +131,7 @@ def _reach(germ: Germ) -> list[float]:
 def _mean(marginal: Marginal, germ: Germ) -> float | None:
     """Return the mean of an input; the distribution of its standard variable equals that of its germ."""
     if marginal.kind == "quantile":
-        # the standard variable is normal; the map may have kinks, for which Gauss rules are inaccurate
+        # the standard variable is normal; no Gauss rule, because the map may have kinks
         nodes = np.linspace(-GRID, GRID, 4001)
         weights = np.exp(-(nodes**2) / 2)
         return _finite(float(weights @ marginal.to_input(nodes) / weights.sum()))
@@ -150,7 +150,7 @@ def _map(marginal: Marginal) -> dict[str, Any]:
 
 
 def _table(function: Callable[[Array], Array], begin: float, end: float) -> dict[str, Any]:
-    """Tabulate a monotonic function with slopes that preserve monotonicity, and the largest error between knots."""
+    """Tabulate a monotonic function: values and slopes of a monotonic interpolation, and its largest error."""
     from scipy.interpolate import PchipInterpolator
 
     knots = np.linspace(begin, end, KNOTS)

@@ -47,7 +47,7 @@ SECONDS = (3.0, 8.0)
 COLOURS = 80
 """Number of colours of a GIF; fewer colours give a smaller file."""
 BUDGET = 4.0
-"""Time that a run may spend on realisations only for the picture, s."""
+"""Time that a run may spend on realisations that only the picture needs, s."""
 STORED = 4_000_000
 """Maximum number of pose values that are stored with results."""
 
@@ -110,7 +110,7 @@ def motion(
 
 
 def observed_bodies(study: Study, frames: int, method: str) -> tuple[xr.DataTree, list[str]]:
-    """Run a method again with body coordinates as outputs at some frames; return the node and the output names."""
+    """Run a method again with all body coordinates as outputs at `frames` times; return its node and output names."""
     from uqmbd.report.mechanisms.body_poses import observed_bodies as run
 
     return run(study, np.linspace(study.times[0], study.times[-1], frames), method)
@@ -124,7 +124,10 @@ def coordinate_names(study: Study, body: str) -> list[str]:
 
 
 def integrated_bodies(study: Study, frames: int, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-    """Return body coordinates (K, T, coordinate) at inputs (K, d), NaN where integration fails, and the reasons."""
+    """Return body coordinates (K, T, coordinate) at inputs (K, d), and the first reason of a failure or an empty text.
+
+    Coordinates are NaN where the integration failed.
+    """
     from uqmbd.report.mechanisms.body_poses import integrated
 
     return integrated(study, np.linspace(study.times[0], study.times[-1], frames), values)
@@ -219,7 +222,7 @@ def gif(data: xr.Dataset, width: float = 5.6, resolution: int = 84) -> bytes:
 
     `data` is the result of `motion`; `width` is in inches, `resolution` in pixels per inch.
     """
-    # pictures have thousands of cyclic objects: continual garbage collection would take a third of the time
+    # disable garbage collection: pictures have thousands of cyclic objects, and it would take a third of the time
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -327,12 +330,11 @@ MOST_NAMED = 3
 
 
 def _most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
-    """Return the most likely violation of each requirement: inputs and time; the most probable violation is first.
+    """Return inputs and time of the most likely violation of each requirement, of which at most `MOST_NAMED`.
 
-    A violation is the design point nearest to the origin of the standard normal space. At most `MOST_NAMED` violations
-    are returned.
-
-    A method may store ``design_points`` and ``design_times`` in its dataset ``requirements``.
+    The requirement with the largest probability of violation is first. The most likely violation is the design point
+    nearest to the origin of the standard normal space. Methods may store ``design_points`` and ``design_times`` in
+    their dataset ``requirements``.
     """
     from uqmbd.report.mechanisms.body_poses import NamedRealisation
     from uqmbd.results import propagator_nodes
@@ -363,7 +365,7 @@ def _gif(pictures: Sequence[NDArray[np.uint8]], seconds: float) -> bytes:
     from PIL import Image
 
     shown = [Image.fromarray(picture) for picture in pictures]
-    # the colour table is derived from pictures at several times, so that no colour is missing
+    # derive the colour table from pictures at several times, so that no colour is missing
     some = shown[:: max(1, len(shown) // 4)]
     sheet = Image.new("RGB", (some[0].width, sum(one.height for one in some)), "white")
     down = 0
@@ -387,7 +389,7 @@ def _mp4(film: Film, seconds: float, program: str, path: Path) -> None:
     high, wide = first.shape[:2]
     rate = f"{film.points.shape[1] / seconds:.4f}"
     command = [program, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{high}"]
-    # the usual encoding requires an even width and height
+    # pad to an even width and height, which the common pixel format yuv420p requires
     command += ["-r", rate, "-i", "-", "-an", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
     content = b"".join(picture.tobytes() for picture in (first, *pictures))
     done = subprocess.run([*command, str(path)], input=content, capture_output=True, check=False)  # noqa: S603

@@ -1,7 +1,7 @@
-"""Poses of assembled bodies and of bodies in realisations of the motion: data for pictures and animations.
+"""Compute poses of bodies, of an assembled mechanism or in realisations of a motion, for pictures and animations.
 
-The resulting dataset contains all data of the drawing. The dataset can therefore be stored with results, and drawn
-without the mechanism::
+The resulting dataset contains all data of the drawing. It can therefore be stored with results, and drawn without the
+mechanism::
 
     pose (realisation, time, body, coordinate)   positions (m) and unit quaternions; realisation 0: at the means
     local (realisation, point, axis)             points in the frames of their bodies, m, and directions
@@ -50,7 +50,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class NamedRealisation:
-    """Realisation with a pose in the report: name, inputs (input,) and time, s."""
+    """Realisation whose pose at a time is in the report: its name, inputs (input,) and the time, s."""
 
     name: str
     inputs: Array
@@ -90,7 +90,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
 
 
 def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
-    """Return the drawn pose of a mechanism, as its bodies state it, before the assembly.
+    """Return the pose of a mechanism before the assembly, as stated in the definitions of its bodies.
 
     The arguments and the result are those of `drawn_pose`.
 
@@ -109,7 +109,7 @@ def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None,
 
 
 def _stated(mechanism: Mechanism, point: Array) -> Array:
-    """Return the drawn coordinates (K, coordinate) at inputs (K, input)."""
+    """Return the coordinates (K, coordinate) before the assembly at inputs (K, input)."""
     from uqmbd.dynamics import ParameterMap
 
     drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
@@ -182,7 +182,7 @@ def motion(
             values, q = np.concatenate([means, values]), np.concatenate([at_means, q])
     good: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=(1, 2)))
     failures = int(np.count_nonzero(~good))
-    good[0] = True  # drawn up to the last computed time
+    good[0] = True  # the motion at the means is drawn up to the last computed time, even if it failed
     if not np.isfinite(q[good]).any():
         raise AssemblyError(f"mechanism {study.mechanism.name!r}: {message}")
     places = (np.cumsum(good) - 1).tolist()
@@ -201,7 +201,7 @@ def motion(
 
 
 def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
-    """Integrate coordinates (realisation, time, coordinate); NaN for failures, with the reason."""
+    """Integrate coordinates (realisation, time, coordinate), NaN after failures; return also the first reason."""
     from uqmbd.dynamics import Ensemble, integrate
 
     model = build_observed_model(study.mechanism, float(study.times[0]), study.start, study.max_step, study.breaks)
@@ -243,7 +243,7 @@ def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTre
     propagators = {p.node_name: p for p in study.propagators}
     if method not in propagators:
         raise StudyError(f"study {study.name!r} has no method {method!r}; its methods are: {', '.join(propagators)}.")
-    # every coordinate is an output of an otherwise identical mechanism
+    # add every coordinate as an output to a copy of the mechanism
     observed = copy.copy(study.mechanism)
     names = []
     for body in study.mechanism.bodies.values():
@@ -351,7 +351,7 @@ def _dataset(
 
 
 def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
-    """Return the symbol of a component, or derive a symbol from its parameters and attachments."""
+    """Return the symbol that a component defines, or a symbol derived from its parameters and attachments."""
     from uqmbd.mechanism import t
 
     found = component.symbol
@@ -360,7 +360,7 @@ def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
     if found == "spring" and component.values.get("stiffness") == 0 and component.values.get("damping"):
         found = "damper"
     if found:
-        # points and lines without rotation do not require a constraint of rotation
+        # in a space without rotation, a weld is drawn as a hinge and a slide as a line
         found = found if space.turns else {"weld": "hinge", "slide": "line"}.get(found, found)
         return "hinge" if found == "ball" and space.dimension == 2 else found
     if constrains:

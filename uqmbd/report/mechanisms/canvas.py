@@ -44,15 +44,15 @@ class Canvas:
     axes: Axes
     sheet: Sheet  # positions of points on the page
 
-    def artists(self, shapes: Iterable[Shape], kept: dict[tuple[Any, ...], list[Any]] | None = None) -> list[Any]:
+    def artists(self, shapes: Iterable[Shape], cached: dict[tuple[Any, ...], list[Any]] | None = None) -> list[Any]:
         """Make the Matplotlib artists, from back to front, without adding them to the figure.
 
-        `kept` contains artists by style, which are moved instead of made again; new artists are added to it.
+        `cached` contains artists of earlier calls by style, which are moved and reused; new artists are added to it.
         """
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
 
-        kept = {} if kept is None else kept
+        cached = {} if cached is None else cached
         taken: Counter[tuple[Any, ...]] = Counter()
         made: list[Any] = []
         for shape in sorted(shapes, key=lambda s: s.order):
@@ -63,7 +63,7 @@ class Canvas:
             else:
                 path = Path(vertices)
             looks = (shape.edge, shape.face, shape.width, shape.style, shape.order, shape.alpha)
-            alike = kept.setdefault(looks, [])
+            alike = cached.setdefault(looks, [])
             if taken[looks] == len(alike):
                 patch = PathPatch(
                     path, edgecolor=painted(shape.edge), facecolor=painted(shape.face), lw=shape.width,
@@ -132,7 +132,7 @@ def _plane(low: Array, high: Array, width: float, labels: str) -> Canvas:
     axes.tick_params(labelsize=8.5, colors="0.35")
     axes.set_xlabel(f"x{labels} [m]", fontsize=9, color="0.25")
     axes.set_ylabel(f"y{labels} [m]", fontsize=9, color="0.25")
-    # given positions avoid the measurement of ticks, which the report has already drawn
+    # fixed positions of the labels save the measurement of ticks
     axes.xaxis.set_label_coords(0.5, -0.27 / height)
     axes.yaxis.set_label_coords(-0.5 / inner, 0.5)
     corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]])
@@ -169,14 +169,14 @@ def _space(low: Array, high: Array, width: float, labels: str) -> Canvas:
         axis.set_major_locator(_few())
         getattr(axes, f"set_{name}label")(f"{name}{labels} [m]", fontsize=9, color="0.25")
     axes.set_box_aspect(tuple(half))
-    # a tuple, because an array would be scaled in place
+    # pass a tuple, because Matplotlib would scale an array in place
     corners = centre + half * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
     across, up = np.ptp(_onto_page(figure, axes)(corners)[0], axis=0)
-    # mplot3d has wide margins: the box is enlarged until its ticks and labels just fit
+    # enlarge the box until its ticks and labels just fit, because mplot3d has wide margins
     zoom = min((width - 2 * SIDES) / across, (0.9 * width - 2 * SIDES) / up)
     height = zoom * float(up) + 2 * SIDES
     figure.set_figheight(height)
-    # the vertical axis is on the right
+    # shift the axes to the left, because the labels of the vertical axis are on the right
     axes.set_position((-0.18 / width, (height - width) / 2 / height, 1.0, width / height))
     axes.set_box_aspect(tuple(half), zoom=zoom)
     along = _onto_page(figure, axes)

@@ -21,7 +21,7 @@ from uqmbd.typing import Array
 __all__ = ["Film"]
 
 OUTLINES = 40_000
-"""Maximum number of outlines in the cloud of an animation; above it, fewer realisations are drawn."""
+"""Maximum number of body outlines in the cloud of an animation; above it, fewer realisations are drawn."""
 HIGHEST = 4.6  # inches
 THICK = 4.2
 """Width of links, points: thin, so that links do not hide the distance between realisations."""
@@ -29,7 +29,7 @@ THICK = 4.2
 
 @dataclass(frozen=True)
 class Film:
-    """Film of a motion, which draws its frames in sequence."""
+    """Animation of a motion, which draws its frames in sequence."""
 
     data: xr.Dataset  # result of `motion`
     width: float  # inches
@@ -42,7 +42,7 @@ class Film:
 
     @cached_property
     def followed(self) -> bool:
-        """Return whether the view follows the mechanism, because its travel exceeds four times its size."""
+        """Return whether the view follows the mechanism, which it does if the travel exceeds four times the size."""
         points = world(self.data)[0][:, self.moving]
         if not points.size:
             return False
@@ -100,7 +100,7 @@ class Film:
 
     @cached_property
     def strokes(self) -> list[Stroke]:
-        """Return the symbols; they do not change over time."""
+        """Return the symbols as strokes, which are the same at all times."""
         return self.sketch.strokes(self.points[0], sheet_for(self.bounds, self.width, HIGHEST).unit)
 
     @cached_property
@@ -122,7 +122,7 @@ class Film:
     def widest(self) -> int:
         """Return the time index with the largest distance between realisations."""
         kinds = self.sketch.kinds
-        # the position of a random centre of mass does not show the displacement of a body
+        # ignore centres of mass: if their positions are random, they do not show the displacement of a body
         seen = [k for k in self.moving if kinds[k] != "com"] or self.moving
         apart = np.nan_to_num(abs(self.points[:, :, seen] - self.points[:1, :, seen]))
         spread = apart.max(axis=(0, 2, 3), initial=0.0)
@@ -140,14 +140,14 @@ class Film:
         count = len(self.points) - 1
         alpha = float(np.clip(7.0 / max(count, 1), 0.2, 0.7))
         for (body, corners), outlines in zip(self.corners, self.outlines(self.canvas.sheet, frame), strict=True):
-            # bodies of one point are beneath their joint, so their cloud is drawn above the joint
+            # draw the cloud of a body of one point above its joint, which would hide it
             width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
             colour = mixed(painted(self.sketch.colour(body)), "#000000", 0.3)
             lines = LineCollection(
                 outlines, colors=[colour], linewidths=width, alpha=alpha,
                 capstyle="round", joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
             )  # fmt: skip
-            # otherwise both ends of the line of a point move to the same pixel, and the line is invisible
+            # snapping would move both ends of the line of a single point to the same pixel and hide it
             lines.set_snap(False)
             made.append(lines)
         return made
@@ -187,24 +187,24 @@ class Film:
         made = self.canvas
         canvas: Any = FigureCanvasAgg(made.figure)
         canvas.draw()
-        # only axes and title are drawn once, because all other objects may move
+        # draw axes and title once, and all other objects, which may move, in every frame
         empty = canvas.copy_from_bbox(made.figure.bbox)
         renderer = canvas.get_renderer()
         text = self.write_time(0)
-        # artists are moved from one time to the next, because making an artist takes longer than drawing it
-        kept: dict[tuple[Any, ...], list[Any]] = {}
+        # reuse artists at all times, because making an artist takes longer than drawing it
+        cached: dict[tuple[Any, ...], list[Any]] = {}
         clouds = [made.own(lines) for lines in self.cloud(0)]
         for frame in range(self.points.shape[1]):
             canvas.restore_region(empty)
             for lines, outlines in zip(clouds, self.outlines(made.sheet, frame), strict=True):
                 lines.set_segments(outlines)
-            drawn = [*made.artists(self.shapes(made.sheet, frame), kept), *clouds]
+            drawn = [*made.artists(self.shapes(made.sheet, frame), cached), *clouds]
             for artist in sorted(drawn, key=lambda one: one.get_zorder()):
                 artist.draw(renderer)
             text.set_text(self._time(frame))
             text.draw(renderer)
             seen = np.asarray(canvas.buffer_rgba())
             picture = np.empty((*seen.shape[:2], 3), dtype=np.uint8)
-            for colour in range(3):  # a copy of all three at once takes six times as long
+            for colour in range(3):  # copying all three channels at once takes six times as long
                 picture[..., colour] = seen[..., colour]
             yield picture

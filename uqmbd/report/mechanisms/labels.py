@@ -18,12 +18,12 @@ MOST_NAMES = 60
 
 DISTANCES = (0.11, 0.17, 0.25, 0.36, 0.5, 0.7, 0.95, 1.25)  # inches
 ANGLES = np.deg2rad(np.arange(0, 360, 22.5))
-HEIGHT, CHARACTER = 1.5 / 72, 0.58 / 72  # inches for each point of the size: height of a line, width of a character
+HEIGHT, CHARACTER = 1.5 / 72, 0.58 / 72  # height of a line and width of a character, inches per point of font size
 
 
 @dataclass(frozen=True)
 class Label:
-    """Name, and position of the named part on the page, inches."""
+    """Name of a part, and position of the part on the page, inches."""
 
     text: str
     anchor: Array
@@ -50,8 +50,8 @@ class PlacedLabel:
 def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, float, float]) -> list[PlacedLabel]:
     """Place names next to the named parts in sequence, each at the position with the least overlap.
 
-    `labels` begin with the most important one. `obstacles` (N, 2) are points that names should not cover, inches. `box`
-    is the available area, inches.
+    `labels` are sorted by importance, the most important first. `obstacles` (N, 2) are points that names should not
+    cover, inches. `box` is the available area, inches.
 
     >>> import numpy as np
     >>> both = [Label("one", np.array([1.0, 1.0]), 9), Label("two", np.array([1.0, 1.0]), 9)]
@@ -66,7 +66,7 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
         half = label.extent / 2
         distances = np.repeat(DISTANCES, len(directions))
         around = np.tile(directions, (len(DISTANCES), 1))
-        # the distance from the anchor is the extent of the text in this direction
+        # the distance of the centre from the anchor includes the extent of the text in this direction
         centres = label.anchor + around * distances[:, None] + half * np.clip(1.6 * around, -1, 1)
         cost = 1.6 * distances
         cost += 60 * np.maximum(corners[0] - (centres - half), 0).sum(axis=1)
@@ -91,8 +91,9 @@ def placed_names(
 ) -> tuple[list[PlacedLabel], list[Shape]]:
     """Place names next to the named parts, clear of shapes.
 
-    `labels` begin with the most important one; labels after `MOST_NAMES` are omitted. Names should not cover `shapes`;
-    `box` is the available area, inches. Return the names, and thin lines from names to parts that are not adjacent.
+    `labels` are sorted by importance, the most important first; labels after `MOST_NAMES` are omitted. Names should not
+    cover `shapes`; `box` is the available area, inches. Return the names, and thin lines from names to parts that are
+    not adjacent.
     """
     placed = place(labels[:MOST_NAMES], _obstacles(shapes), box)
     lines = []

@@ -62,7 +62,7 @@ def normals(axis: Array) -> tuple[Array, Array]:
 
 
 def axes_of(axis: Array) -> Array:
-    """Return unit vectors as rows (axes, axes): along an axis, and perpendicular to it (in the plane: to its left).
+    """Return unit vectors as rows (axes, axes): along an axis, then perpendicular to it (in the plane: to its left).
 
     >>> import numpy as np
     >>> axes_of(np.array([0.0, 2.0])).tolist()
@@ -73,14 +73,14 @@ def axes_of(axis: Array) -> Array:
 
 
 def across(normal: Array) -> list[Array]:
-    """Return unit vectors in a plane from its normal: one in two dimensions, two in space."""
+    """Return unit vectors perpendicular to a normal: one in two dimensions, two in space."""
     if len(normal) == 3:
         return list(normals(normal))
     return [np.array([normal[1], -normal[0]]) / np.linalg.norm(normal)]
 
 
 def foot(origin: Array, normal: Array, point: Array) -> Array:
-    """Return the orthogonal projections of points onto a plane; all arrays have the shape (..., axis), m.
+    """Return the orthogonal projections of points onto planes; all arrays have the shape (..., axis), m.
 
     >>> import numpy as np
     >>> foot(np.array([0.0, 1.0]), np.array([0.0, 2.0]), np.array([3.0, 5.0])).tolist()
@@ -92,14 +92,14 @@ def foot(origin: Array, normal: Array, point: Array) -> Array:
 
 
 def extremes(points: Array, radius: float) -> Array:
-    """Return the extreme points of circles or spheres along the axes, shape (N, axis), m, from centres (..., axis)."""
+    """Return the extreme points (N, axis) of circles or spheres along the axes, m, from centres (..., axis)."""
     d = points.shape[-1]
     ends: Array = points.reshape(-1, 1, d) + radius * np.concatenate([np.eye(d), -np.eye(d)])
     return ends.reshape(-1, d)
 
 
 VIEW = (24.0, -58.0)  # degrees: elevation and azimuth of the spatial view
-MARGIN = 0.5  # inches between the ends of the page and the points, for joints, names and the ground
+MARGIN = 0.5  # inches between the edges of the page and the points, for joints, names and the ground
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Shape:
     edge: str = "ink"
     face: str | None = None
     width: float = 1.0  # width of the line, points
-    closed: bool = False  # whether a line joins the last vertex and the first
+    closed: bool = False  # whether the last vertex is joined to the first one
     style: Any = "-"  # line style of Matplotlib
     order: float = 3.0  # shapes of higher order are above others
     alpha: float = 1.0  # opacity
@@ -165,12 +165,12 @@ def sheet_for(points: Array, width: float, height: float) -> Sheet:
 
 
 def outline_of(sheet: Sheet, points: Array) -> Array:
-    """Return the corners of a body on the page, shape (1 or more, 2), inches, without near duplicates."""
+    """Return the corners (1 or more, 2) of the hull of a body on the page, inches."""
     return hull(np.unique(np.round(sheet.project(points), 3), axis=0))
 
 
 def link_shapes(corners: Array, role: str, light: str, thick: float, order: float) -> list[Shape]:
-    """Return a rounded link or plate around the corners of a body: the rim, and the face in a lighter colour."""
+    """Return a rounded link or plate around the corners of a body, as a rim and a face in a lighter colour."""
     closed = len(corners) > 2
     vertices = corners if len(corners) > 1 else np.repeat(corners, 2, axis=0) + [[-1e-3, 0], [1e-3, 0]]
     return [

@@ -51,7 +51,7 @@ def world(data: xr.Dataset) -> Array:
 
 
 def _turned(e: Array, vector: Array) -> Array:
-    """Rotate vectors (..., 2 or 3) by half-angle pairs or quaternions `e` (..., 2 or 4); (..., 0): no rotation."""
+    """Rotate vectors (..., 2 or 3) by half-angle pairs (..., 2) or quaternions (..., 4); (..., 0) is no rotation."""
     if e.shape[-1] == 0:
         return vector
     if e.shape[-1] == 2:
@@ -119,7 +119,7 @@ class Sketch:
 
     @cached_property
     def radii(self) -> list[float]:
-        """Return the radius of the circle around each point, m; 0 for most."""
+        """Return the radius of the circle around each point, m; most points have the radius 0."""
         if "point_radius" not in self.data:
             return [0.0] * len(self.kinds)
         return [abs(float(r)) for r in self.data["point_radius"].values[0]]
@@ -149,7 +149,7 @@ class Sketch:
         for name, symbol in zip(names, self.data["component_symbol"].values, strict=True):
             points = tuple(k for k in given[name] if self.placed[k])
             ends = [self._middle(body) for body in attached[name]]
-            anchor = points[-1] if points else self._beside(name, attached, given)
+            anchor = points[-1] if points else self._shared_point(name, attached, given)
             if anchor is None and len(attached[name]) == 1:
                 anchor = ends[0]
             directions = tuple(k for k in given[name] if not self.placed[k])
@@ -163,8 +163,11 @@ class Sketch:
         heavy = [k for k in points if self.kinds[k] == "com"]
         return next(iter([*heavy, *points]), None)
 
-    def _beside(self, name: str, attached: dict[str, tuple[str, ...]], given: dict[str, list[int]]) -> int | None:
-        """Return the index of a point of another component between the same bodies, for a component without points."""
+    def _shared_point(self, name: str, attached: dict[str, tuple[str, ...]], given: dict[str, list[int]]) -> int | None:
+        """Return the index of a point of another component between the same bodies.
+
+        A component without points is drawn at this point.
+        """
         for other, bodies in attached.items():
             if other != name and set(bodies) == set(attached[name]) and len(bodies) > 1:
                 points = [k for k in given[other] if self.placed[k]]
@@ -200,14 +203,14 @@ class Sketch:
                 along = np.sum((second - first) * axis, axis=-1)
                 along = along[np.isfinite(along)]
                 low, high = (float(along.min()), float(along.max())) if len(along) else (0.0, 0.0)
-                # the guide includes its origin, unless the origin is far away
+                # include the origin of the guide, unless it is far away
                 found[part.name] = (min(low, 0.0), max(high, 0.0)) if min(abs(low), abs(high)) < 1.0 else (low, high)
             if part.symbol in ON_GROUND and len(part.points) > 1 and part.directions:
                 offset = points[:, part.points[-1]] - points[:, part.points[0]]
                 axes = [across(normal) for normal in points[:, part.directions[0]]]
                 for number in range(points.shape[-1] - 1):
                     along = [float(a[number] @ x) for a, x in zip(axes, offset, strict=True) if np.isfinite(x).all()]
-                    # names never contain a slash
+                    # names contain no slash, so these keys are unambiguous
                     found[f"{part.name}/{number}"] = (min([0.0, *along]), max([0.0, *along]))
         return found
 
@@ -257,12 +260,12 @@ class Sketch:
 
     @cached_property
     def boxed(self) -> set[str]:
-        """Return the second bodies of sliders; if such a body is a single point on the page, only the box is drawn."""
+        """Return the second bodies of sliders; the box of the slider replaces such a body if it is a single point."""
         return {p.bodies[1] for p in self.parts if p.symbol in ("slide", "cylinder") and len(p.bodies) > 1}
 
     @cached_property
     def joints(self) -> list[int]:
-        """Return the points of components; marks near them are omitted."""
+        """Return the indices of the points of components; marks near these points are omitted."""
         return [k for part in self.parts for k in part.points]
 
     def _component(
@@ -281,7 +284,7 @@ class Sketch:
         match part.symbol:
             case "contact" | "wheel" if first is not None:
                 turning = part.directions[1] if part.symbol == "wheel" and len(part.directions) > 1 else None
-                # names never contain a slash
+                # names contain no slash, so the prefix is unambiguous
                 planes = [ends for name, ends in reaches.items() if name.startswith(f"{part.name}/")]
                 if axis is not None and planes:
                     found += make.ground(first, axis, planes)

@@ -1,4 +1,4 @@
-"""Surfaces of the shapes of bodies, relative to the corners of the boxes around them.
+"""Surfaces of the shapes of bodies, in coordinates relative to the corners of the boxes around the shapes.
 
 The corners are drawn points of the bodies (`Mark` of the kind ``corner``, eight for each shape in the order of binary
 numbers).  A vertex has coordinates from 0 to 1 between corners.  Drawings therefore need only the points of a pose.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Solids", "collect_solids"]
 
 MOST_FACES = 6000
-"""Largest number of drawn triangles of a mechanism; meshes are simplified to this budget."""
+"""Maximum number of triangles in the drawing of a mechanism; meshes are simplified to this number."""
 
 LEVELS = 8
 """Number of shades of a face."""
@@ -70,7 +70,7 @@ def collect_solids(mechanism: Mechanism, marks: Sequence[Mark]) -> dict[str, Any
 
 
 def simplified(vertices: Array, faces: NDArray[np.int64], most: int) -> tuple[Array, NDArray[np.int64]]:
-    """Merge vertices of a mesh in cells of a grid, whose size is chosen so that at most `most` faces remain.
+    """Merge the vertices of a mesh in each cell of a grid; the cell size is chosen so that at most `most` faces remain.
 
     Vertex clustering: J. Rossignac and P. Borrel, Multi-resolution 3D approximations for rendering, 1993.
 
@@ -131,7 +131,7 @@ class Solids:
     def draw(self, sheet: Sheet, points: Array, roles: Sequence[str]) -> Iterator[Shape]:
         """Yield the visible faces, from the back to the front; `roles` are colour roles of the faces.
 
-        A face that is turned to the viewer is pale, and one seen from the side is dark.
+        A face that faces the viewer is pale, and a face that is seen from the side is dark.
         """
         if not len(self.faces):
             return

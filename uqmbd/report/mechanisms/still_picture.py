@@ -108,11 +108,11 @@ def _write(made: Canvas, names: Sequence[PlacedLabel], lines: Sequence[Shape]) -
 
 
 INCH = 72
-WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, as the player of a wide page
+WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, equal to the size of the player on a wide page
 
 
 def still(data: xr.Dataset) -> Drawing:
-    """Draw a mechanism at the means of its inputs, with the realisations at the time of their largest distance.
+    """Draw a mechanism at the means of its inputs, and other realisations, at the time of their largest distance.
 
     `data` is the result of `uqmbd.report.motion`, or the node ``motion`` of results.
     """
@@ -130,7 +130,7 @@ def still(data: xr.Dataset) -> Drawing:
 
 
 def draw_named(data: xr.Dataset, realisation: int, time: float) -> Drawing:
-    """Draw one realisation of a motion at the stored time nearest to a time, s, and the means as an outline."""
+    """Draw one realisation at the stored time nearest to a time, s, and the mechanism at the means as an outline."""
     frame = int(np.argmin(np.abs(data["time"].values - time)))
     return still(data.isel(realisation=[realisation, 0], time=[frame]))
 
@@ -162,7 +162,7 @@ def draw_pose(data: xr.Dataset) -> Drawing:
 
 
 def _empty(bounds: Array) -> tuple[Drawing, Sheet, Callable[[Array], Array]]:
-    """Return a drawing that contains only its scale, its sheet, and the map from inches on the sheet to the drawing."""
+    """Return a drawing with only a scale, its sheet, and the function from inches on the sheet to the drawing."""
     height = _height(bounds)
     sheet = sheet_for(bounds, WIDTH, height)
     made = Drawing(INCH * WIDTH, INCH * height)
@@ -195,7 +195,7 @@ def _height(bounds: Array) -> float:
 
 
 def _scale(made: Drawing, sheet: Sheet, corner: Array) -> None:
-    """Draw a length in metres and, in space, the directions of the axes."""
+    """Draw a scale bar in metres and, in space, the directions of the axes."""
     longest = 1.3 * sheet.unit
     power = 10.0 ** math.floor(math.log10(longest))
     length = next(x * power for x in (5, 2, 1) if x * power <= longest)

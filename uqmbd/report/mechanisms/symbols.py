@@ -15,10 +15,10 @@ __all__ = ["Stroke", "Symbols", "projected"]
 
 
 PIN = 0.06  # inches: radius of a pin
-PUSH = (0.5, 0.8)  # inches: shortest and longest arrow along the axis of a driver
-COIL = 0.2  # inches: a shorter spring or damper is a ring
-CLEAR = 0.1  # inches: a mark that is nearer to a joint is omitted
-HATCH = (0.04, 0.06, 0.05)  # inches: first stroke, distance, height
+PUSH = (0.5, 0.8)  # inches: minimum and maximum length of the arrow along the axis of a driver
+COIL = 0.2  # inches: length below which a spring or damper is drawn as a ring
+CLEAR = 0.1  # inches: distance from a joint up to which a mark is omitted
+HATCH = (0.04, 0.06, 0.05)  # inches: position of the first stroke, distance of strokes, height
 INK, DARK, GROUND, PLATE, PAPER, DRIVE, LIMIT = "ink", "dark", "ground", "plate", "paper", "drive", "limit"
 CHAIN, DASHES, DOTS = (7.0, 2.0, 1.0, 2.0), (5.0, 2.0), (2.0, 2.0)
 SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)
@@ -38,13 +38,13 @@ class Stroke:
     axis: int | None = None  # index of a direction
     metres: Array | None = None  # (N, axes), m: offset of the points
     tips: Array | None = None  # (2, axes), inches: the ends of a span in the frame
-    limits: tuple[float, float] | None = None  # inches: shortest and longest span along the axis; it ends at at[-1]
+    limits: tuple[float, float] | None = None  # inches: minimum and maximum span along the axis, which ends at at[-1]
     scaled: bool = False  # whether the unit of the points is the radius of the circle about at[-1]
     between: tuple[float, float] = (0.0, 1e9)  # inches: lengths of the span, or radii, at which the stroke is visible
-    shrinks: float = 0.0  # inches: for a shorter span, the inches shrink in proportion
+    shrinks: float = 0.0  # inches: span below which lengths in inches decrease in proportion to the span
     facing: int = 0  # 1, -1: visible if the axis, or its opposite, points to the viewer
     convex: bool = False  # whether the stroke is the convex hull of its points
-    hatch: bool = False  # whether the stroke is the hatching on the right of a line
+    hatch: bool = False  # whether the stroke is hatching on the right side of a line
     clear: bool = False  # whether the stroke is omitted near a point of a component
     edge: str = INK
     face: str | None = None
@@ -56,7 +56,7 @@ class Stroke:
 
 
 def projected(stroke: Stroke, sheet: Sheet, points: Array, radii: Sequence[float]) -> Shape | None:
-    """Return a stroke on the page from points and directions (N, axes) in the world; None for a hidden stroke."""
+    """Project a stroke to the page, for points and directions (N, axes) in the world; return None if it is hidden."""
     at, unit = stroke.at, sheet.unit
     frame = None if stroke.axis is None else axes_of(points[stroke.axis])
     measure = radii[at[-1]] / unit
@@ -93,7 +93,7 @@ def projected(stroke: Stroke, sheet: Sheet, points: Array, radii: Sequence[float
 
 
 def _hatched(start: Array, end: Array) -> Array:
-    """Return hatching on the right of a line as one line with NaN, because separate shapes slow animations down."""
+    """Return hatching on the right of a line as one line, interrupted by NaN; separate shapes are slower to draw."""
     first, step, high = HATCH
     length = float(np.hypot(*(end - start)))
     along = (end - start) / (length or 1.0)
@@ -112,7 +112,7 @@ def _circle(radius: float, corners: int = 33, first: float = 0.0, last: float = 
 
 @dataclass(frozen=True)
 class Symbols:
-    """Maker of the strokes of symbols; arguments for points and directions are indices."""
+    """Factory of the strokes of symbols; points and directions are given by their indices."""
 
     dimension: int  # dimension of the drawn space, 2 or 3
 
@@ -130,7 +130,7 @@ class Symbols:
         return self.disc(at, 0.6 * PIN, INK, **more)
 
     def polygon(self, at: int, corners: Any, face: str, width: float) -> Stroke:
-        """Return an area on the page; the unit of its corners is the radius of a pin."""
+        """Return an area on the page; its corners are in units of the radius of a pin."""
         return Stroke(PIN * np.asarray(corners, dtype=float), (at,), face=face, width=width, closed=True)
 
     def _about(self, points: Array) -> Array:
@@ -146,7 +146,7 @@ class Symbols:
         return Stroke(np.asarray(points, dtype=float), (first, last), tips=np.zeros((2, self.dimension)), **more)
 
     def centre_of_mass(self, at: int) -> list[Stroke]:
-        """Return the circle with two black quarters."""
+        """Return the symbol of a centre of mass: a circle with two black quarters."""
         ring = _circle(0.045)
         quarters = [np.concatenate([[[0, 0]], ring[k : k + 9]]) for k in (0, 16)]
         more: dict[str, Any] = {"closed": True, "clear": True}
@@ -171,7 +171,7 @@ class Symbols:
         return [shape, *self._hatching([[-0.17, -0.17], [0.17, -0.17]], at)]
 
     def _patch(self, corners: Array, at: int, axis: int, metres: Array | None = None) -> Stroke:
-        """Return a patch of a plane in space from corners (4, 2) around its normal."""
+        """Return a patch of a plane in space, with corners (4, 2) relative to its normal."""
         more = None if metres is None else self._about(metres)
         looks: dict[str, Any] = {
             "edge": GROUND,
@@ -186,7 +186,7 @@ class Symbols:
     def ground(self, at: int, normal: int, reaches: Sequence[tuple[float, float]]) -> list[Stroke]:
         """Return a ground contact surface along its `reaches` (m): a hatched line, or a patch in space."""
         (low, high), more = reaches[0], 0.45
-        if not self.spatial:  # to the right of the normal: the negative second axis
+        if not self.spatial:  # from left to right along the surface, which is along the negative second axis
             ends, metres = np.array([[0, more], [0, -more]]), np.array([[0, -low], [0, -high]])
             return self._hatching(ends, at, axis=normal, metres=metres)
         bounds = np.array(reaches)
@@ -200,22 +200,22 @@ class Symbols:
         return Stroke(self._along(-half, half), (at,), axis, width=0.9, dashes=dashes, order=4.3)
 
     def hinge(self, at: int, axis: int | None) -> list[Stroke]:
-        """Return a circle; in space a ring around the axis."""
+        """Return the symbol of a hinge: a circle, or in space a ring around the axis."""
         if not self.spatial or axis is None:
             return [self.disc(at)]
         ring = Stroke(self._about(_circle(1.5 * PIN)), (at,), axis, face=PAPER, width=1.3, closed=True)
         return [self._axis(at, axis, 0.26), ring]
 
     def ball(self, at: int) -> list[Stroke]:
-        """Return a ring around a point."""
+        """Return the symbol of a ball joint: a ring around a point."""
         return [self.disc(at, 1.35 * PIN), self.disc(at, 0.55 * PIN, INK, 4.2)]
 
     def universal(self, at: int, axes: Sequence[int]) -> list[Stroke]:
-        """Return a cross along two axes, in a ring."""
+        """Return the symbol of a universal joint: a cross along two axes in a ring."""
         return [self.disc(at, 1.5 * PIN), *(self._axis(at, axis, 1.5 * PIN, ()) for axis in axes)]
 
     def slide(self, at: int, axis: int, face: str, *, turns: bool) -> list[Stroke]:
-        """Return a box along its axis; in space, a box that also rotates is round."""
+        """Return the symbol of a slider: a box along its axis; in space, it is round if the slider also rotates."""
         long, high = 0.19, 0.1
         if not self.spatial:
             return [Stroke(SQUARE * [long, high], (at,), axis, face=face, width=1.2, closed=True, order=2.8)]
@@ -231,7 +231,7 @@ class Symbols:
     def line(
         self, at: int, axis: int, reach: tuple[float, float], more: float = 0.3, dashes: tuple[float, ...] = DASHES
     ) -> Stroke:
-        """Return the line along which a point moves, from and to `reach`, m, plus `more`, inches, at each end."""
+        """Return the line along which a point moves: the range `reach`, m, extended by `more`, inches, at each end."""
         metres = self._along(*reach)
         return Stroke(
             self._along(-more, more), (at,), axis, metres, edge=GROUND, width=1.0, dashes=dashes, order=0.7
@@ -242,14 +242,14 @@ class Symbols:
         more = 0.36
         if self.spatial or grounded is None:
             return [self.line(at, axis, reach, more, CHAIN)]
-        # hatching is beneath the line: the second axis is on the left of the first one
+        # choose the side such that the hatching, which is on the right of the line, is beneath it
         x, y = grounded / (float(np.linalg.norm(grounded)) or 1.0)
         side = 1 if x < -1e-9 or (abs(x) <= 1e-9 and y > 0) else -1
         ends, metres = np.array([[-more, side * 0.115], [more, side * 0.115]]), self._along(*reach)
         return self._hatching(ends[::-side], at, axis=axis, metres=metres[::-side])
 
     def plane(self, at: int, normal: int) -> Stroke:
-        """Return a patch of a plane beneath a point on it; in two dimensions a line."""
+        """Return a patch of a plane around a point on it; in two dimensions a line."""
         if self.spatial:
             return self._patch(0.35 * SQUARE, at, normal)
         ends = np.array([[0, -0.3], [0, 0.3]])
@@ -260,7 +260,7 @@ class Symbols:
         return Stroke(self._along(-0.22, 0.22), (at,), axis, width=3.2, order=4.1)
 
     def circle(self, at: int, role: str, axis: int | None = None) -> list[Stroke]:
-        """Return a circle or sphere with the radius of a point, a disc in space with an axis, or a dot if tiny."""
+        """Return the circle with the radius of a point: in space a disc around `axis`, or a sphere; if tiny, a dot."""
         seen: dict[str, Any] = {"closed": True, "scaled": True, "between": (0.6 * PIN, 1e9)}
         flat = self.spatial and axis is not None
         place, line = (axis, self._about(_circle(1.0))) if flat else (None, _circle(1.0, 97))
@@ -271,7 +271,7 @@ class Symbols:
         ]
 
     def rod(self, first: int, last: int) -> list[Stroke]:
-        """Return a massless rod."""
+        """Return the symbol of a massless rod: a bar between two pins."""
         bar = self._pair(first, last, edge=DARK, width=2.2, order=2.5)
         return [bar, self.disc(first, 0.7 * PIN), self.disc(last, 0.7 * PIN)]
 
@@ -285,7 +285,7 @@ class Symbols:
 
     # -- springs, drivers, loads -------------------------------------------------------------------------------------
     def _between(self, first: int, last: int, lines: Sequence[tuple[Any, float]]) -> list[Stroke]:
-        """Return lines (points, width) of a span with a pin at each end; a ring for a short span."""
+        """Return `lines` (points, width) in the frame of a span with a pin at each end; a ring if the span is short."""
         looks: dict[str, Any] = {"edge": DARK, "order": 3.5}
         pins = [self.disc(at, 0.45 * PIN, INK) for at in (first, last)]
         ring = np.column_stack([np.zeros(33), _circle(0.1)])
@@ -293,7 +293,7 @@ class Symbols:
         return [self._pair(first, last, ring, width=1.2, closed=True, between=(0.0, COIL), **looks), *long, *pins]
 
     def spring(self, first: int, last: int, length: float) -> list[Stroke]:
-        """Return a zigzag between two points; its length, inches, sets the number of turns."""
+        """Return the symbol of a spring: a zigzag between two points; `length`, inches, sets the number of turns."""
         turns = int(np.clip(np.nan_to_num(length) / 0.16, 4, 12))
         share = [0.0, *np.linspace(0.14, 0.86, 2 * turns + 1), 1.0]
         side = [0, 0, *([1, -1] * turns)[: 2 * turns - 1], 0, 0]
@@ -302,7 +302,7 @@ class Symbols:
         )
 
     def damper(self, first: int, last: int) -> list[Stroke]:
-        """Return a piston in a cylinder between two points."""
+        """Return the symbol of a damper: a piston in a cylinder between two points."""
         half, side = 0.16, 0.075
         pot = [[0.5, half, side], [0.5, -half, side], [0.5, -half, -side], [0.5, half, -side]]
         rods = [[[0, 0, 0], [0.5, -half, 0]], [[0.5, 0, 0], [1, 0, 0]]]
@@ -315,11 +315,11 @@ class Symbols:
         return Stroke(path, (at,), edge=edge, width=width, order=4.4)
 
     def coil(self, at: int, axis: int | None) -> list[Stroke]:
-        """Return a spiral."""
+        """Return the symbol of a torsional spring: a spiral around a point."""
         return [self._around(at, axis, _circle(0.07, 60, 0.0, 5 * np.pi, 0.16), GROUND, 1.0)]
 
     def arc(self, at: int, axis: int | None) -> list[Stroke]:
-        """Return a curved arrow around a point."""
+        """Return the symbol of a rotational driver or torque: a curved arrow around a point."""
         path = self._around(at, axis, _circle(0.19, 40, np.deg2rad(-30), np.deg2rad(215)), DRIVE, 1.6)
         return [path, self._head(path.at, path.axis, path.points[[-3, -1]])]
 
@@ -341,5 +341,5 @@ class Symbols:
         return self.arrow((at,), direction, self._along(-0.55, 0.0))
 
     def push(self, first: int, last: int, axis: int | None) -> list[Stroke]:
-        """Return an arrow between two points, or with an axis a short arrow along it at the driven point."""
+        """Return the symbol of a driver: an arrow between two points, or along `axis` at the driven point."""
         return self.arrow((first, last), axis, np.zeros((2, self.dimension)), None if axis is None else PUSH)
