@@ -143,7 +143,7 @@ def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str
 
 
 def _with_shared(page: str) -> str:
-    """Return a page that contains each array of its charts once."""
+    """Return a page in which each array of its charts occurs only once."""
     before, end, after = page.rpartition("</main>")
     before, arrays = share_arrays(before)
     data = f'\n<script type="application/json" id="shared-arrays">{json_script(arrays)}</script>' if arrays else ""
@@ -153,19 +153,19 @@ def _with_shared(page: str) -> str:
 def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Path | None) -> Path:
     """Write a report and its figures to the folder of a run, and replace only files of uqmbd."""
     run = target.parent
-    beside = figures is not None and figures.resolve() == (run / FIGURES).resolve()
-    previous = move_unlisted(run, [REPORT, *([FIGURES] if beside else [])])
+    inside = figures is not None and figures.resolve() == (run / FIGURES).resolve()
+    previous = move_unlisted(run, [REPORT, *([FIGURES] if inside else [])])
     if previous is not None:
         warnings.warn(f"the earlier report in {run} was moved to {previous}", StudyWarning, stacklevel=3)
     with scratch(run) as place:
-        new = place / "new" / FIGURES if beside else figures
+        new = place / "new" / FIGURES if inside else figures
         if new is not None:
             new.parent.mkdir(parents=True, exist_ok=True)
             write_images(contents, new)
-        written = sorted(new.iterdir()) if beside and new is not None and new.is_dir() else []
+        written = sorted(new.iterdir()) if inside and new is not None and new.is_dir() else []
         _write(page, target)
         record(run, [REPORT, *(f"{FIGURES}/{one.name}" for one in written)], [target, *written])
-        if beside and new is not None and written:
+        if inside and new is not None and written:
             with replacing(run / FIGURES) as part:
                 new.rename(part)
     return target
@@ -194,7 +194,7 @@ def _built_in(
 
 
 def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, str]:
-    """Make a section of a plugin; a failure gives a warning with the section, and does not affect other sections."""
+    """Make a section of a plugin; a failure gives a warning that names it, and does not affect other sections."""
     from markupsafe import Markup
 
     kind = type(section)
@@ -236,7 +236,7 @@ def first_screen(section: Section, tree: xr.DataTree) -> Content | None:
 
 @contextmanager
 def _own_settings() -> Iterator[None]:
-    """Restore the Matplotlib settings that a section changed; Matplotlib is not loaded for sections without it."""
+    """Restore the Matplotlib settings after a section; do not load Matplotlib for sections that do not use it."""
     earlier = sys.modules.get("matplotlib")
     try:
         with nullcontext() if earlier is None else earlier.rc_context():

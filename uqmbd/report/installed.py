@@ -37,7 +37,7 @@ def installed_sections() -> list[Section]:
         with Isolated() as work:
             sections.append(section())
         if work.failed:
-            who = plugins.owner("report_sections", name) or section.__module__
-            text = f"report section {name!r} of {who} is omitted: {work.reason}"
+            package = plugins.owner("report_sections", name) or section.__module__
+            text = f"report section {name!r} of {package} is omitted: {work.reason}"
             warnings.warn(text, PluginWarning, stacklevel=2)
     return sections

@@ -60,12 +60,12 @@ class Method:
 
     @property
     def realisations(self) -> int:
-        """Return the number of realisations for the outputs over time, or for scalar outputs without them."""
+        """Return the number of realisations for outputs over time, or for scalar outputs if there are no others."""
         return int(self.node.attrs.get("realisations", 0))
 
     @property
     def total_realisations(self) -> int:
-        """Return the number of computed realisations, with those for scalar outputs and requirements only."""
+        """Return the number of computed realisations, including those for scalar outputs or requirements only."""
         return total_realisations(self.node)
 
     @property
@@ -95,7 +95,7 @@ class Method:
 
     @property
     def separate(self) -> bool:
-        """Return whether realisations are computed separately, so that each has a cost."""
+        """Return whether realisations are computed separately, so that the cost per realisation is meaningful."""
         return self.realisations > 0 and "unknowns" not in self.node.attrs
 
     @property
@@ -105,7 +105,7 @@ class Method:
 
     @property
     def clock(self) -> str:
-        """Describe the clock for comparisons at equal phase, its range and its cost; empty without a clock."""
+        """Describe the clock that defines equal phases, its range and its cost; empty without a clock."""
         known = self.node.attrs
         if "clock" not in known:
             return ""
@@ -121,9 +121,9 @@ class Method:
             text += f", with {least:.3g} to {most:.3g} turns until the last output time"
         if (longer := float(known.get("longer", 1.0))) > 1:
             text += f"; they were integrated for {longer:.3g} times the duration of the study"
-        if standing := float(known.get("standing", 0.0)):
+        if stopped := float(known.get("standing", 0.0)):
             text += (
-                f"; in about {standing:.1%} of the realisations the clock stops, and these are compared at equal times"
+                f"; in about {stopped:.1%} of the realisations the clock stops, and these are compared at equal times"
             )
         return text
 
@@ -226,8 +226,8 @@ class StudyResult:
     @property
     def report_times(self) -> list[float] | None:
         """Return the times, s, of distributions that the study requests; None: the figure chooses."""
-        wanted = self.tree.attrs.get("report_times")
-        return None if wanted is None else [float(t) for t in np.atleast_1d(wanted)]
+        times = self.tree.attrs.get("report_times")
+        return None if times is None else [float(t) for t in np.atleast_1d(times)]
 
     @property
     def over(self) -> dict[str, str]:
@@ -307,7 +307,7 @@ class StudyResult:
         return [name for name in self.scalar_names if name not in self.series] or self.scalar_names
 
     def distinct(self, reliability: Sequence[OutputReliability]) -> tuple[OutputReliability, ...]:
-        """Return the reliability, the least reliable first, with one output of each series and method."""
+        """Reduce reliability to one output of each series and method, the least reliable one; the order remains."""
         seen: set[tuple[str, str]] = set()
         found = []
         for one in reliability:
@@ -319,8 +319,8 @@ class StudyResult:
 
     def alike(self, label: str) -> StudyResult:
         """Return the result of the methods with the same input distributions as a given method."""
-        wanted = self.methods[label].population
-        return replace(self, methods={k: m for k, m in self.methods.items() if m.population == wanted})
+        population = self.methods[label].population
+        return replace(self, methods={k: m for k, m in self.methods.items() if m.population == population})
 
     def holders(self, name: str) -> dict[str, Method]:
         """Return the methods that have this output over time."""
@@ -328,14 +328,14 @@ class StudyResult:
 
     @property
     def problems(self) -> list[str]:
-        """Return the methods without results, with the reasons, and other computations that failed."""
+        """Return sentences on methods without results, with the reasons, and on a failed comparison."""
         sentences = [f"{label} has no results: {reason}" for label, reason in failed_methods(self.tree).items()]
         problem = self.tree.children["comparison"].attrs.get("problem") if "comparison" in self.tree.children else None
         return sentences + ([f"The methods could not be compared: {problem}"] if problem else [])
 
     @property
     def findings(self) -> list[Finding]:
-        """Return the findings on the study, without repetitions: of the study, then of each method."""
+        """Return the findings of the study, then further findings of each method."""
         found = _findings_of(self.tree)
         known = {one.text for one in found}
         for label, method in self.methods.items():
@@ -383,7 +383,7 @@ def _written(value: object) -> str:
 
 
 def _drop_unknown_times(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Remove times without a result of any method, because all methods end earlier."""
+    """Remove times at which no method has results, because all methods end earlier."""
     ends = [node.attrs.get("ends_at") for node in nodes.values()]
     if not ends or any(end is None for end in ends):
         return dict(nodes)
@@ -399,7 +399,7 @@ def _drop_unknown_times(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTr
 
 
 def _findings_of(node: xr.DataTree) -> list[Finding]:
-    """Return the findings that a node stores; earlier versions and some methods store texts of warnings."""
+    """Return the findings that a node stores, or its warnings, which earlier versions and some methods store."""
     for name in ("findings", "warnings"):
         try:
             stored = json.loads(node.attrs[name])

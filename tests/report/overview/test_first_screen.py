@@ -12,7 +12,7 @@ import xarray as xr
 import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd import extend, report, results
-from uqmbd.report.overview.answers import ANSWERS, asked, in_view
+from uqmbd.report.overview.answers import ANSWERS, in_view, results_table
 from uqmbd.report.overview.influences import of_history
 from uqmbd.report.view import StudyResult
 from uqmbd_collocation import Collocation
@@ -42,7 +42,7 @@ def required(node, probability, lower, upper):
 
 def test_numbers_that_tell_most_are_those_of_the_statistics():
     result = StudyResult.of(results.study_tree([sampled()], study="s", mechanism="m"))
-    y, x = asked(result)["rows"]
+    y, x = results_table(result)["rows"]
     assert [row["known"] for row in (y, x)] == [result.assessment.of(name)[0] for name in "yx"]
     data = result.methods["mc"].of("y")
     assert (y["name"], x["name"]) == ("y", "x") and in_view(result) == "y"
@@ -108,7 +108,7 @@ def test_a_requirement_is_met_where_all_methods_say_so():
         (0.025, ["not met", "met"]),  # the other is sure, and the one does not contradict it
     ):
         tree = results.study_tree([first, second], study="s", mechanism="m", attrs={"allowed_probability": allowed})
-        rows = asked(StudyResult.of(tree))["rows"]
+        rows = results_table(StudyResult.of(tree))["rows"]
         assert [row["name"] for row in rows] == ["one", "two", "any"]
         assert [row["verdict"] for row in rows][: len(verdicts)] == verdicts
     # their intervals have nothing in common: that is worst, and said first
@@ -192,7 +192,12 @@ def test_outputs_before_and_after_a_calibration_stand_side_by_side():
     result = StudyResult.of(results.study_tree([before, after], study="s", mechanism="m"))
     picture = ANSWERS.content(result)["picture"]
     assert picture["caption"].startswith("y by after, before: ")
-    assert [row["name"] for row in asked(result)["rows"]] == ["y (before)", "y (after)", "x (before)", "x (after)"]
+    assert [row["name"] for row in results_table(result)["rows"]] == [
+        "y (before)",
+        "y (after)",
+        "x (before)",
+        "x (after)",
+    ]
     lines = result.assessment.reliability
     other = "not compared: no other method has the same distributions of the inputs"
     assert len(lines) == 4 and all(line.reason.endswith(other) for line in lines)
@@ -220,7 +225,7 @@ def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
     other = results.propagator_node("other", moving, propagator="p", realisations=9, wall_time=0.1)
     tree = results.study_tree([blind, other], study="s", mechanism="m")
     tree["comparison"].attrs |= {"reference": "blind", "recommended": "[]"}
-    (row,) = asked(StudyResult.of(tree))["rows"]
+    (row,) = results_table(StudyResult.of(tree))["rows"]
     assert row["method"] == "other" and float(row["spread"].removesuffix(" m")) == pytest.approx(0.2)
 
 
@@ -238,7 +243,7 @@ def test_an_output_is_reported_by_the_method_that_knows_it():
     assert (place.level, distance.level) == (2, 0)
     assert place.reason.startswith("by collocation, stated error ") and "agrees with monte-carlo" in place.reason
     assert "by collocation" not in distance.reason
-    assert {row["name"]: row["method"] for row in asked(result)["rows"]} == {
+    assert {row["name"]: row["method"] for row in results_table(result)["rows"]} == {
         "place": "collocation",
         "distance": "monte-carlo",
     }

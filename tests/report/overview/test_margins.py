@@ -52,7 +52,7 @@ def stored(tmp_path_factory):
 
 def test_table_yield_and_margins_are_those_of_the_file(stored):
     content = ANSWERS.content(StudyResult.of(stored))
-    for row in content["asked"]["rows"]:
+    for row in content["results_table"]["rows"]:
         data = stored[f"{row['method']}/requirements"]
         known = data.to_dataset().sel(requirement=row["name"])
         assert numbers(row["value"])[0] == pytest.approx(float(known["violation_probability"]), rel=0.06)
@@ -63,7 +63,7 @@ def test_table_yield_and_margins_are_those_of_the_file(stored):
             assert [mean, spread] == pytest.approx([float(margin["mean"]), float(margin["std"])], rel=1e-3)
             assert row["margin"][0].endswith(" m") and row["margin"][2] == "m"
     whole = stored["collocation/requirements"].to_dataset().sel(requirement="any")
-    share, level, *ends = numbers(content["asked"]["yield"])
+    share, level, *ends = numbers(content["results_table"]["yield"])
     assert (share, level) == (pytest.approx(1 - float(whole["violation_probability"]), abs=6e-3), 0.95)
     assert ends == pytest.approx(sorted(1 - whole["interval"].values), abs=6e-3)
 

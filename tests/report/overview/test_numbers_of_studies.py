@@ -150,7 +150,7 @@ CHECKS = {"outputs": check_output, "requirements": check_requirement, "scalars":
 
 def test_the_table_is_that_of_the_file(stored):
     content = ANSWERS.content(StudyResult.of(stored))
-    asked = content["asked"]
+    asked = content["results_table"]
     assert asked["rows"]
     for row in asked["rows"]:
         if not row.get("note"):
@@ -179,7 +179,7 @@ def test_contributors_reliability_and_costs_are_those_of_the_file(stored):
             assert float(found[1]) == pytest.approx(100 * float(known["stated_error_max"]), rel=0.06)
             assert float(found[2]) == shown(float(known["stated_error_time"]))
             compared += 1
-    assert compared or content["asked"]["kind"] != "outputs" or "population" in str(stored["after"].attrs)
+    assert compared or content["results_table"]["kind"] != "outputs" or "population" in str(stored["after"].attrs)
 
 
 def test_calibrated_inputs_are_those_of_the_file(stored):

@@ -37,7 +37,7 @@ def test_margins_have_the_units_of_the_relation(tree: xr.DataTree) -> None:
     """A number may have any units, so those of the scaled position are unknown."""
     units = tree["collocation/requirements/statistics"]["output_units"].values.tolist()
     assert (units[0], units[2]) == ("m", "") and uqmbd.extend.same_units(units[1], "J")
-    rows = {row["name"]: row["margin"] for row in ANSWERS.content(StudyResult.of(tree))["asked"]["rows"]}
+    rows = {row["name"]: row["margin"] for row in ANSWERS.content(StudyResult.of(tree))["results_table"]["rows"]}
     assert rows["low"][0].endswith(" m") and rows["low"][2] == "m" and rows["slow"][2]
 
 

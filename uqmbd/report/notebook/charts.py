@@ -31,11 +31,11 @@ SAMPLES = 2048
 """Number of samples of a surrogate for the bands of its charts, sufficient for the visual resolution."""
 
 LARGE = 50_000
-"""Product of bodies and output times above which a study does not compute its motion only for display."""
+"""Product of the numbers of bodies and output times above which a notebook computes no motion only for display."""
 
 
 def alive(fragment: str) -> str:
-    """Add the scripts if the output has a chart."""
+    """Add the scripts of charts to HTML if it contains a chart."""
     from uqmbd.report.drawing import CHARTED
     from uqmbd.report.live import cell_html
     from uqmbd.report.sections import environment
@@ -51,7 +51,7 @@ def output_charts(result: StudyResult, names: Sequence[str]) -> str:
 
 
 def _of_output(result: StudyResult, name: str) -> str:
-    """Draw an output over time, and over another output if the study requests it; for a single time, its density."""
+    """Draw an output over time (for a single time its density), and over another output if the study requests it."""
     from uqmbd.report.charts import several, still_html
     from uqmbd.report.drawing import image_html
     from uqmbd.report.sections import bands_chart, bands_of, only_density, over_chart
@@ -133,9 +133,9 @@ def _nominal(study: Study) -> str:
     return _folded(charts)
 
 
-def noted(what: str, make: Callable[[], str]) -> str:
-    """Return the result of a function, or a note if the function fails; tables are shown in both cases."""
+def noted(problem: str, make: Callable[[], str]) -> str:
+    """Return the HTML that a function makes, or a note with `problem` and the error if the function fails."""
     try:
         return make()
     except Exception as error:  # noqa: BLE001 - to show an object must not fail
-        return f"<p>{escape(what)}: {escape(f'{type(error).__name__}: {error}')}</p>"
+        return f"<p>{escape(problem)}: {escape(f'{type(error).__name__}: {error}')}</p>"

@@ -109,7 +109,7 @@ def mechanism_tables(mechanism: Mechanism) -> str:
 
 
 def _omissions(mechanism: Mechanism) -> list[tuple[str, str, str, str]]:
-    """List the elements of a model file that the imported mechanism omits."""
+    """List the elements of a model file that an imported mechanism omits or changes."""
     return [(row.what, str(row.count), row.listed, row.why) for row in getattr(mechanism, "not_taken", ())]
 
 
@@ -251,7 +251,7 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     reasons = [one.reason for one in found.reliability]
     parts = [
         *(f"<p>{escape(str(one))}</p>" for one in result.findings),
-        # messages that are not on the first screen
+        # add the messages that the first screen does not contain
         *(f"<p>{escape(one)}</p>" for one in dict.fromkeys((*sentences, *reasons)) if one and escape(one) not in first),
         table("Methods", ("label", "realisations", "failed", "time"), methods),
         table("Requirements", ("requirement", "method", "probability of violation"), required),

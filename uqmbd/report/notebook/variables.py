@@ -23,7 +23,7 @@ WIDTH, HEIGHT = 260.0, 110.0
 """Width and height of the picture, points."""
 
 MARGIN, BASE = 34.0, 84.0
-"""Margin next to the density, and distance from the top to the axis, points."""
+"""Horizontal margin of the density, and distance of the axis from the top, points."""
 
 ENDS = (0.025, 0.975)
 """Probabilities at the ends of the interval."""
@@ -32,7 +32,7 @@ SAMPLES = 4096
 """Number of realisations of a variable without a closed-form density."""
 
 CERTAIN = 1e-12
-"""Ratio to the largest density below which the axis ends."""
+"""Density relative to its maximum below which values are not drawn."""
 
 
 def variable_html(variable: RandomVariable) -> str:
@@ -64,7 +64,7 @@ def _picture(variable: RandomVariable, facts: list[tuple[str, str]]) -> str:
 
 
 def _written(numbers: list[float], width: float) -> tuple[str, ...]:
-    """Return numbers as texts with a resolution of one hundredth of a width."""
+    """Return numbers as texts with a resolution of at least one hundredth of `width`."""
     largest = max(map(abs, numbers))
     power = 0 if largest == 0 or 1e-3 <= largest < 1e5 else math.floor(math.log10(largest))
     scaled = (width or largest or 1.0) / 10.0**power
@@ -74,7 +74,7 @@ def _written(numbers: list[float], width: float) -> tuple[str, ...]:
 
 
 def _distribution(space: GermSpace, name: str) -> tuple[Array, Array, Array | None]:
-    """Return values (N,), their cumulative probabilities, and their density; the density of discrete values is None."""
+    """Return values (N,), their cumulative probabilities, and their density, which is None for discrete values."""
     from uqmbd.report.figures import density, known_densities
 
     column = list(space.inputs).index(name)
@@ -94,7 +94,7 @@ def _distribution(space: GermSpace, name: str) -> tuple[Array, Array, Array | No
             values, counts = np.unique(samples, return_counts=True)
             return values, np.cumsum(counts) / SAMPLES, None
         x, f = found
-        # kernels widen the tails, so the realisations give the probabilities
+        # use the realisations for probabilities, because kernels widen the tails of the density
         return x, np.searchsorted(np.sort(samples), x, side="right") / SAMPLES, f
     steps = np.concatenate([[0.0], np.cumsum(np.diff(x) * (f[1:] + f[:-1]) / 2)])
     return x, steps / steps[-1], f

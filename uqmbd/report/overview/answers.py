@@ -33,7 +33,7 @@ from uqmbd.wording import (
     resolved_width,
 )
 
-__all__ = ["ANSWERS", "answer_of", "asked", "in_view", "mechanism_picture"]
+__all__ = ["ANSWERS", "answer_of", "in_view", "mechanism_picture", "results_table"]
 
 
 ROWS = 5
@@ -42,7 +42,7 @@ ROWS = 5
 MET, UNMET, UNSURE = ("✓", "met", 2), ("✗", "not met", 0), ("!", "not certain", 1)
 
 
-def asked(result: StudyResult) -> Content:
+def results_table(result: StudyResult) -> Content:
     """Return the table of results.
 
     The keys are ``kind`` (``requirements``, ``outputs`` or ``scalars``), ``rows``, ``more`` (omitted rows) and
@@ -51,12 +51,12 @@ def asked(result: StudyResult) -> Content:
     allowed = result.tree.attrs.get("allowed_probability")
     if found := answers(result.nodes):
         rows = [_requirement(result, name) for name in found]
-        # the most probable violations are first; the probability of any violation is last
+        # sort by descending probability; the row of any violation is last
         rows.sort(key=lambda row: (row["name"] == ANY, -row["probability"]))
         more = len(rows) - ROWS
         shown = [*rows[: ROWS - 1], rows[-1]] if more > 0 else rows
         words = "" if allowed is None else format_probability(float(allowed))
-        whole = rows[-1]["name"]  # any of several requirements, or the only requirement
+        whole = rows[-1]["name"]  # "any" if there are several requirements, otherwise the only requirement
         return {
             "kind": "requirements",
             "rows": shown,
@@ -89,7 +89,10 @@ def _margin_head(margins: Sequence[tuple[str, str, str]]) -> str:
 
 
 def in_view(result: StudyResult) -> str:
-    """Return the output for the chart: the output of the most probable violation, or the most uncertain output."""
+    """Return the name of the output in the chart: the output with the most probable violation of a limit.
+
+    Without limits, return the most uncertain output.
+    """
     names, found = result.histories, answers(result.nodes)
     limited = [one for one in result.limits if one["output"] in names and one["requirement"] in found]
     if limited:
@@ -99,7 +102,7 @@ def in_view(result: StudyResult) -> str:
 
 
 def answer_of(result: StudyResult, name: str) -> Answer:
-    """Return the sentence on a requirement from the method with the displayed numbers."""
+    """Return the result for a requirement of the method whose numbers are displayed."""
     return answers(result.nodes)[name][result.assessment.of(name, "requirement")[0].method]
 
 
@@ -128,7 +131,7 @@ def _requirement(result: StudyResult, name: str) -> Content:
 
 
 def _alike(found: list[Influences | None], correlated: Callable[[int], Influences | None]) -> list[Influences | None]:
-    """Return influences for one column: if one of several regressions gives correlations, all become correlations."""
+    """Return influences of the same kind for one column: if any of them are correlations, replace effects by these."""
     if not any(one is not None and one.correlations for one in found):
         return found
     return [correlated(k) if one is not None and one.signed else one for k, one in enumerate(found)]
@@ -157,7 +160,7 @@ def _history(result: StudyResult, one: OutputReliability, because: Influences | 
 
 def _extremes(data: xr.Dataset, units: str) -> Content:
     """Return the minimum and the maximum of the 95 % band over time, and their times, s."""
-    (low, high), _, what = band_edges(data)
+    (low, high), _, kind = band_edges(data)
     times = np.asarray(data["time"].values, dtype=float)
     ends = [_at(low, times, np.nanargmin), _at(high, times, np.nanargmax)]
     shown = [value for value, _ in ends]
@@ -166,7 +169,7 @@ def _extremes(data: xr.Dataset, units: str) -> Content:
         "high": str(format_cells(shown, units)[1]),
         "low_at": f"{ends[0][1]:.4g} s",
         "high_at": f"{ends[1][1]:.4g} s",
-        "what": what,
+        "what": kind,
     }
 
 
@@ -205,7 +208,7 @@ def mechanism_picture(result: StudyResult) -> Content | None:
     """Return the data of the player, and a still picture for print and pages without scripts; None without a motion.
 
     The keys are the keys of `still_image`, ``player`` (JSON), ``short`` (a shorter caption), and ``moving`` (a function
-    that makes the film as a file).
+    that returns the animation as a data URI).
     """
     data = result.motion
     if data is None:
@@ -241,8 +244,8 @@ def _live(result: StudyResult) -> Content:
     """Return the surrogates of the poses for the player, or the reason why they are missing."""
     tree = result.tree
     if "pose_surrogate" not in tree.children:
-        said = tree["motion"].attrs.get("no_surrogate")
-        return {"live": None, "reason": str(said or "These results contain no surrogate of the poses.")}
+        reason = tree["motion"].attrs.get("no_surrogate")
+        return {"live": None, "reason": str(reason or "These results contain no surrogate of the poses.")}
     data, reason = live.live_poses(tree.children["pose_surrogate"], live.live_method(tree))
     return {"live": data, "reason": reason}
 
@@ -252,23 +255,23 @@ LINES = 5  # maximum number of lines on reliability, and of bars of main contrib
 
 def content(result: StudyResult) -> Content:
     """Return the texts and charts of the first screen."""
-    shown = asked(result)
+    shown = results_table(result)
     name = in_view(result)
-    found, of_what = _influences(_latest(result), shown, name)
+    found, quantity = _influences(_latest(result), shown, name)
     known = result.assessment
     lines = _lines(result.distinct(known.reliability))
     return {
         "contributions": [],
         "problems": [*result.problems, *known.contradictions],
         "failures": _failures(result),
-        "asked": shown,
+        "results_table": shown,
         "mechanism": mechanism_picture(result),
         "timeless": all(node.dataset.sizes.get("time", 0) < 2 for node in result.tree.subtree),
         "picture": _picture(result, name),
         "poses": named_poses(result),
         "in_view": name,
-        "matters": None if found is None else _bars(found, of_what) | _tightened(result, shown, found, of_what),
-        "untold": _untold(result, shown),
+        "matters": None if found is None else _bars(found, quantity) | _tightened(result, shown, found, quantity),
+        "no_influences": _why_no_influences(result, shown),
         "reliability": lines[:LINES],
         "more_lines": max(len(lines) - LINES, 0),
         "next": {"methods": _costs(result), "words": known.recommendation},
@@ -279,7 +282,7 @@ ANSWERS = TemplateSection("Answers", "answers", content)
 
 
 def _lines(found: Sequence[OutputReliability]) -> list[Content]:
-    """Return one line for each quantity; with several populations, one line for each method, kind and level."""
+    """Return one line for each quantity, or, with several populations, for each method, kind and level."""
     groups: dict[tuple[object, ...], list[OutputReliability]] = {}
     for k, one in enumerate(found):
         groups.setdefault((one.method, one.kind, one.level) if one.population else (k,), []).append(one)
@@ -312,7 +315,11 @@ def _latest(result: StudyResult) -> StudyResult:
 
 
 def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influences | None, str]:
-    """Return influences on the most probable violation or, without requirements, on the output in the chart."""
+    """Return influences and the name of the influenced quantity.
+
+    The quantity is the most probable violation with known influences, otherwise the output in the chart, otherwise a
+    scalar output.
+    """
     for row in shown["rows"]:
         if shown["kind"] == "requirements" and (found := of_requirement(result, str(row["name"]))):
             return found, str(row["name"])
@@ -328,7 +335,7 @@ def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influen
     return None, name
 
 
-def _untold(result: StudyResult, shown: Content) -> str:
+def _why_no_influences(result: StudyResult, shown: Content) -> str:
     """State why the influence of inputs is unknown, and name a method that computes it."""
     if not any("input" in method.node.children["statistics"].to_dataset().coords or method.samples is not None
                for method in result.methods.values()):  # fmt: skip
@@ -341,8 +348,8 @@ def _untold(result: StudyResult, shown: Content) -> str:
     )
 
 
-def _bars(found: Influences, of_what: str) -> Content:
-    """Return the bars of a tornado chart: the largest bars first, and the others as one line."""
+def _bars(found: Influences, quantity: str) -> Content:
+    """Return the largest bars of a tornado chart, and a text on the other influences."""
     largest = max((abs(share) for share in found.shares), default=0.0)
     scale = max(largest, 1.0) if not found.signed else max(largest, 1e-12)
     count = LINES + 1 if len(found.names) == LINES + 1 else LINES
@@ -352,7 +359,7 @@ def _bars(found: Influences, of_what: str) -> Content:
             "text": found.written(k),
             "width": f"{100 * min(abs(found.shares[k]) / scale, 1.0):.1f}",
             "lowers": found.shares[k] < 0 and found.signed,
-            # if inputs interact, the part of the bar that the input alone explains
+            # if inputs interact: the part of the bar that is due to the input alone
             "alone": f"{100 * min(max(found.alone[k] / found.shares[k], 0.0), 1.0):.1f}"
             if found.together and found.shares[k] > 0
             else None,
@@ -361,14 +368,17 @@ def _bars(found: Influences, of_what: str) -> Content:
     ]
     rest = found.names[count:]
     others = f"{format_count(len(rest), 'other')}, each at most {found.written(count).lstrip('+−')}" if rest else ""
-    return {"of": of_what, "bars": bars, "others": others, "kind": found.kind, "together": found.together}
+    return {"of": quantity, "bars": bars, "others": others, "kind": found.kind, "together": found.together}
 
 
-def _tightened(result: StudyResult, shown: Content, found: Influences, of_what: str) -> Content:
-    """Return the effect of a tighter tolerance of each displayed input on a requirement; ``halved`` may be None."""
-    if shown["kind"] != "requirements" or of_what not in (str(row["name"]) for row in shown["rows"]):
+def _tightened(result: StudyResult, shown: Content, found: Influences, quantity: str) -> Content:
+    """Return the effect of a tighter tolerance of each displayed input on a requirement.
+
+    The value of the key ``halved`` is None if the quantity is not a requirement, or if the effect is unknown.
+    """
+    if shown["kind"] != "requirements" or quantity not in (str(row["name"]) for row in shown["rows"]):
         return {"halved": None}
-    return {"halved": tightening(result, of_what, found.names[: LINES + 1])}
+    return {"halved": tightening(result, quantity, found.names[: LINES + 1])}
 
 
 def _failures(result: StudyResult) -> list[str]:

@@ -37,22 +37,22 @@ class Influences:
     """Influence of each input on a quantity."""
 
     names: tuple[str, ...]  # inputs, or germs if inputs are dependent; the largest share first
-    shares: tuple[float, ...]  # shares of the variance or of the squared safety index, or signed effects
+    shares: tuple[float, ...]  # shares of the variance or of the squared reliability index, or signed effects
     kind: str  # description of the numbers
-    signed: bool = False  # whether the numbers are effects; a negative effect decreases the quantity
-    correlations: bool = False  # whether the numbers are correlations instead of shares
-    # for shares of the variance, the part that each input alone explains, in the same order; otherwise empty
+    signed: bool = False  # whether the numbers are signed; a negative number decreases the quantity
+    correlations: bool = False  # whether the numbers are correlations instead of shares or effects
+    # share of the variance due to each input alone, in the same order; empty if `shares` are not shares of the variance
     alone: tuple[float, ...] = ()
-    # for shares of the variance, the estimates from samples with 95 % intervals in the same order; otherwise empty
+    # 95 % intervals of shares of the variance that are estimated from samples, in the same order; otherwise empty
     intervals: tuple[tuple[float, float], ...] = ()
 
     @property
     def together(self) -> str:
-        """Describe the effect of interactions on the sum of the shares; empty if the sum is about one."""
+        """Text on the effect of interactions on the sum of the shares; empty if the sum is about one."""
         total = sum(self.shares)
         if not self.alone or not total > 1 + COMMON:
             return ""
-        # interactions are certain only if the excess is larger than the widths of the 95 % intervals together
+        # interactions are certain only if the excess is larger than the sum of the widths of the 95 % intervals
         if total - 1 <= sum(high - low for low, high in self.intervals):
             return (
                 f"They add up to {format_share(total)}; the excess over 100 % is within their sampling errors. Solid: "
@@ -65,18 +65,18 @@ class Influences:
 
     @property
     def words(self) -> str:
-        """Describe the largest influences, for a table."""
+        """Text on the largest influence, for a table."""
         if not self.names or not math.isfinite(self.shares[0]):
             return ""
         if self.correlations:
             return f"{self.names[0]} (correlation {self.written(0)})"
-        way = ""
+        direction = ""
         if self.signed:
-            way = ", increases it" if self.shares[0] > 0 else ", decreases it"
-        return f"{self.names[0]} ({self.written(0).lstrip('+−')}{way})"
+            direction = ", increases it" if self.shares[0] > 0 else ", decreases it"
+        return f"{self.names[0]} ({self.written(0).lstrip('+−')}{direction})"
 
     def written(self, k: int) -> str:
-        """Return a signed effect as a share of the standard deviation, or a correlation as a number, as text."""
+        """Return the k-th number as text: a share or a signed effect in per cent, or a correlation as a number."""
         share = self.shares[k]
         if self.correlations:
             return minus(f"{share:+.2f}")
@@ -106,7 +106,7 @@ def of_history(result: StudyResult, name: str, *, correlations: bool = False) ->
 
 
 def _of_poor_surrogate(node: xr.DataTree, name: str) -> str:
-    """State the error of the surrogate behind the indices of an output; empty if the error is small."""
+    """State the error of the surrogate from which the indices of an output come; empty if the error is small."""
     data = node.children["statistics"].to_dataset()
     if "verification_error" not in data or name not in data["output"].values:
         return ""
@@ -129,8 +129,8 @@ def of_scalar(result: StudyResult, name: str, *, correlations: bool = False) -> 
 
 def of_requirement(result: StudyResult, name: str) -> Influences | None:
     """Return the influences on the violation of a requirement; None if the results do not contain them."""
-    held = {label: result.methods[label].node.children.get("requirements") for label in _order(result)}
-    nodes = {label: node for label, node in held.items() if node is not None}
+    children = {label: result.methods[label].node.children.get("requirements") for label in _order(result)}
+    nodes = {label: node for label, node in children.items() if node is not None}
     for label, node in nodes.items():
         data = node.to_dataset()
         if "importance" in data and name in data["requirement"].values:
@@ -153,8 +153,11 @@ def _has(node: xr.DataTree, name: str) -> bool:
     return name in node.children["statistics"].to_dataset()["output"].values
 
 
-def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None:
-    """Return total indices of a scalar output, or of an output over time weighted by its variance."""
+def _total(data: xr.Dataset, label: str, quantity: str = "") -> Influences | None:
+    """Return total indices of a scalar output, or of an output over time weighted by its variance.
+
+    `quantity` is a text on the quantity, such as "of its margin ".
+    """
     for end, dim in (("", "input"), ("_germ", "germ")):
         if f"sobol_total{end}" not in data:
             continue
@@ -162,7 +165,7 @@ def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None
         values = _over_time(data[f"sobol_total{end}"].values, std)
         if not np.isfinite(values).all() or not np.nanmax(std) > 0:
             continue
-        kind = f"Total Sobol’ indices: share of the variance {of_what}to which each input contributes ({label})."
+        kind = f"Total Sobol’ indices: share of the variance {quantity}to which each input contributes ({label})."
         first = _over_time(data[f"sobol_first{end}"].values, std) if f"sobol_first{end}" in data else None
         ends = data[f"sobol_total{end}_interval"].values if f"sobol_total{end}_interval" in data else None
         intervals = None if ends is None else np.stack([_over_time(one, std) for one in ends], axis=1)
@@ -188,7 +191,7 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
         samples = inner.samples.isel(output=inner.names.index(name))
         samples = samples.isel(sample=np.flatnonzero(samples["status"].values == Status.OK))
         paths = ""
-        if "input_key" in samples.coords:  # no effect of a key is linear
+        if "input_key" in samples.coords:  # omit keys of sampled paths, which have no linear effect
             samples = samples.isel(input=~samples["input_key"].values)
             paths = " Sampled paths are not included; their share is a Sobol' index."
         count, columns = samples["inputs"].shape
@@ -217,7 +220,7 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: b
 
 
 def _dependent(inputs: Array) -> bool:
-    """Return whether two inputs (K, input) have a significant correlation, so that effects are inseparable."""
+    """Return whether any two inputs (K, input) are so correlated that a regression cannot separate their effects."""
     x = _standard(inputs)
     return bool((np.abs(np.triu(x.T @ x / len(x), 1)) > max(DEPENDENT, 4 / math.sqrt(len(x)))).any())
 

@@ -1,4 +1,4 @@
-"""Requirements on the first screen: yield, margins, closest approach, the effect of a tighter tolerance, and poses."""
+"""Requirements on the first screen: yield, margins, closest approach, effect of tighter tolerances, and poses."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from uqmbd.wording import (
 __all__ = ["chart_in_view", "margin_words", "named_poses", "tightening", "yield_words"]
 
 HALF = 0.5
-"""Factor of the standard deviation of an input in the statement on tightening."""
+"""Factor by which the standard deviation of an input is reduced in the statement on tighter tolerances."""
 
 
 def yield_words(one: Answer, several_requirements: bool) -> str:
@@ -42,12 +42,12 @@ def yield_words(one: Answer, several_requirements: bool) -> str:
     if not np.isfinite(one.probability) or one.probability in (0.0, 1.0):
         return ""
     width = resolved_width(one.lower, one.upper)
-    what = "all requirements met" if several_requirements else "requirement met"
+    condition = "all requirements met" if several_requirements else "requirement met"
     share, interval = (
         format_probability(1 - one.probability, width, 1 - one.lower),
         format_interval_ends(1 - one.upper, 1 - one.lower),
     )
-    return f"Yield ({what}): {share}, 95 % interval {interval}."
+    return f"Yield ({condition}): {share}, 95 % interval {interval}."
 
 
 def margin_words(result: StudyResult, name: str, label: str) -> tuple[str, str, str]:
@@ -73,8 +73,8 @@ def _units_of_limit(result: StudyResult, requirement: str) -> str:
     """Return the units of the output that a requirement limits; empty if the results do not state the output."""
     for one in result.limits:
         output = str(one["output"])
-        if one["requirement"] == requirement and (held := result.holders(output)):
-            return next(iter(held.values())).units(output)
+        if one["requirement"] == requirement and (methods := result.holders(output)):
+            return next(iter(methods.values())).units(output)
     return ""
 
 
@@ -99,7 +99,7 @@ def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> 
             f"{format_probability(now.probability, resolved_width(now.lower, now.upper))}. By samples of the surrogate "
             f"of {label}; half-width of the 95 % intervals at most {format_probability(max(widths))}."
         )
-        # no violation among the samples is not a probability of zero
+        # if no sample violates the requirement, the probability may still be positive: state the interval
         text = {
             k: format_probability(x.probability, width) if x.probability > 0 else format_interval_ends(0.0, x.upper)
             for k, x in found.items()
@@ -111,8 +111,8 @@ def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> 
 def chart_in_view(result: StudyResult, name: str) -> tuple[Chart | Views, str] | None:
     """Return the chart of an output over time and its caption, with deviations if the band is too narrow.
 
-    The cursor begins at the closest approach to a limit. Of several populations, such as those before and after a
-    calibration, the last one is first. Return None if the output has no chart over time.
+    The cursor begins at the closest approach to a limit. If methods have different input distributions, such as before
+    and after a calibration, the last one is first. Return None if the output has no chart over time.
     """
     found = result.assessment.of(name)
     order = found[::-1] if any(one.population for one in found) else found
@@ -141,7 +141,7 @@ def chart_in_view(result: StudyResult, name: str) -> tuple[Chart | Views, str] |
 
 
 def _approach_words(nearest: Approach, time: float, units: str, label: str) -> str:
-    """State the time of the smallest distance between the mean and a limit, and this distance."""
+    """State the time at which the mean is closest to a limit in standard deviations, and its distance."""
     margin, deviations = (
         format_quantity(abs(nearest.margin), units),
         format_number(float(f"{abs(nearest.deviations):.3g}")),
@@ -154,7 +154,7 @@ def _approach_words(nearest: Approach, time: float, units: str, label: str) -> s
 
 
 def named_poses(result: StudyResult) -> list[Content]:
-    """Return pictures of the named realisations of the stored motion; the first screen has at most one."""
+    """Return pictures of the named realisations of the stored motion: at most one, for the first screen."""
     data, found = dataset_of(result.tree, "motion"), []
     if data is None:
         return []
@@ -162,13 +162,13 @@ def named_poses(result: StudyResult) -> list[Content]:
         times = np.asarray(data["time"].values, dtype=float)
         named = json.loads(str(data.attrs.get("named", "[]")))
         for one in named[:1]:
-            k, wanted, name = int(one["realisation"]), float(one["time"]), str(one["name"])
-            time = float(times[np.argmin(np.abs(times - wanted))])
-            at = f"{time:.4g} s" + (f", the stored time nearest to {wanted:.4g} s" if abs(time - wanted) > 1e-9 else "")
+            k, exact, name = int(one["realisation"]), float(one["time"]), str(one["name"])
+            time = float(times[np.argmin(np.abs(times - exact))])
+            at = f"{time:.4g} s" + (f", the stored time nearest to {exact:.4g} s" if abs(time - exact) > 1e-9 else "")
             caption = f"Pose of the {name} at {at}; outline: at the means of the inputs."
-            made = partial(draw_named, data, k, wanted)
+            made = partial(draw_named, data, k, exact)
             one_time = data.isel(realisation=[k, 0])
-            found.append(still_image(made, caption, caption, f"pose-{k}", partial(poses, one_time, wanted)))
+            found.append(still_image(made, caption, caption, f"pose-{k}", partial(poses, one_time, exact)))
         return found
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must remain
         return [{"problem": f"{type(error).__name__}: {error}", "caption": "named realisations"}]

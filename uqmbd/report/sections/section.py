@@ -71,7 +71,7 @@ class TemplateSection:
         return "" if content is None else self.fragment(result, content)
 
     def fragment(self, result: StudyResult, content: Content) -> str:
-        """Return the HTML of this content."""
+        """Return the HTML of the section for given content."""
         template = environment().get_template(self.template)
         return "".join(template.blocks[self.name](template.new_context({**content, "several": result.several})))
 
@@ -85,15 +85,15 @@ def environment() -> Environment:
     """Return the template environment, which escapes all text that is not marked as HTML.
 
     Compiled templates are stored next to compiled kernels, with the same checks, because their compilation takes 2 % of
-    a short run. Jinja compares the source digests of the template and of the stored template.
+    a short run. Jinja compares the digest of a template with the digest in its stored bytecode.
     """
     from jinja2 import Environment, MemcachedBytecodeCache, PackageLoader, StrictUndefined
     from jinja2 import __version__ as version
 
-    kept = MemcachedBytecodeCache(_TemplateCache(), prefix=f"template-{version}-{_SETTINGS}-")
+    bytecode = MemcachedBytecodeCache(_TemplateCache(), prefix=f"template-{version}-{_SETTINGS}-")
     made = Environment(
         loader=PackageLoader(__package__),
-        bytecode_cache=kept,
+        bytecode_cache=bytecode,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

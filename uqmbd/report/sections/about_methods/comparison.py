@@ -15,9 +15,9 @@ __all__ = ["COMPARISON", "agreement"]
 
 
 def agreement(result: StudyResult) -> Content | None:
-    """Return the recommendation and the verdict on each method and output; None for one method or older results.
+    """Return the recommendation, and the verdicts on each method (``rows``) and on each output (``each``).
 
-    Only the comparison section shows verdicts (``each``); ``rows`` contains their names.
+    Only the comparison section shows ``each``. Return None for a single method, or for results of earlier versions.
     """
     data, found = result.comparison, result.assessment
     compared = [one for one in found.judgements if one.kind]
@@ -56,7 +56,7 @@ def describe_comparison(result: StudyResult) -> Content | None:
 
 
 def _references(data: xr.Dataset) -> str:
-    """Return the reference; if scalar outputs have another one, both."""
+    """Return the label of the reference, or both labels if scalar outputs have another reference."""
     reference = str(data.attrs["reference"])
     other = str(data.attrs.get("scalar_reference", reference))
     return reference if other == reference else f"{reference}; for scalar outputs {other}"
@@ -66,7 +66,7 @@ COMPARISON = TemplateSection("Comparison of methods", "comparison", describe_com
 
 
 def _differences(result: StudyResult, data: xr.Dataset, *, timeless: bool = False) -> list[dict[str, Any]]:
-    """Return the rows of outputs over time, or of scalar outputs, which have a single difference each."""
+    """Return the rows of outputs over time, or of scalar outputs (`timeless`), which have a single difference."""
     prefix, dim, end, std = ("scalar_", "scalar", "", "std") if timeless else ("", "output", "_max", "std_max")
     if f"{prefix}mean_difference{end}" not in data:
         return []

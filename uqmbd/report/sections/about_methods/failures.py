@@ -51,7 +51,7 @@ def _of_method(method: Method) -> Content:
         "names": [],
         "rows": [],
         "hidden": 0,
-        "kept": "",
+        "stored": "",
         "fit": method.fit,
         "lacking": method.lacking,
     }
@@ -61,7 +61,7 @@ def _of_method(method: Method) -> Content:
     reasons = failure_reasons(method.node)
     seen = sum(len(r.samples) for r in reasons)
     if samples.sizes["sample"] < total:
-        found["kept"] = format_integer(samples.sizes["sample"])
+        found["stored"] = format_integer(samples.sizes["sample"])
     units = samples["input_units"].values if "input_units" in samples.coords else [""] * samples.sizes["input"]
     found["names"] = [with_units(str(n), str(u)) for n, u in zip(samples["input"].values, units, strict=True)]
     found["reasons"] = [

@@ -33,12 +33,12 @@ def _sentences(result: StudyResult) -> list[str]:
     """Describe the study in a few sentences."""
     rows, methods = input_rows(result), result.methods
     count, limits = len(result.histories) + len(result.scalar_names), len(answers(result.nodes))
-    limits -= limits > 1  # the violation of any limit is not a further limit
+    limits -= limits > 1  # do not count the entry for the violation of any requirement
     where = [format_count(count, "output")] if count else []
     where += [format_count(limits, "requirement")] if limits else []
-    what = "the uncertainty of " + format_count(len(rows), "input") if rows else "the uncertainty of the inputs"
+    inputs = format_count(len(rows), "input") if rows else "the inputs"
     text = [
-        f"This study propagated {what} through the mechanism {result.mechanism} "
+        f"This study propagated the uncertainty of {inputs} through the mechanism {result.mechanism} "
         f"to {' and '.join(where)}, by {format_count(len(methods), 'method')}: {', '.join(methods)}."
     ]
     compared = result.several and result.comparison is not None and "verdict" in result.comparison
@@ -64,16 +64,16 @@ def _sentences(result: StudyResult) -> list[str]:
 def _populations(result: StudyResult) -> list[str]:
     """List the methods with input distributions that differ from the study."""
     found = {label: method.population for label, method in result.methods.items()}
-    beside = "; it is not compared with the other methods" if len(set(found.values())) > 1 else ""
+    note = "; it is not compared with the other methods" if len(set(found.values())) > 1 else ""
     return [
-        f"The distributions of the inputs of {label} differ from the study: {population}{beside}."
+        f"The distributions of the inputs of {label} differ from the study: {population}{note}."
         for label, population in found.items()
         if population
     ]
 
 
 def _outcome(method: Method, compared: bool) -> list[str]:
-    """State the number of successful realisations, and the realisations that statistics and results omit."""
+    """State the numbers of computed and failed realisations, and the realisations that statistics or results omit."""
     label, total, failed = method.label, method.realisations, method.failures
     text = []
     outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
@@ -82,14 +82,14 @@ def _outcome(method: Method, compared: bool) -> list[str]:
     if failed or not compared:  # otherwise the table of methods shows the number
         seconds = format_duration(method.wall_time)
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
-    kept, counted = total if method.samples is None else method.samples.sizes["sample"], method.counted
+    stored, counted = total if method.samples is None else method.samples.sizes["sample"], method.counted
     if counted < total:
         text.append(
             f"The statistics of {label} use the {format_integer(counted)} realisations that were sampled from the "
             f"distributions of the inputs. The other {format_integer(total - counted)} were chosen to find violations."
         )
-    elif kept < method.sample_size:
-        text.append(_describe_stored(method, method.sample_size, kept))
+    elif stored < method.sample_size:
+        text.append(_describe_stored(method, method.sample_size, stored))
     if method.ends_at is not None:
         text.append(
             f"Results of {label} end at t = {format_number(method.ends_at)} s, before the end of the "
@@ -98,9 +98,9 @@ def _outcome(method: Method, compared: bool) -> list[str]:
     return text
 
 
-def _describe_stored(method: Method, total: int, kept: int) -> str:
-    """State the realisations that statistics and figures use, if the results do not contain all realisations."""
-    every, first = format_integer(total), f"the first {format_integer(kept)}, which are stored"
+def _describe_stored(method: Method, total: int, stored: int) -> str:
+    """State which samples statistics and figures use, if the results contain only the first of them."""
+    every, first = format_integer(total), f"the first {format_integer(stored)}, which are stored"
     if "smallest" not in method.statistics:  # results of an earlier version
         return (
             f"Means and standard deviations of {method.label} use all {every} samples. Quantiles, histograms and "
@@ -173,7 +173,7 @@ def _fitting(method: Method) -> str:
 
 
 def _integration(method: Method) -> list[tuple[str, str]]:
-    """Return the largest error of the time integration, and the procedure of its estimate."""
+    """Return a row on the largest error of the time integration and its source."""
     worst = worst_integration_share(method.node)
     if worst is None:
         return []

@@ -33,7 +33,7 @@ from uqmbd.results.assessment import Assessment
 from uqmbd.results.chaos import Discontinuity
 from uqmbd.wording import format_count, format_duration, format_factor, format_integer, format_percent
 
-__all__ = ["GROWTH", "TRUST"]
+__all__ = ["ACCURACY", "GROWTH"]
 
 
 _UNKNOWN = "unknown"
@@ -59,7 +59,7 @@ def describe_reliability(result: StudyResult) -> Content | None:
     shown = most_uncertain(result, names)
     several = max(len({order_of(nodes[m]) for m in members}) for members in groups.values()) > 2
     return {
-        # the comparison section shows the stated errors of each method
+        # whether the comparison section shows the stated errors of each method
         "compared": agreement(result) is not None,
         "methods": [_verdicts(method, judged) for method in best.values()],
         "rows": rows,
@@ -74,26 +74,26 @@ def describe_reliability(result: StudyResult) -> Content | None:
     }
 
 
-TRUST = TemplateSection("Accuracy of the surrogates", "trust", describe_reliability, "about_methods.html.j2")
+ACCURACY = TemplateSection("Accuracy of the surrogates", "trust", describe_reliability, "about_methods.html.j2")
 
 
 def _verdicts(method: Method, assessment: Assessment) -> Content:
     label, sizes = method.label, method.surrogate_data.sizes
-    what = f"order {order_of(method.node)}, {format_count(sizes['term'], 'term')}"
+    kind = f"order {order_of(method.node)}, {format_count(sizes['term'], 'term')}"
     if sizes.get("element", 1) > 1:
-        what += f" in each of {sizes['element']} elements"
-    what += f", {method.fit}" if method.fit else ""
-    what += f"; {method.clock}" if method.clock else ""
+        kind += f" in each of {sizes['element']} elements"
+    kind += f", {method.fit}" if method.fit else ""
+    kind += f"; {method.clock}" if method.clock else ""
     texts = {name: assessment.judgement(label, name).text for name in method.names}
     try:
         seen: tuple[Discontinuity | None, ...] = getattr(surrogate_of(method.node), "discontinuities", tuple)()
         words = {one.output: one.words() for one in seen if one is not None and method.varies(one.output)}
         found = [". ".join(filter(None, (f"{name}: {texts[name]}", words.get(name)))) for name in method.names]
         jumps = [f"{name}: {words[name]}" for name in method.names if name in words]
-        return {"label": label, "what": what, "problem": "", "verdicts": found, "jumps": jumps}
+        return {"label": label, "what": kind, "problem": "", "verdicts": found, "jumps": jumps}
     except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must remain
         problem = f"The polynomial chaos of {label} cannot be read: {type(error).__name__}: {error}"
-        return {"label": label, "what": what, "problem": problem, "verdicts": (), "jumps": ()}
+        return {"label": label, "what": kind, "problem": problem, "verdicts": (), "jumps": ()}
 
 
 def _rows(method: Method, assessment: Assessment) -> list[dict[str, str]]:
@@ -123,7 +123,7 @@ def _rows(method: Method, assessment: Assessment) -> list[dict[str, str]]:
             row["error"] = format_percent(one.error, _UNKNOWN)
             row["horizon"] = "never" if first is None else f"{first:.4g} s"
         if left_out is not None and one.varies:
-            # for a very small standard deviation, a ratio to it has no meaning
+            # exclude times of very small standard deviation, at which an error relative to it has no meaning
             spreads = varies_over_time(method.statistics["std"].values[k], method.statistics["mean"].values[k])
             square = float(np.max(left_out.values[k], where=spreads, initial=0.0))
             row["left_out"] = format_percent(math.sqrt(square), _UNKNOWN)
@@ -204,12 +204,12 @@ def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]
     for row in found:
         if len(row.orders) < 2 or not row.std[0] > 0:
             continue
-        goes = "decreases" if row.std[-1] < row.std[0] else "changes"
+        verb = "decreases" if row.std[-1] < row.std[0] else "changes"
         first, last = (format_percent(float(row.std[k]), _UNKNOWN) for k in (0, -1))
         words.append(
             f"{row.name}, from order {row.orders[0]} ({format_count(int(row.realisations[0]), 'realisation')}) to "
             f"order {row.orders[-1]} ({row.realisations[-1]}): the difference of the standard deviation from "
-            f"{reference} {goes} from {first} to {last} of the maximum."
+            f"{reference} {verb} from {first} to {last} of the maximum."
         )
     return words
 
@@ -288,9 +288,9 @@ def _in_words(data: xr.Dataset, m: int, o: int) -> str:
         return ""
     first, last = known[0], known[-1]
     own = float(np.nan_to_num(data["reference_std_error"].values[o]))
-    goes = "decreases" if error[last] < error[first] else "changes"
+    verb = "decreases" if error[last] < error[first] else "changes"
     text = (
-        f"{method}: the error of the standard deviation {goes} from {format_percent(error[first])} "
+        f"{method}: the error of the standard deviation {verb} from {format_percent(error[first])} "
         f"({_whole(runs[first])} realisations) to {format_percent(error[last])} ({_whole(runs[last])})"
     )
     rate = float(data["std_rate"].values[m, o])

@@ -66,7 +66,7 @@ def _figure(methods: Mapping[str, Method]) -> Content | None:
 
 
 def _space(sampled: Method, methods: Sequence[Method]) -> GermSpace | None:
-    """Return the germs and distributions of the inputs from a surrogate of the same population."""
+    """Return the germ space of the inputs from a surrogate of the same population; None without one."""
     from uqmbd.randomness import GermSpace
 
     population = sampled.node.attrs.get("population")
@@ -206,7 +206,7 @@ def _fitted(found: Content) -> list[str]:
 
 
 def _nearest(result: StudyResult) -> Content | None:
-    """Return stored realisations of the first method with samples of inputs; None without such a method."""
+    """Return stored realisations for the sliders, from the first method with samples of inputs; None without one."""
     for label, method in result.methods.items():
         names = [name for name in most_uncertain(result) if name in method.names]
         with contextlib.suppress(StudyError, ValueError):
@@ -218,9 +218,9 @@ def _nearest(result: StudyResult) -> Content | None:
 
 
 def _sampled(result: StudyResult) -> bool:
-    """Return whether results contain outputs at samples of inputs, so that a surrogate could be fitted."""
-    held = [one for method in result.methods.values() for one in (method, method.scalars) if one is not None]
-    return any(one.samples is not None and one.samples.sizes.get("input", 0) and one.names for one in held)
+    """Return whether any method stores outputs at samples of inputs, so that the sliders can select realisations."""
+    parts = [one for method in result.methods.values() for one in (method, method.scalars) if one is not None]
+    return any(one.samples is not None and one.samples.sizes.get("input", 0) and one.names for one in parts)
 
 
 EXPLORE = TemplateSection("What-if", "explore", explore)

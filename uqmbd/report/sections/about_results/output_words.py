@@ -62,7 +62,8 @@ def integration(method: Method, name: str) -> str:
 def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     """Return the rows of an output, one for each method: final value with 95 % interval, and largest std.
 
-    Numbers of all methods have the same number of digits, and two parts that are aligned separately; ``end`` is a text.
+    Numbers of all methods have the same number of digits. Each number is a `Cell`, whose two parts a table aligns
+    separately. The last time, ``end``, is a text.
     """
     some = list(methods)
     units = some[0].units(name)
@@ -117,11 +118,10 @@ def quantile_interval(data: xr.Dataset, level: float) -> xr.DataArray | None:
 
 
 def numbers(method: Method, name: str) -> list[dict[str, str]]:
-    """Return the numbers of an output at chosen times: mean, standard deviation, quantiles and shape.
+    """Return the numbers of an output at chosen times: mean, standard deviation, quantiles and skewness.
 
-    Next to a quantile, with the key ``within`` and its level, is its 95 % interval; empty if it is not stored.
-
-    Very large and very small numbers are in units of a power of ten, so that columns are narrow.
+    The key ``within`` with the level of a quantile contains its 95 % interval, which is empty if it is not stored. Very
+    large and very small numbers are in units of a power of ten, so that columns are narrow.
     """
     data = method.of(name)
     some = data.isel(time=automatic_times(data["time"].values, data["std"].values))
@@ -151,7 +151,10 @@ def numbers(method: Method, name: str) -> list[dict[str, str]]:
 
 
 def _column(values: xr.DataArray, scale: float = 0.0) -> list[str]:
-    """Return the numbers of one column as texts, with a tenth of `scale` in at most six digits; unknown: dashes."""
+    """Return the numbers of one column as texts, with dashes for unknown numbers.
+
+    The last digit is at most a tenth of `scale`, if six digits are sufficient for this.
+    """
     known = values.values.tolist()
     texts = [str(cell) if cell != _UNKNOWN else "–" for cell in format_cells(known, scale=scale)]
     largest = max((abs(one) for one in known if math.isfinite(one)), default=0.0)

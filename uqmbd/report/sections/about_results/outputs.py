@@ -26,10 +26,10 @@ DENSITIES = 6
 """Maximum number of methods in a figure of densities."""
 
 FEW_ROWS = 6
-"""Maximum number of rows of a complete table; a longer table shows the rows of one method, and all rows folded."""
+"""Maximum number of rows of a complete table; otherwise, the table of one method is shown, and all rows are folded."""
 
 FEW_OUTPUTS = 12
-"""Maximum number of outputs for which folded outputs are not grouped; `search.js` finds outputs in longer lists."""
+"""Number of outputs above which folded outputs are grouped; `search.js` searches outputs in such lists."""
 
 FULL = 6
 """Maximum number of outputs with all figures; other outputs have only folded bands.
@@ -42,7 +42,7 @@ def describe_outputs(result: StudyResult) -> Content | None:
     """Return the content of the section; None if no output is a function of time.
 
     The keys are ``outputs``, ``note`` (omitted figures, or empty) and ``statistics`` (a table of all outputs).
-    ``outputs`` has the order of the study, or, for more than :data:`FULL` outputs, the most uncertain output first.
+    ``outputs`` are in the order of the study; if there are more than :data:`FULL`, the most uncertain output is first.
     """
     names = result.histories
     if not names:
@@ -77,17 +77,17 @@ def _group(result: StudyResult, found: list[Content], full: Sequence[str]) -> No
 
 
 def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most: int = FULL) -> list[str]:
-    """Return the names of the outputs with all figures: all of few outputs, otherwise the most uncertain ones.
+    """Return the names of the outputs with all figures: at most `most` of the candidates `names`.
 
-    `names` are the candidates; default: all outputs over time. All outputs are in the order of ``names``. A selection
-    is sorted by the ratio of the largest standard deviation over time to the largest mean, in descending order.
+    Default candidates are all outputs over time. If there are more than `most` candidates, the most uncertain outputs
+    are returned, sorted by the ratio of the largest standard deviation over time to the largest mean.
     """
     known = list(result.histories if names is None else names)
     return known if len(known) <= most else ranked(result, known)[:most]
 
 
 def ranked(result: StudyResult, names: Sequence[str]) -> list[str]:
-    """Return the names of outputs over time, the most uncertain first."""
+    """Sort the names of outputs over time, the most uncertain first."""
     return sorted(names, key=lambda name: -_uncertainty(result, name))
 
 
@@ -101,7 +101,7 @@ def _uncertainty(result: StudyResult, name: str) -> float:
 
 
 def _output(result: StudyResult, name: str, whole: bool) -> Content:
-    """Return all figures, texts and numbers of an output, or only the most important ones."""
+    """Return the figures, texts and numbers of an output; unless `whole`, only the most important figures."""
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
     shown = [result.methods[label] for label in holders]
@@ -178,7 +178,7 @@ def over_time(result: StudyResult, name: str) -> bool:
 
 
 def bands_of(result: StudyResult, name: str) -> Chart:
-    """Return the chart of an output over time; for a surrogate of several orders, only the highest order."""
+    """Return the chart of an output over time; surrogates of several orders are represented by the highest order."""
     holders = shown_methods({label: method.node for label, method in result.holders(name).items()})
     return figures.bands_chart(holders, name, limits=result.limits_of(name))
 

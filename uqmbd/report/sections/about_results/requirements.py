@@ -58,7 +58,7 @@ def _data(result: StudyResult) -> dict[str, xr.Dataset]:
 
 
 def _words(result: StudyResult) -> list[str]:
-    """State the source of the probabilities, and the errors that widen their intervals."""
+    """State, for each method, the source of the probabilities, and the errors that widen their intervals."""
     sentences = []
     for label, data in _data(result).items():
         sentence = f"{label}: {data.attrs.get('how', 'as the method defines it')}."

@@ -156,7 +156,7 @@ def _words(method: Method) -> list[str]:
             part = "some" if math.isnan(share) else format_share(float(share))
             known = name not in json.loads(method.node.attrs.get("refused", "{}"))
             words.append(
-                f"With {label}, {name} does not occur in {part} of the realisations by the last time;  "
+                f"With {label}, {name} does not occur in {part} of the realisations by the last time; "
                 + (
                     "its statistics use the other realisations."
                     if known
