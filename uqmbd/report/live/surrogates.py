@@ -130,9 +130,9 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool =
 def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
     """Return a surrogate as plain data.
 
-    The coefficients are compressed. For every output and time, the root mean square compression error over `PROBES`
-    germ points is at most one tenth of the stated error, or a millionth of the standard deviation if this is larger.
-    `shipped` returns the surrogate with the compressed coefficients.
+    The coefficients are compressed. The root mean square compression error over `PROBES` germ points is limited for
+    every output and time. The limit is one tenth of the stated error, or a millionth of the standard deviation if this
+    is larger. `shipped` returns the surrogate with the compressed coefficients.
 
     The result is for `json_script`. The keys are ``outputs``, ``times``, ``inputs``, ``germs`` and ``parts``.
     ``stated_rms`` is the stated error (O, T) in the units of the outputs, or None without verification. ``loss`` is the

@@ -80,7 +80,7 @@ def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most
     """Return the names of the outputs with all figures: at most `most` of the candidates `names`.
 
     Default candidates are all outputs over time. If there are more than `most` candidates, the most uncertain outputs
-    are returned, sorted by the ratio of the largest standard deviation over time to the largest mean.
+    are returned. They are sorted by the ratio of the largest standard deviation over time to the largest mean.
     """
     known = list(result.histories if names is None else names)
     return known if len(known) <= most else ranked(result, known)[:most]
