@@ -49,8 +49,8 @@ class Method:
     @cached_property
     def surrogate_data(self) -> xr.Dataset:
         """Return the data of the surrogate; if there are several kinds, return the kind with the most terms."""
-        held = [data.to_dataset() for _, data in surrogate_parts(self.node).values()]
-        return max(held, key=lambda data: int(data.sizes["term"]))
+        datasets = [data.to_dataset() for _, data in surrogate_parts(self.node).values()]
+        return max(datasets, key=lambda data: int(data.sizes["term"]))
 
     @cached_property
     def scalars(self) -> Method | None:

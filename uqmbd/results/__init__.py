@@ -121,10 +121,10 @@ def __getattr__(name: str) -> Any:
         found, text = getattr(uqmbd.extend, now), f"is uqmbd.extend.{now} now"
     else:
         folders = (assessment, chaos, requirements, schema, statistics, storage, tree)
-        held = [folder for folder in folders if name in folder.__all__]
-        if not held:
+        owners = [folder for folder in folders if name in folder.__all__]
+        if not owners:
             hint = "; it was removed, use uqmbd.results.assess(tree)" if name in ("overall", "statements") else ""
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
-        found, text = getattr(held[0], name), "is not public any more"
+        found, text = getattr(owners[0], name), "is not public any more"
     warnings.warn(f"uqmbd.results.{name} {text}; the name is removed here in version 0.2.", DeprecationWarning, 2)
     return found

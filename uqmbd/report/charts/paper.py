@@ -349,8 +349,8 @@ def _shades(figure: Figure, axes: Axes, boxes: Boxes) -> float:
     bar = figure.add_axes((0.9, 0.1, 0.025, 0.8))
 
     def place(*_: Any) -> Bbox:
-        beside = axes.get_position()
-        return Bbox.from_bounds(beside.x1 + 0.02, beside.y0, 0.025, beside.height)
+        main = axes.get_position()
+        return Bbox.from_bounds(main.x1 + 0.02, main.y0, 0.025, main.height)
 
     bar.set_position(place())
     bar.set_axes_locator(place)

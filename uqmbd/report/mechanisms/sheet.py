@@ -39,12 +39,12 @@ def hull(points: Array) -> Array:
         return ordered
     ends = []
     for chain in (ordered, ordered[::-1]):
-        kept: list[Array] = []
+        chain: list[Array] = []
         for point in chain:
-            while len(kept) > 1 and _cross(kept[-1] - kept[-2], point - kept[-2]) <= 1e-4:
-                kept.pop()
-            kept.append(point)
-        ends += kept[:-1]
+            while len(chain) > 1 and _cross(chain[-1] - chain[-2], point - chain[-2]) <= 1e-4:
+                chain.pop()
+            chain.append(point)
+        ends += chain[:-1]
     return np.array(ends)
 
 

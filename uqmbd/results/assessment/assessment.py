@@ -397,10 +397,10 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
         better += ", or more, because this sampling design often converges faster"
     if node.attrs.get("statistics_samples", math.inf) < node.attrs.get("realisations", 0):
         better = "another method estimates it more accurately"
-    whose = f"The stated error of {label}" if methods > 1 else "The stated error"
+    subject = f"The stated error of {label}" if methods > 1 else "The stated error"
     of_which = f"of {one.output}, " if len(stated) > 1 else ""
     return (
-        f"{whose} is {format_at_most(one.error, spread_words(one.floored))} ({of_which}at {one.time:g} s, with 95 % "
+        f"{subject} is {format_at_most(one.error, spread_words(one.floored))} ({of_which}at {one.time:g} s, with 95 % "
         f"confidence). {verdict}; {better}."
     )
 

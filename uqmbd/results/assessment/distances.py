@@ -102,8 +102,8 @@ def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, fl
             response = data["response"].isel(sample=np.flatnonzero(data["status"].values == Status.OK)).values
             if len(response):
                 return response.reshape(*response.shape[:2], -1), float(len(response))
-    held = [data.to_dataset() for _, data in surrogate_parts(node).values()]
-    if not held or not all(_reaches(data, where) for data in held):
+    datasets = [data.to_dataset() for _, data in surrogate_parts(node).values()]
+    if not datasets or not all(_reaches(data, where) for data in datasets):
         return None
     try:
         chaos = surrogate(node, times=where)

@@ -178,5 +178,5 @@ def _error_words(share: float, time: float, output: str = "", floored: bool = Fa
     """
     where = [f"of {output}"] if output else []
     where += [f"at {time:g} s"] if math.isfinite(time) else []
-    whose = f" ({', '.join(where)})" if where else ""
-    return f"stated error {format_at_most(share, spread_words(floored))}{whose}"
+    place = f" ({', '.join(where)})" if where else ""
+    return f"stated error {format_at_most(share, spread_words(floored))}{place}"

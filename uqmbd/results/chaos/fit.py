@@ -254,8 +254,8 @@ def regress_on_nodes(
     top = int(degrees.max())
     # accept a mean alone only if no higher term was requested
     for highest in range(top, min(0, top - 1), -1):
-        kept = degrees <= highest
-        part = basis[:, kept]
+        included = degrees <= highest
+        part = basis[:, included]
         counted = rule if rule is not None and bool((rule > 0).all()) else 1 / np.sum(part**2, axis=1)
         if part.shape[1] > len(part) or not np.linalg.cond(part * np.sqrt(counted)[:, None]) < _WORST_OF_NODES:
             continue
@@ -265,7 +265,7 @@ def regress_on_nodes(
         centre = root[:, 0] ** 2 @ flat
         coefficients = least_squares((flat - centre) * root, part * root).coefficients.copy()
         coefficients[0] += centre
-        return NodeRegression(coefficients.reshape(len(coefficients), *values.shape[1:]), index[kept])
+        return NodeRegression(coefficients.reshape(len(coefficients), *values.shape[1:]), index[included])
     return None
 
 

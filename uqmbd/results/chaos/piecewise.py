@@ -255,10 +255,10 @@ class PiecewiseChaos(Surrogate):
             "long_name": "coefficients of the orthonormal polynomials of each element",
             "comment": "in the units of the outputs; 0 where an element does not have a term",
         }
-        kept = {"long_name": "whether an element has a term", "comment": "1: it has"}
+        about = {"long_name": "whether an element has a term", "comment": "1: it has"}
         found = {
             "coefficients": (("element", "term", *self.labels.dims), self.coefficients, about),
-            "has_term": (("element", "term"), self.has_term.astype(np.int8), kept),
+            "has_term": (("element", "term"), self.has_term.astype(np.int8), about),
         }
         if stated:
             note = (
@@ -280,11 +280,13 @@ class PiecewiseChaos(Surrogate):
         for k, (box, own) in enumerate(zip(boxes, rows_of_boxes(boxes, germs), strict=True)):
             # a box of a discrete germ has fewer polynomials
             highest = [germ.values - 1 if germ.values is not None else np.inf for germ in box.local.germs]
-            kept = (multi_index <= highest).all(axis=1)
+            included = (multi_index <= highest).all(axis=1)
             if "has_term" in data:
-                kept &= data["has_term"].values[k] != 0
+                included &= data["has_term"].values[k] != 0
             known = {name: values[own] for name, values in verified.items()} if len(own) else {}
-            elements.append(PolynomialChaos(coefficients[k][kept], multi_index[kept], box.local, labels, **known))
+            elements.append(
+                PolynomialChaos(coefficients[k][included], multi_index[included], box.local, labels, **known)
+            )
         return {"elements": tuple(elements), "boxes": boxes}
 
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:

@@ -221,8 +221,8 @@ class PolynomialChaos(Surrogate):
         """
         # polynomials are orthonormal, so the expectation over a germ removes every term that contains the germ
         others = np.delete(self.multi_index, self._columns(names), axis=1)
-        kept = ~np.any(others > 0, axis=1)
-        return PolynomialChaos(self.coefficients[kept], self.multi_index[kept], self.space, self.labels)
+        included = ~np.any(others > 0, axis=1)
+        return PolynomialChaos(self.coefficients[included], self.multi_index[included], self.space, self.labels)
 
     def decay(self) -> xr.Dataset:
         """Build a dataset of the decay of the coefficients with the order.

@@ -277,8 +277,8 @@ def error_words(error: Array, times: Array | None, limit: float, std: Array | No
     if unknown.all():
         return "unknown at all times"
     if unknown.any():
-        whose = None if std is None else std[~unknown]
-        known, since = error_words(error[~unknown], times[~unknown], limit, whose), times[unknown.argmax()]
+        known_std = None if std is None else std[~unknown]
+        known, since = error_words(error[~unknown], times[~unknown], limit, known_std), times[unknown.argmax()]
         return f"{known}, unknown at {unknown.sum()} of {len(error)} times from {since:g} s on"
     first, worst = first_above(error, limit), int(error.argmax())
     bound = min(limit, float(error[worst]))

@@ -231,14 +231,14 @@ def sample_dataset(
     )
 
 
-def check_kind(data: xr.Dataset, child: str, whose: str) -> None:
+def check_kind(data: xr.Dataset, child: str, where: str) -> None:
     """Raise StudyError unless a dataset of realisations states the kind of the child that contains it."""
     stated, expected = data.attrs.get(KIND), CHILDREN[child]
     if stated == expected:
         return
     found = f"states that its rows are {stated!r}" if stated else "does not state the kind of its rows"
     raise StudyError(
-        f"{whose}: the dataset '{child}' {found}. 'samples' are draws from the joint distribution of the inputs: "
+        f"{where}: the dataset '{child}' {found}. 'samples' are draws from the joint distribution of the inputs: "
         "probabilities, quantiles and histograms count them. Training points and quadrature nodes are 'nodes'. Write "
         'samples=sample_dataset(..., kind="draws") or nodes=sample_dataset(..., kind="nodes").'
     )

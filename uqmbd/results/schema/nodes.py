@@ -32,7 +32,7 @@ __all__ = [
     "total_realisations",
 ]
 
-BESIDE = ("comparison", "convergence", "motion", "pose_surrogate")
+NOT_METHODS = ("comparison", "convergence", "motion", "pose_surrogate")
 """Children of the results of a study that belong to no propagator."""
 
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "llvmlite", "scikit-sundae", "chaospy")
@@ -104,12 +104,12 @@ def propagator_node(
     ('mine', '{"order": 1}')
     """
     check_label(label)
-    held = {name: data for name, data in (("samples", samples), ("nodes", nodes)) if data is not None}
-    for name, data in held.items():
+    stored = {name: data for name, data in (("samples", samples), ("nodes", nodes)) if data is not None}
+    for name, data in stored.items():
         if KIND in data.attrs:
             check_kind(data, name, f"propagator_node of {label!r}")
     if failures is None:
-        lost = [~data["status"].isin([Status.OK, Status.CENSORED]) for data in held.values()]
+        lost = [~data["status"].isin([Status.OK, Status.CENSORED]) for data in stored.values()]
         failures = sum(int(one.sum()) for one in lost)
     provenance: dict[str, Any] = {
         "propagator": propagator,
@@ -126,7 +126,7 @@ def propagator_node(
     if seed is not None:
         provenance["seed"] = int(seed)
     datasets = {"/": xr.Dataset(attrs=provenance | dict(attrs or {})), "statistics": statistics}
-    return xr.DataTree.from_dict(datasets | held | dict(children or {}), name=label)
+    return xr.DataTree.from_dict(datasets | stored | dict(children or {}), name=label)
 
 
 @typechecked
@@ -198,7 +198,7 @@ def methods(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     """
     if "statistics" in tree.children:
         return {str(tree.attrs.get("label", tree.name)): tree}
-    return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
+    return {str(name): node for name, node in tree.children.items() if name not in NOT_METHODS}
 
 
 propagator_nodes = methods

@@ -85,7 +85,7 @@ class UnfinishedStore:
         self._token = place / f"{identity}.token", secrets.token_hex(16)
         self._identity = identity
         self._records = np.full(-(-count // size), -1, dtype=np.int64)
-        self._held: list[tuple[Array, Index, Sequence[str]]] = []
+        self._pending: list[tuple[Array, Index, Sequence[str]]] = []
         self._filled = 0
         try:
             make(folder)
@@ -160,27 +160,27 @@ class UnfinishedStore:
 
     def fill(self, values: Array, status: Index, messages: Sequence[str]) -> None:
         """Write inputs (K, input), status (K,) and K messages of the next samples, in order."""
-        self._held.append((values, status, messages))
-        if sum(len(held[1]) for held in self._held) >= self._store.block:
+        self._pending.append((values, status, messages))
+        if sum(len(batch[1]) for batch in self._pending) >= self._store.block:
             self._flush()
 
     def _flush(self) -> None:
-        if not self._held:
+        if not self._pending:
             return
-        values, status = (np.concatenate([held[k] for held in self._held]) for k in (0, 1))
+        values, status = (np.concatenate([batch[k] for batch in self._pending]) for k in (0, 1))
         try:
             self._store.put("inputs", self._filled, values)
             self._store.put("status", self._filled, status)
             messages = [""] * len(status)
             if status.any():
-                messages = [_shortened(m) for held in self._held for m in held[2]]
+                messages = [_shortened(m) for batch in self._pending for m in batch[2]]
             self._store.put(
                 "message", self._filled, np.array(messages, dtype=f"<U{MESSAGE}" if any(messages) else "<U1")
             )
         except OSError as error:
             raise self._failed(error) from error
         self._filled += len(status)
-        self._held.clear()
+        self._pending.clear()
 
     def finish(self) -> SampleStore:
         """Write the remaining samples and move the store to its final folder; all chunks must be complete."""

@@ -72,7 +72,7 @@ def points_of(
         )
     names = [info.name for info in infos]
     given: dict[str, Any]
-    beside: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
     if inputs is None:
         given = dict(values)
     elif isinstance(inputs, xr.DataArray):
@@ -85,12 +85,12 @@ def points_of(
     elif isinstance(inputs, Mapping):
         given = {str(name): value for name, value in inputs.items()}
     elif hasattr(inputs, "columns") and hasattr(inputs, "index"):
-        given, beside = _of_frame(inputs)
+        given, coordinates = _of_frame(inputs)
     else:
         return None
     _check_names(given, names)
     arrays = [_array(given[info.name], info) for info in infos]
-    return _together(arrays, infos, beside)
+    return _together(arrays, infos, coordinates)
 
 
 def _check_names(given: Iterable[str], names: Sequence[str]) -> None:
@@ -177,7 +177,7 @@ def _array(value: Any, info: InputInfo) -> xr.DataArray:
     return xr.DataArray(numbers, dims=(POINT,)[: numbers.ndim])
 
 
-def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], beside: Mapping[str, Any]) -> Points:
+def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], coordinates: Mapping[str, Any]) -> Points:
     """Broadcast inputs to common dimensions, and merge their coordinates."""
     for dim in dict.fromkeys(str(dim) for one in arrays for dim in one.dims):
         sizes = {info.name: one.sizes[dim] for one, info in zip(arrays, infos, strict=True) if dim in one.dims}
@@ -194,7 +194,7 @@ def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], beside
     wide = xr.broadcast(*aligned)
     sizes = {str(dim): size for dim, size in wide[0].sizes.items()}
     values = np.stack([one.values.ravel() for one in wide], axis=1) if infos else np.zeros((1, 0))
-    coords: dict[str, Any] = dict(beside)
+    coords: dict[str, Any] = dict(coordinates)
     for one in aligned:
         coords |= {
             str(key): coord.variable

@@ -88,11 +88,11 @@ def closed_variance(
     # Simulation 55 (2001) 271-280.
     given = list(germs)
     others = [k for k in range(multi_index.shape[1]) if k not in given]
-    kept = ~np.any(multi_index[:, others] > 0, axis=1)
-    index = multi_index[kept][:, given]
+    included = ~np.any(multi_index[:, others] > 0, axis=1)
+    index = multi_index[included][:, given]
     sums: dict[tuple[Interval, ...], Array] = {}
     for box, local in zip(boxes, coefficients, strict=True):
-        part = local[kept].copy()
+        part = local[included].copy()
         part[0] -= mean
         part *= np.prod([box.probabilities[k] for k in others])
         key = tuple((box.lower[k], box.upper[k]) for k in given)
