@@ -38,9 +38,9 @@ def hull(points: Array) -> Array:
     if len(ordered) < 3:
         return ordered
     ends = []
-    for chain in (ordered, ordered[::-1]):
+    for side in (ordered, ordered[::-1]):
         chain: list[Array] = []
-        for point in chain:
+        for point in side:
             while len(chain) > 1 and _cross(chain[-1] - chain[-2], point - chain[-2]) <= 1e-4:
                 chain.pop()
             chain.append(point)

@@ -255,10 +255,10 @@ class PiecewiseChaos(Surrogate):
             "long_name": "coefficients of the orthonormal polynomials of each element",
             "comment": "in the units of the outputs; 0 where an element does not have a term",
         }
-        about = {"long_name": "whether an element has a term", "comment": "1: it has"}
+        has_term = {"long_name": "whether an element has a term", "comment": "1: it has"}
         found = {
             "coefficients": (("element", "term", *self.labels.dims), self.coefficients, about),
-            "has_term": (("element", "term"), self.has_term.astype(np.int8), about),
+            "has_term": (("element", "term"), self.has_term.astype(np.int8), has_term),
         }
         if stated:
             note = (

@@ -342,8 +342,8 @@ def _validate_axes(node: xr.DataTree, names: Array, times: Array, end: float) ->
             _text_coord(node, name, dim)
     for name, expected in {"output": names, "time": times}.items():
         same = name not in node.coords or np.array_equal(node.coords[name].values, expected)
-        expected = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
-        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", expected)
+        condition = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", condition)
 
 
 def _validate_degrees(node: xr.DataTree) -> None:
