@@ -188,7 +188,7 @@ class FileViewer:
                     text = f"No answer within {limit:g} s; save the file to load it again."
                     self.server.send({"kind": "refused", "message": text, **number})
                 except ChildEnded:
-                    if child is not self._good:  # a new process has sent its scene, and the page repeats the request
+                    if child is not self._good:  # a new process replaced it, and the page adapts to its scene
                         continue
                     self._discard(child)
                     text = "The process of the study file ended; save the file to load it again."
