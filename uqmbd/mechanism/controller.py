@@ -53,7 +53,7 @@ class Controller:
     outputs may also contain commands. Commands are constant from one sample to the next (zero-order hold), so they are
     constants in the equations of motion.
 
-    The states of a controller are the numbers that it keeps from one sample to the next, such as the integral of a PI
+    The states of a controller are numbers that are stored from one sample to the next, such as the integral of a PI
     controller. Each realisation has separate states. At each sample, uqmbd calls ``function(time, measured, state)``
     for a group of realisations, without `state` if the controller has no states. The arguments are
 
@@ -77,10 +77,10 @@ class Controller:
     method with an error. In a group of one realisation, the second call is at the samples 0, 1, 2, 4, 8 and so on;
     otherwise it is at each sample.
 
-    A `law` states the same by expressions. uqmbd calls ``law(time, measured, state)`` once, with symbols: `measured`
-    and `state` are tuples of SymPy symbols. It returns one expression or a sequence of expressions for the commands,
-    and, with states, the pair (commands, new states). The expressions may contain `uqmbd.RandomVariable`. uqmbd
-    compiles a law and samples it without Python, so that it costs a fraction of a function.
+    A `law` defines the commands by expressions instead. uqmbd calls ``law(time, measured, state)`` once, with symbols:
+    `measured` and `state` are tuples of SymPy symbols. The law returns one expression or a sequence of expressions for
+    the commands, and, with states, the pair (commands, new states). The expressions may contain `uqmbd.RandomVariable`.
+    uqmbd compiles a law and evaluates it without Python, in a fraction of the time of a function.
 
     Parameters
     ----------
@@ -299,13 +299,13 @@ def _measured(where: str, measured: Any) -> tuple[Any, ...]:
     found = flatten(list(measured))
     if not found:
         raise StudyError(f"{where}: measured is empty; expected names of outputs, or scalar expressions.")
-    kept: list[Any] = []
+    accepted: list[Any] = []
     for k, x in enumerate(found):
         if isinstance(x, str):
-            kept.append(x)
+            accepted.append(x)
         else:
-            kept.append(numbers(where, f"measured[{k}]", x, 1, "a scalar expression, or the name of an output")[0])
-    return tuple(kept)
+            accepted.append(numbers(where, f"measured[{k}]", x, 1, "a scalar expression, or the name of an output")[0])
+    return tuple(accepted)
 
 
 def _number(where: str, key: str, value: Any, units: str) -> float:

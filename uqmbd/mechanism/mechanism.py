@@ -394,7 +394,7 @@ class Mechanism:
         return randomise_numbers(self, pattern, relative, absolute, distribution, known)
 
     def view(self, times: Sequence[float] | None = None) -> Any:
-        """Show the mechanism on an interactive page; the last expression of a notebook cell shows it there.
+        """Show the mechanism on an interactive page; a notebook displays the page if this call ends a cell.
 
         Parameters
         ----------
@@ -579,8 +579,8 @@ class Mechanism:
     def __copy__(self) -> Mechanism:
         """Return a copy with a separate set of outputs that shares its bodies and components with the original."""
         other = object.__new__(type(self))
-        kept = {k: dict(v) if isinstance(v, dict) else v for k, v in vars(self).items()}
-        other.__dict__.update({**kept, "_memory": {}})
+        attributes = {k: dict(v) if isinstance(v, dict) else v for k, v in vars(self).items()}
+        other.__dict__.update({**attributes, "_memory": {}})
         return other
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ from uqmbd.mechanism.components import Component, known_effects, no_effect, rang
 from uqmbd.mechanism.declared import Described
 from uqmbd.mechanism.expressions import LARGEST, as_symbolic, shown
 from uqmbd.names import did_you_mean
-from uqmbd.randomness import RandomVariable, adopt_distribution, distribution_about, is_distribution, strays
+from uqmbd.randomness import RandomVariable, adopt_distribution, distribution_about, is_distribution, leaves_range
 
 __all__ = ["randomise_numbers"]
 
@@ -99,7 +99,7 @@ class VariationLaw:
                     f"{self.where}: distribution({value:g}), of {name}, is {shown(found)}; expected a chaospy "
                     "distribution of the number."
                 )
-            if strays(found, minimum, maximum):
+            if leaves_range(found, minimum, maximum):
                 raise StudyError(
                     f"{self.where}: {name} is {value:g}, but its distribution {found} exceeds the range "
                     f"{_ends(minimum, maximum)}."

@@ -36,8 +36,9 @@ class Mark:
 def collect_skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
     """Collect the known shape of each body: joint points, ends of springs, centres of mass, observed points.
 
-    Marks are component parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector``, in the frame of the
-    body argument that `Parameter.body` names.  Time-dependent points are evaluated at `time`, s.
+    Points and directions of a component are its parameters of the kinds ``point``, ``axis``,
+    ``turning_axis`` or ``vector``.  They are in the frame of the body argument that `Parameter.body` names.
+    Time-dependent points are evaluated at `time`, s.
     """
     found = [mark for component in mechanism.components.values() for mark in _marks(component, mechanism, time)]
     for body in mechanism.bodies.values():

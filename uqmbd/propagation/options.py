@@ -161,17 +161,17 @@ def check_max_step(max_step: Any, where: str) -> float:
 
 def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
     """Return the sorted times of integration restarts, s, after a check."""
-    wanted = "expected times in s at which the integration restarts, e.g. breaks=[0.2, 0.21]"
+    expectation = "expected times in s at which the integration restarts, e.g. breaks=[0.2, 0.21]"
     breaks = without_quantities(f"{where}: breaks", breaks, "s")
     single = getattr(breaks, "ndim", None) == 0
     if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)) or single:
-        raise StudyError(f"{where}: breaks are {breaks!r}; {wanted}.")
+        raise StudyError(f"{where}: breaks are {breaks!r}; {expectation}.")
     _some(breaks, f"{where}: breaks")
     found = []
     for given in breaks:
         time = given.item() if getattr(given, "ndim", None) == 0 and hasattr(given, "item") else given
         if not np.isfinite(_real(time)):
-            raise StudyError(f"{where}: breaks contain {time!r}; {wanted}, each a finite number.")
+            raise StudyError(f"{where}: breaks contain {time!r}; {expectation}, each a finite number.")
         found.append(float(time))
     return tuple(sorted(set(found)))
 
@@ -193,15 +193,15 @@ def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple
     try:
         if any(isinstance(x, (str, bytes)) for x in (times, *times)):
             raise TypeError  # Python would read texts as numbers
-        wanted = tuple(float(t) for t in times)
+        chosen = tuple(float(t) for t in times)
     except (TypeError, ValueError, OverflowError):
         raise StudyError(f"{where}: report_times are {times!r}; expected numbers in s, e.g. [0.4].") from None
-    for t in wanted:
+    for t in chosen:
         if not grid[0] <= t <= grid[-1]:
             raise StudyError(
                 f"{where}: report_times contains {t:g} s; expected times between {grid[0]:g} and {grid[-1]:g} s."
             )
-    return wanted
+    return chosen
 
 
 def check_folder(folder: Any, resume: Any, where: str) -> Path | None:

@@ -11,7 +11,7 @@ from uqmbd.randomness.distributions import (
     adopt_distribution,
     distribution_about,
     is_distribution,
-    strays,
+    leaves_range,
     tabulated,
 )
 from uqmbd.randomness.existence import exists, moment_orders
@@ -80,7 +80,7 @@ __all__ = [
     "smolyak",
     "sparse_rule",
     "stated_tolerance",
-    "strays",
+    "leaves_range",
     "tabulated",
     "tolerance",
     "truncate_germ",

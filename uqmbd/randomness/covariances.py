@@ -19,7 +19,7 @@ from uqmbd.typing import Array
 __all__ = ["covariance_of"]
 
 CLOSE = 1e-8
-"""Error of the mass and of the coefficients of a density below which the variance is accepted."""
+"""Error of total probability and recurrence coefficients, below which a variance from the density is accepted."""
 
 STATED, REFUSED = 1e-6, 1e-3
 """Relative errors of a variance above which a warning states the error, and above which an exception is raised."""
@@ -104,7 +104,7 @@ def _of_power_law(name: str, law: AffineDistribution, index: float) -> float:
 
 
 def _continued(name: str, law: AffineDistribution, index: float) -> float:
-    """Return the variance with a power-law tail beyond the bounds of the density; 10 % of the tail is its error."""
+    """Return the variance with a power-law tail beyond the bounds of the density; the error is 10 % of the tail."""
     centre = float(law.quantile(np.array([0.5]))[0])
     far = np.abs(law.quantile(np.array([1e-9, 1 - 1e-9])) - centre)
     ends = np.abs(np.array(law.bounds) - centre)

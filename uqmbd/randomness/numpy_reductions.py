@@ -89,11 +89,11 @@ def _refused(name: str, expression: sympy.Expr, quantities: list[Symbolic]) -> S
 
 
 def _of_function(self: Any, function: Callable[..., Any], types: Any, args: Any, kwargs: Any) -> Any:
-    """Raise StudyError for a function of one expression with quantities; compute others as NumPy without the method."""
+    """Raise StudyError for a function of one expression with quantities; otherwise compute as NumPy by default."""
     name = function.__name__
     if name not in _ARRANGING and (found := _quantities([*args, *kwargs.values()])):
         raise _refused(name, *found)
-    # without types that override it, an array's method runs NumPy's own implementation
+    # with no types that override the function, the method of an array runs NumPy's implementation
     return np.ndarray.__array_function__(np.empty(0), function, (), args, kwargs)
 
 
@@ -103,7 +103,7 @@ def _of_ufunc(self: Any, function: np.ufunc, method: str, *inputs: Any, **kwargs
     if (method != "__call__" or hasattr(Symbolic, name)) and (found := _quantities(inputs)):
         if method != "__call__":
             raise _refused(name, *found)
-        getattr(Symbolic, name)(found[0])  # raises with the function of SymPy
+        getattr(Symbolic, name)(found[0])  # raises an error that names the function of SymPy
     return getattr(function, method)(*(_object(x) if isinstance(x, sympy.Expr) else x for x in inputs), **kwargs)
 
 

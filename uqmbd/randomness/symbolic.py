@@ -1,8 +1,8 @@
 """Messages for symbols of uqmbd that are used as numbers of Python or NumPy; each message states the replacement.
 
-SymPy reports conditions, comparisons with NaN, and conversions to numbers in terms of SymPy. SymPy has no hook for
-these messages. This module replaces the methods, only for expressions with symbols of uqmbd. SymPy catches its own
-TypeError and ValueError, so the errors also have these classes.
+SymPy's messages on conditions, comparisons with NaN, and conversions to numbers describe SymPy objects, not quantities
+of uqmbd. SymPy has no hook for these messages. This module replaces the methods, only for expressions with symbols of
+uqmbd. SymPy catches its own TypeError and ValueError, so the errors also have these classes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["Symbol", "Symbolic"]
 if MYPY:
 
     class Symbol:
-        """Types for mypy: without them, a class that derives from SymPy has any type, and ``2 * length`` is an int."""
+        """Types for mypy, which would treat a subclass of a SymPy class as Any, and ``2 * length`` as int."""
 
         name: str
 
@@ -81,7 +81,7 @@ def _refusal(name: str, written: str) -> Callable[..., NoReturn]:
 
 
 class Symbolic:
-    """Base of symbols: NumPy calls the method with the name of a function; the method raises an error with advice."""
+    """Base class of symbols: NumPy calls the method with the name of a function, which raises an error with advice."""
 
     __slots__ = ()
 

@@ -51,7 +51,7 @@ class JointDistribution:
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """Intervals that contain all values, shape ``(dimension, 2)``; an infinite interval may end far out."""
+        """Intervals that contain all values, shape ``(dimension, 2)``; a far finite end may replace an infinite one."""
         from uqmbd.randomness.distributions import is_dependent
 
         if not is_dependent(self.distribution) or self.transform.gaussian:
@@ -61,9 +61,9 @@ class JointDistribution:
 
     @cached_property
     def separated(self) -> tuple[JointDistribution, ...]:
-        """Distribution of the other variables, and of each discrete variable that is independent of all others.
+        """Distribution of the other variables, then of each discrete variable that is independent of all others.
 
-        Without such discrete variables, the only element is this distribution. Variables keep their names. Raise
+        Without such discrete variables, this distribution is the only element. Variables keep their names. Raise
         StudyError if such a variable takes values that are not whole numbers.
         """
         import chaospy

@@ -93,7 +93,7 @@ class AttachedFrame(NamedFrame):
 
     @property
     def rates(self) -> dict[sympy.Expr, sympy.Expr]:
-        """Coordinates in the frame's position and rotation, and their rates."""
+        """Coordinates on which position and rotation of the frame depend, and their rates."""
         return {x: dx for x, dx in self._moving.items() if isinstance(x, StateSymbol) and x.quantity == "q"}
 
     def in_terms(self) -> Frame:
@@ -118,7 +118,7 @@ class AttachedFrame(NamedFrame):
 
     @property
     def drafts(self) -> dict[str, str]:
-        """Kinds of attached components that `Mechanism.add` has not received."""
+        """Kinds, by name, of components on the body that have not been added to the mechanism."""
         return self.body.drafts
 
     def __repr__(self) -> str:
@@ -151,7 +151,7 @@ def local_in_body(frame: Any, local: Sequence[Any], *, direction: bool = False) 
 
 
 def carrier_name(frame: Any) -> str:
-    """Return the name of the body that carries a frame; of a body or the ground, its own name."""
+    """Return the name of the body that carries a frame; for a body or the ground, return its own name."""
     return str(getattr(frame.body if isinstance(frame, AttachedFrame) else frame, "name", "ground"))
 
 

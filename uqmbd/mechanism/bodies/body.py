@@ -91,7 +91,7 @@ class Body(NamedFrame):
         """Shapes of the body, in its frame."""
         self.terms = inertia
         self.pose = pose
-        self.drafts: dict[str, str] = {}  # kinds of attached components that `Mechanism.add` has not received
+        self.drafts: dict[str, str] = {}  # kinds, by name, of components not added yet
         marks = {"q": "", "v": "'", "a": "''"}
         symbols = {
             kind: [

@@ -123,7 +123,7 @@ class Component:
     drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
-    """Symbol in figures; an error on an unknown name lists all symbols. Empty: chosen by parameters and points."""
+    """Symbol in figures; an unknown name raises an error that lists all symbols. Empty: derived from the parameters."""
     prescribed_angle: ClassVar[str] = ""
     """Parameter for the angle of `body_j` relative to `body_i`, in a driver that counts turns."""
     __signature__: ClassVar[inspect.Signature]
@@ -468,8 +468,8 @@ class Component:
         """Return the rotation angle of one body relative to another about a common axis, for `motion`.
 
         The angle is zero if the joint frames coincide. The joint frames are `uqmbd.extend.joint_frames` of `axis_i` and
-        `axis_j`, and in planar space the body frames. In planar space, the initial angle is in the turn of the drawn
-        bodies, which may be any turn. In three dimensions, the initial angle is within half a turn of zero.
+        `axis_j`, and in planar space the body frames. In planar space, the initial angle is the difference of the drawn
+        angles, which may include whole turns. In three dimensions, the initial angle is within half a turn of zero.
 
         Parameters
         ----------
@@ -518,7 +518,7 @@ class Component:
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
 
     def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
-        """Return the drawn angle of one body relative to another in planar space, with its turns, for `prepare`.
+        """Return the drawn angle of one body relative to another in planar space, including whole turns, for `prepare`.
 
         Parameters
         ----------

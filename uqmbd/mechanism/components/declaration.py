@@ -71,10 +71,10 @@ def _require_listed(component: type[Declared]) -> None:
     if unlisted:
         # the class `Component` also has `bodies`, which are default names
         stated = any("bodies" in vars(base) for base in component.__mro__[:-2])
-        wanted = [*(bodies if stated else ()), *(key for key in annotated if not stated or key in unlisted)]
+        suggested = [*(bodies if stated else ()), *(key for key in annotated if not stated or key in unlisted)]
         raise StudyError(
             f"{component.__name__}: {unlisted[0]!r} is annotated as a body, but bodies is "
-            f"{bodies!r}{'' if stated else ', the default'}. Write bodies = {tuple(dict.fromkeys(wanted))!r}; "
+            f"{bodies!r}{'' if stated else ', the default'}. Write bodies = {tuple(dict.fromkeys(suggested))!r}; "
             "annotate other attributes with ClassVar."
         )
 

@@ -38,7 +38,7 @@ def require_effects(where: str, component: Component, space: Space, known: dict[
 
 
 def known_effects(component: Component, space: Space, known: dict[Hashable, frozenset[str]]) -> frozenset[str]:
-    """Return the effective parameters of a component; use the entry of an equal component in `known`, if any."""
+    """Return the effective parameters of a component; reuse the entry of an equal component in `known`, if any."""
     key = _key(component)
     if key is None:
         return effective_parameters(component, space)
@@ -61,13 +61,13 @@ def effective_parameters(
     found = points | {component.radius_of(name) for name in points} | {component.prescribed_angle}
     found |= {name for name, parameter in declared.items() if parameter.about}
     values, symbols_of = _symbolic(component, options or {})
-    local = _Watched(space, frames_of(component), values, t, pairs_of(component))
+    local = _RecordingLocal(space, frames_of(component), values, t, pairs_of(component))
     read, component.read = component.read, set()
     try:
         terms, point = component.stated(local)
         component.motion()
         component.coordinates()
-        asked = component.read | local.asked
+        accessed = component.read | local.accessed
         read_alone = component.read & set(declared)
     except Exception:  # the derivation of the equations reports errors in the code of a component
         return frozenset(declared)
@@ -76,22 +76,22 @@ def effective_parameters(
     used = {s for e in (*_expressions(terms), *flatten(point)) for s in as_symbolic(e).free_symbols}
     entered = {name for name, own in symbols_of.items() if used & own}
     is_option = {name for name, parameter in declared.items() if parameter.kind == "option"}
-    found |= entered | read_alone | (is_option & (asked | component.prepared_from))
+    found |= entered | read_alone | (is_option & (accessed | component.prepared_from))
     if entered - set(declared):  # prepare() computed one of the values from the parameters
         found |= component.prepared_from
     return frozenset(found)
 
 
-class _Watched(Local):
+class _RecordingLocal(Local):
     """`Local` that records the names of the attributes that the terms read."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.asked: set[str] = set()
+        self.accessed: set[str] = set()
 
     def __getattr__(self, name: str) -> Any:
         if "asked" in self.__dict__:
-            self.asked.add(name)
+            self.accessed.add(name)
         return super().__getattr__(name)
 
 

@@ -95,7 +95,7 @@ class Event:
 @typechecked
 @dataclass(frozen=True)
 class DryFriction:
-    """Coulomb friction under a given load, which sticks up to a limit, as of a joint or a brake.
+    """Coulomb friction with a given largest force, as in a joint or a brake; it sticks up to this force.
 
     The events ``stick`` and ``slip`` are recorded. A limit that falls to zero releases the friction (``lift-off``)
     until it is positive again (``rest``).

@@ -116,7 +116,7 @@ class JointAngle:
 
     @property
     def period(self) -> sympy.Expr:
-        """Change of the angle, rad, between equivalent pairs of cosine and sine: two turns if the sign matters."""
+        """Period of the angle, rad: two turns if the sign of a half-angle pair has a meaning, otherwise one turn."""
         return 4 * sympy.pi if self.half and self.signed else 2 * sympy.pi
 
     def at_start(self, cosine: Any, sine: Any, near: Any) -> sympy.Expr:

@@ -153,7 +153,7 @@ class Local:
     def attach(self, frames: Mapping[str, Sequence[sympy.Expr]]) -> None:
         """Add frames with given coordinates by name; the coordinates and their rates are named quantities."""
         for name, coordinates in frames.items():
-            # also symbols get a name, so that rates of points differentiate by names only
+            # name plain symbols too: rates of points are derivatives with respect to named quantities only
             q = [x if x.is_number else self._quantity(name, x, "value") for x in coordinates]
             self._names[name] = Frame(self.space, q, [self._named("rate", x, "rate") for x in q])
 

@@ -1,6 +1,7 @@
 """Values of a component's parameters: checks, and conversion to a common form.
 
-The module also finds numbers that equal 1 or 2: such a number is invisible in a product, or in half a product.
+The module also finds values that equal 1 or 2.  SymPy removes a factor 1 from a product, and a factor 2 from half a
+product.  The check of dimensions cannot see the units of such a factor.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from uqmbd.units import Dimension, read_units, without_quantities
 __all__ = ["settle", "stated_in_bodies", "unseen_in"]
 
 VANISHING = (1, -1, 2, -2, sympy.Rational(1, 2), sympy.Rational(-1, 2))
-"""Numbers that vanish from a product, alone or with the factor 1/2 of an energy; 2.0 remains as 1.0."""
+"""Values that SymPy removes from a product, alone or with the factor 1/2 of an energy; a float 2.0 leaves 1.0."""
 
 
 def unseen_in(components: Iterable[Component]) -> Callable[[], set[Dimension]]:
-    """Return a function that returns dimensions of values invisible in products; see `check_dimensions`.
+    """Return the function `unseen` of `check_dimensions`: it returns the dimensions of all values in `VANISHING`.
 
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))

@@ -118,7 +118,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
 
 
 def unseen_numbers(mechanism: Described) -> Callable[[], set[Dimension]]:
-    """Return a function that returns the dimensions of numbers that equal 1; see `check_dimensions`."""
+    """Return the function `unseen` of `check_dimensions` for all bodies and components of a mechanism."""
     return unseen_in([*(body.terms for body in mechanism.bodies.values()), *mechanism.components.values()])
 
 

@@ -42,7 +42,7 @@ class OwnFunction(sympy.Function):
     """Base class of functions missing from SymPy; a subclass expands into SymPy functions or has a table."""
 
     named: ClassVar[bool] = True
-    """Whether users write its name in expressions."""
+    """Whether users write the name of the function in expressions."""
 
 
 class FunctionData(sympy.AtomicExpr):

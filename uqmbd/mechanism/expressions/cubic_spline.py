@@ -173,15 +173,15 @@ def spline(
     -----
     The third derivative jumps at the knots; the error estimate of ``dop853`` does not detect these jumps. If the
     argument is linear in time, with or without random numbers, steps of ``dop853`` end at the knots whose jumps matter
-    at the tolerance. With too many such knots, the steps are short. If the argument is a state, such as the angle of a
-    cam, only the error estimate controls the steps. For such an argument and a table that is not smooth, use a smaller
-    `rtol`, or ``integrator="ida"``, whose error estimate detects the jumps.
+    at the tolerance. Many such knots cause short steps. If the argument is a state, such as the angle of a cam, only
+    the error estimate controls the steps. For such an argument and a table that is not smooth, use a smaller `rtol`, or
+    ``integrator="ida"``, whose error estimate detects the jumps.
 
     The coefficients of a spline are linear in its values, so random values are little more expensive than numbers.
 
-    Between the end knots, the spline equals `scipy.interpolate.CubicSpline` [1]_ with the same end condition. The
-    ends ``flat`` are called ``clamped`` there. Beyond the end knots both differ: SciPy continues the cubics of the
-    first and the last interval.
+    Between the end knots, the spline equals `scipy.interpolate.CubicSpline` [1]_ with the same end condition. SciPy
+    calls the end condition ``flat`` ``clamped``. Beyond the end knots, the two splines differ: SciPy continues the
+    cubics of the first and the last interval.
 
     References
     ----------
@@ -284,17 +284,17 @@ def _values(given: Any) -> tuple[Array, list[sympy.Expr]]:
 
 def _plain_numbers(what: str, given: Any) -> tuple[Array, list[tuple[int, sympy.Expr]]]:
     """Return numbers (n,), in which zeros replace expressions, and the (index, expression) pairs."""
-    wanted = f"expected a list of {'numbers' if what == 'knots' else 'numbers or expressions'}"
+    expected = f"expected a list of {'numbers' if what == 'knots' else 'numbers or expressions'}"
     if isinstance(given, (str, bytes, type)) or not (hasattr(given, "__len__") or hasattr(given, "__array__")):
-        raise StudyError(f"spline: the {what} are {shown(given)}; {wanted}.")
+        raise StudyError(f"spline: the {what} are {shown(given)}; {expected}.")
     if np.ma.is_masked(given) or getattr(given, "size", 0) > MOST:
-        raise StudyError(f"spline: the {what} are {shown(given)}; {wanted}, at most {MOST}, without masked values.")
+        raise StudyError(f"spline: the {what} are {shown(given)}; {expected}, at most {MOST}, without masked values.")
     try:
         array = np.asarray(given)
     except ValueError:
         array = None
     if array is None or array.ndim != 1:
-        raise StudyError(f"spline: the {what} are {shown(given)}, which is nested; {wanted}.")
+        raise StudyError(f"spline: the {what} are {shown(given)}, which is nested; {expected}.")
     if array.dtype.kind in "fiu":
         if not np.isfinite(array).all():
             k = int(np.flatnonzero(~np.isfinite(array))[0])

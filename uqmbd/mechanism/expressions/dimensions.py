@@ -63,7 +63,7 @@ from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeSh
 from uqmbd.units import PURE, TABLE, Dimension, Unit, in_words, read_units, warn
 
 Unseen = Iterable[Dimension]
-"""Dimensions of numbers that equal 1."""
+"""Dimensions of quantities that equal 1."""
 
 __all__ = ["Mismatch", "check_dimensions", "mismatches", "units_of"]
 
@@ -145,7 +145,7 @@ def mismatches(
 
 
 def units_of(expression: sympy.Expr, *, exact: bool = False) -> str:
-    """Return the SI units of an expression; empty if the units are unknown. `exact` is that of `mismatches`.
+    """Return the SI units of an expression; empty if the units are unknown. See `mismatches` for `exact`.
 
     >>> import uqmbd
     >>> stone = uqmbd.Mechanism("fall", uqmbd.Line()).body("stone", mass=2)
@@ -304,7 +304,7 @@ class _Walk:
         for term, measure in known:
             for group in groups:
                 one = group[0][1]
-                stated = one.free and math.isclose(one.constant, 1.0, rel_tol=SAME)  # 1.0 may differ in dimension
+                stated = one.free and math.isclose(one.constant, 1.0, rel_tol=SAME)  # each 1.0 may have other units
                 if (
                     one.free == measure.free
                     and not stated
@@ -425,7 +425,7 @@ def _is_pure(part: Any, size: float) -> bool:
 def _pairs(
     known: list[tuple[Any, MeasuredProduct]],
 ) -> Iterator[tuple[tuple[Any, MeasuredProduct], tuple[Any, MeasuredProduct]]]:
-    """Yield, for each dimension, a reference term, without a numerical factor if possible, with every other term."""
+    """Yield pairs of terms of equal dimension: a term, if possible without numerical factor, and each other term."""
     firsts: dict[Dimension, tuple[Any, MeasuredProduct]] = {}
     for one in sorted(known, key=lambda pair: pair[1].free):
         first = firsts.setdefault(one[1].unit.dimension, one)
@@ -448,7 +448,7 @@ def _own(expression: Any, unit: Unit) -> str:
 
 
 def _reads(text: str, unit: Unit) -> bool:
-    """Return whether a text means a unit; a unit of cycles may be counted in radians."""
+    """Return whether a text names a unit; a unit of cycles, such as Hz, also names the equal angular frequency."""
     found = read_units(text)
     turned = replace(found, factor=2 * math.pi * found.factor) if found and _CYCLES.search(text) else found
     return unit in (found, turned)

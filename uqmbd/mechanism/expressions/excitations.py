@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 MEAN_KEY = 0.0
-"""Key of the path of zeros, the mean of all paths; it is no value of a uniform distribution."""
+"""Key of the path of zeros, which is the mean of all paths; sampled keys never have this value."""
 
 ORDERS = 3
 """Number of Taylor coefficients of an excitation: its value, slope and curvature."""
@@ -82,7 +82,7 @@ class ExcitationSymbol(Symbolic, Symbol):
 
 
 class PathSymbol(Symbolic, Symbol):
-    """Symbol of the sampled path of a source; its value is the key of the path, then the address of the path."""
+    """Symbol of the sampled path of a source: the key of the path in the inputs, its memory address in kernels."""
 
     source: ExcitationSource
 
@@ -144,10 +144,10 @@ class SampledPath(OwnFunction):
 
 
 class Excitation(OwnFunction):
-    """Excitation at an argument, ``Excitation(x, source, order, *coefficients)``; `order` is the order of derivative.
+    """Excitation ``Excitation(x, source, order, *coefficients)`` at `x`, or its derivative of the given order.
 
-    In equations, a polynomial of the argument replaces the excitation; its coefficients have the value zero.  The
-    sampled path of a source with paths is added; its `PathSymbol` is then the last argument.
+    In equations, a polynomial of the argument replaces the excitation; its coefficients have the value zero.  If the
+    source has sampled paths, the `PathSymbol` is the last argument, and the sampled path is added to the polynomial.
     """
 
     is_real = True

@@ -109,7 +109,7 @@ def common(measures: list[MeasuredProduct]) -> Measure:
 
 
 def is_off(found: MeasuredProduct, expected: Unit) -> bool:
-    """Return whether a conversion factor between two units is missing: the constant is clearly nearer to 1 than to it.
+    """Return whether a factor between two units is missing: the constant is clearly nearer to 1 than to the factor.
 
     >>> metres, millimetres = Unit(), Unit(factor=1e-3)
     >>> [is_off(MeasuredProduct(metres, number, free=True), millimetres) for number in (1.0, 2.0, 1000.0, 20.0)]

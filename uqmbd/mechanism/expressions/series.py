@@ -16,7 +16,7 @@ from uqmbd.names import SeriesPlace, check_units
 __all__ = ["OutputSeries"]
 
 TAKEN = ("bound", "input", "output", "probability", "propagator", "sample", "time")
-"""Dimensions of results that have another meaning."""
+"""Names of dimensions of results, which the axis of a series must not have."""
 
 
 class OutputSeries(tuple[sympy.Expr, ...]):
@@ -66,7 +66,7 @@ class OutputSeries(tuple[sympy.Expr, ...]):
         self.axis, self.units = axis, check_units(units, where)
         if len(self.positions) != len(self):
             raise StudyError(
-                f"{where}: {len(self.positions)} positions are given for {len(self)} quantities; expected as many."
+                f"{where}: {len(self.positions)} positions are given for {len(self)} quantities; expected one for each."
             )
         if not all(a < b for a, b in itertools.pairwise(self.positions)):
             raise StudyError(f"{where}: the positions are {shown(self.positions)}; expected increasing numbers.")

@@ -118,10 +118,10 @@ def maximum(expression: Any) -> sympy.Expr:
 
     The search covers the whole motion from the first output time to the last, and not only the output times.  uqmbd
     evaluates the expression at interpolated states on the steps of the integrator; the maximum is as accurate as these
-    states. At a jump, such as the jump of a velocity at an impact, the values on both sides count.  The search may miss
-    behaviour that is shorter than 1/300 of the whole time, unless the integration steps are equally short.  An
-    output of a maximum has one value per realisation and no time.  Summaries can be combined, as in
-    ``maximum(x) - minimum(x)``.
+    states.  At a jump, such as the jump of a velocity at an impact, the values on both sides count.  The search may
+    miss a peak that is shorter than 1/300 of the whole time, unless the integration steps are equally short.  An output
+    of a maximum has one value per realisation and no time.  Summaries can be combined, as in ``maximum(x) -
+    minimum(x)``.
 
     If two peaks exchange their order within the range of the inputs, the maximum has a kink over the inputs, and
     `time_of_maximum` jumps. Polynomials converge slowly to a kink.

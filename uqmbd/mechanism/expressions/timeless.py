@@ -262,14 +262,14 @@ def at_steady(expression: Any) -> sympy.Expr:
     """Return the value of an expression in the steady motion of a realisation, for use in an output.
 
     In a steady motion, drivers continue at constant speeds and the mechanism keeps its shape. An example is a governor
-    whose balls stay at a constant angle. Newton's method finds the shape, and begins at the start of the realisation.
-    The search keeps the speeds of drivers, stated velocities and start conditions of velocities. All other bodies move
-    with their carriers. The steady motion may be unstable. A start that is already a steady motion with its stated
-    velocities, such as the precession of a top, is used unchanged. The whirl of an unbalanced rotor has no driver.
-    Newton's method finds a whirl only if the start contains the pose and velocities of all bodies in it. Speeds of
-    drivers and loads must be constant from the start; a change within 10 s or three turns is an error. A realisation
-    fails, with a reason, if it has no steady motion or if the expression changes during the steady motion. The output
-    has one value per realisation and no time.
+    whose balls stay at a constant angle. Newton's method finds the shape, starting from the initial state of the
+    realisation. The search does not change speeds of drivers, stated velocities and start conditions of velocities. All
+    other bodies move with the bodies that carry them. The steady motion may be unstable. If the stated velocities
+    already give a steady motion, such as the precession of a top, the initial state is used unchanged. The whirl of an
+    unbalanced rotor has no driver. Newton's method finds a whirl only if the initial pose and velocities of all bodies
+    belong to this whirl. Speeds of drivers and loads must be constant from the start; a change within 10 s or three
+    turns is an error. A realisation fails, with a reason, if it has no steady motion or if the expression changes
+    during the steady motion. The output has one value per realisation and no time.
 
     Parameters
     ----------

@@ -105,20 +105,20 @@ def numbers(
         ...
     uqmbd.errors.StudyError: body 'rod': mass is the text '2'; expected a number (kg).
     """
-    wanted = f"expected {'a number' if size == 1 else f'{size} numbers'}{f' ({hint})' if hint else ''}"
+    expected = f"expected {'a number' if size == 1 else f'{size} numbers'}{f' ({hint})' if hint else ''}"
     if value is None:
-        raise StudyError(f"{where}: {key} is missing; {wanted}.")
+        raise StudyError(f"{where}: {key} is missing; {expected}.")
     if isinstance(value, np.ndarray) and value.size > max(MANY, size):  # a list of so many entries may exceed memory
-        raise StudyError(f"{where}: {key} is an array of the shape {value.shape}; {wanted}.")
+        raise StudyError(f"{where}: {key} is an array of the shape {value.shape}; {expected}.")
     parts = _row(value)
     if parts is None:
-        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {wanted} in a flat sequence.")
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {expected} in a flat sequence.")
     if len(parts) != size and not any(isinstance(x, (str, bytes)) for x in parts):
         count = f"{len(parts)} number{'s' * (len(parts) != 1)}"
         raise StudyError(f"{where}: {key} has {count}, expected {size}{f' ({hint})' if hint else ''}; it is {value!r}.")
     if scalar and (isinstance(value, (list, tuple, range)) or (isinstance(value, np.ndarray) and value.ndim)):
-        raise StudyError(f"{where}: {key} is {shown(value)}, which is a sequence; {wanted} without brackets.")
-    return [_number(f"{where}: {key}", x, value, wanted) for x in parts]
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is a sequence; {expected} without brackets.")
+    return [_number(f"{where}: {key}", x, value, expected) for x in parts]
 
 
 def random_variables(value: Any) -> set[RandomVariable]:
@@ -158,7 +158,7 @@ def unknown_symbol(symbol: sympy.Symbol) -> str:
     )
 
 
-def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
+def _number(where: str, entry: Any, value: Any, expected: str) -> sympy.Expr:
 
     def refused(why: str) -> StudyError:
         # format the text only on errors, because the formatting of a long expression is slow
@@ -169,15 +169,15 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
         raise refused(", but uqmbd does not read units of quantities. Give a number, e.g. quantity.m_as('m').")
     # SymPy would parse a text as a formula and convert its words to symbols, so texts are errors
     if isinstance(entry, (str, bytes, bool, type)) or entry is None:
-        raise refused(f"; {wanted}.")
+        raise refused(f"; {expected}.")
     try:
         number = as_symbolic(entry)
     except StudyError:
-        raise refused(f", which is not a number or an expression; {wanted}.") from None
+        raise refused(f", which is not a number or an expression; {expected}.") from None
     if not isinstance(number, sympy.Expr) or number.is_commutative is False:
-        raise refused(f", which is a {type(number).__name__}; {wanted}.")
+        raise refused(f", which is a {type(number).__name__}; {expected}.")
     if number.has(sympy.nan, sympy.zoo) or (number.has(sympy.oo, -sympy.oo) and not number.atoms(*UNEVALUATED)):
-        raise refused(f", which is not finite; {wanted}.")
+        raise refused(f", which is not finite; {expected}.")
     if (foreign := foreign_part(number)) is not None:
         # a constant, such as a definite integral, still has a value
         found = None if number.free_symbols else _evaluated(number)
@@ -185,13 +185,13 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
             raise refused(f": {describe_foreign_part(foreign)}")
         number = found
     if number.has(sympy.I) or (number.is_number and not number.is_real):
-        raise refused(f", which is not real; {wanted}.")
+        raise refused(f", which is not real; {expected}.")
     if number.is_number and abs(_float(number)) > LARGEST:
         raise refused(
-            f", which is too large: its square exceeds the range of 64-bit numbers; {wanted}, at most {LARGEST:g}."
+            f", which is too large: its square exceeds the range of 64-bit numbers; {expected}, at most {LARGEST:g}."
         )
     if (large := too_large(number)) is not None:
-        raise refused(f", which contains {shown(large)}; this number exceeds the range of 64-bit numbers; {wanted}.")
+        raise refused(f", which contains {shown(large)}; this number exceeds the range of 64-bit numbers; {expected}.")
     return number
 
 

@@ -22,7 +22,7 @@ from uqmbd.typing import Array
 __all__ = ["Box", "Capsule", "Cylinder", "Mesh", "BodyShape", "Sphere", "check_shapes"]
 
 ROUND = 32
-"""Corners of a circle in the surface of a round shape."""
+"""Number of corners of the polygon that approximates a circle of a round shape."""
 
 MOST = 10_000_000
 """Largest number of rows of an array."""
@@ -138,7 +138,7 @@ class BodyShape(ABC):
 
     @property
     def bounds(self) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
-        """Lowest and highest coordinates of the shape in the axes of its frame, from `position`, m.
+        """Lowest and highest coordinates of the shape in the axes of its frame, relative to `position`, m.
 
         Examples
         --------
@@ -369,7 +369,7 @@ class Mesh(BodyShape):
 
     @property
     def bounds(self) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
-        """Lowest and highest coordinates of the shape in the axes of its frame, from `position`, m.
+        """Lowest and highest coordinates of the shape in the axes of its frame, relative to `position`, m.
 
         Examples
         --------
@@ -409,14 +409,14 @@ def _array(given: Any) -> Array:
 
 
 def _text(value: Any) -> str:
-    """Return a length or a vector of lengths, with short numbers."""
+    """Return a length or a vector of lengths as text, with at most six digits."""
     if isinstance(value, tuple):
         return f"({', '.join(map(_text, value))})"
     return f"{float(value):g}" if as_symbolic(value).is_number else str(value)
 
 
 def _revolved(radii: Array, heights: Array) -> tuple[Array, Faces]:
-    """Return the surface of a profile (radii, heights) that begins and ends on the third axis, upwards."""
+    """Return the surface of revolution about the third axis; the profile (radii, heights) rises from axis to axis."""
     turn = np.arange(ROUND) * (2 * math.pi / ROUND)
     rings = [
         np.column_stack([r * np.cos(turn), r * np.sin(turn), np.full(ROUND, z)])

@@ -6,7 +6,7 @@ Distributions of other packages are converted to distributions of chaospy.
 from __future__ import annotations
 
 from uqmbd.randomness.distributions.adopted import adopt_distribution, distribution_of
-from uqmbd.randomness.distributions.around_number import distribution_about, is_distribution, strays
+from uqmbd.randomness.distributions.around_number import distribution_about, is_distribution, leaves_range
 from uqmbd.randomness.distributions.decomposed import AffineDistribution, is_dependent
 from uqmbd.randomness.distributions.flaws import flaw_of
 from uqmbd.randomness.distributions.table_functions import tabulated
@@ -23,7 +23,7 @@ __all__ = [
     "heaviest_tail",
     "is_dependent",
     "is_distribution",
-    "strays",
+    "leaves_range",
     "tabulated",
     "tail_of",
 ]

@@ -10,7 +10,7 @@ from uqmbd.errors import StudyError
 if TYPE_CHECKING:
     import chaospy
 
-__all__ = ["KINDS", "distribution_about", "is_distribution", "strays"]
+__all__ = ["KINDS", "distribution_about", "is_distribution", "leaves_range"]
 
 KINDS = ("normal", "lognormal", "uniform")
 
@@ -29,7 +29,7 @@ def distribution_about(
 
     >>> import chaospy
     >>> found = distribution_about(2.0, 0.1, minimum=0)
-    >>> round(float(chaospy.E(found)), 6), round(float(chaospy.Std(found)), 6), strays(found, 0, 3)
+    >>> round(float(chaospy.E(found)), 6), round(float(chaospy.Std(found)), 6), leaves_range(found, 0, 3)
     (2.0, 0.1, False)
     """
     import chaospy
@@ -43,7 +43,7 @@ def distribution_about(
     bounded = math.isfinite(low), math.isfinite(high)
     if kind == "normal" or (not kind and not any(bounded)):
         found = chaospy.Normal(mean, std)
-        if strays(found, minimum, maximum):
+        if leaves_range(found, minimum, maximum):
             raise StudyError(f"a normal distribution with the standard deviation {std:g} would exceed this range")
         return found
     if kind == "lognormal" and not any(bounded):  # zero is the end of the range, on the side of the number
@@ -62,16 +62,16 @@ def distribution_about(
     spread = chaospy.LogNormal(math.log(size) - variance / 2, math.sqrt(variance))
     found = (mean - size) + spread if bounded[0] else (mean + size) - spread
     found = spread if bounded[0] and mean == size else found
-    if strays(found, minimum, maximum):
+    if leaves_range(found, minimum, maximum):
         raise StudyError("a lognormal distribution would exceed this range")
     return found
 
 
-def strays(distribution: chaospy.Distribution, minimum: float, maximum: float) -> bool:
+def leaves_range(distribution: chaospy.Distribution, minimum: float, maximum: float) -> bool:
     """Return whether a distribution has more than a billionth of its probability beyond either end of a range.
 
     >>> import chaospy
-    >>> strays(chaospy.Normal(1, 0.1), 0, 2), strays(chaospy.Normal(1, 0.5), 0, 2)
+    >>> leaves_range(chaospy.Normal(1, 0.1), 0, 2), leaves_range(chaospy.Normal(1, 0.5), 0, 2)
     (False, True)
     """
     import numpy as np

@@ -51,21 +51,21 @@ class Inverted:
     above: Array  # (n + 1,) probability above each edge, with a small relative error
 
     def quantile(self, u: Array) -> Array:
-        """Return quantiles; probabilities in the cut tails give the outermost edges."""
+        """Return quantiles; for probabilities in the cut tails, return the outermost edges."""
         lower = u < 0.5
         return self._solved(np.where(lower, u, 1 - u), lower)
 
-    def _solved(self, wanted: Array, lower: NDArray[np.bool_]) -> Array:
-        """Return points with the `wanted` probability below, or above if not `lower`, by bracketed Newton's method."""
+    def _solved(self, probability: Array, lower: NDArray[np.bool_]) -> Array:
+        """Return points by Newton's method in brackets, from probabilities below (if `lower`) or above the points."""
         last = len(self.series)
-        left = np.searchsorted(self.below, wanted, side="right") - 1
-        right = last - np.searchsorted(self.above[::-1], wanted, side="right")
+        left = np.searchsorted(self.below, probability, side="right") - 1
+        right = last - np.searchsorted(self.above[::-1], probability, side="right")
         panel = np.clip(np.where(lower, left, right), 0, last - 1)
-        missing = np.where(lower, wanted - self.below[panel], self.above[panel] - wanted)
+        missing = np.where(lower, probability - self.below[panel], self.above[panel] - probability)
         series, width = self.series[panel].T, (self.edges[1:] - self.edges[:-1])[panel]
         slope = np.polynomial.legendre.legder(series)
-        low, high, at = np.full(wanted.shape, -1.0), np.full(wanted.shape, 1.0), np.zeros(wanted.shape)
-        for _ in range(STEPS):  # equally many for all, so that a value does not depend on the others
+        low, high, at = np.full(probability.shape, -1.0), np.full(probability.shape, 1.0), np.zeros(probability.shape)
+        for _ in range(STEPS):  # as many steps for each point, so that no value depends on others
             value = np.polynomial.legendre.legval(at, series, tensor=False) - missing
             low, high = np.where(value < 0, at, low), np.where(value < 0, high, at)
             with np.errstate(all="ignore"):

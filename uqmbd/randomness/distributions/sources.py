@@ -52,7 +52,7 @@ class DistributionSource(Protocol):
 
 
 TURNS = {"vonmises": (-np.pi, np.pi)}
-"""Range of scipy's quantiles of a periodic density."""
+"""Range of the quantiles that scipy returns for a periodic density, by family."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,8 @@ class WrappedDistribution(_Printed, SimpleDistribution):
         return self._source.density(x)
 
     def _mom(self, order: Array, **_: Any) -> float:
-        wanted = int(np.ravel(order)[0])
-        return self._source.moment(wanted) if wanted else 1.0
+        degree = int(np.ravel(order)[0])
+        return self._source.moment(degree) if degree else 1.0
 
     def _lower(self, **_: Any) -> float:
         return self._low

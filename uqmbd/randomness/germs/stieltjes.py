@@ -22,7 +22,7 @@ MOST_PANELS = 3000
 """Largest number of panels that are bisected at once; more indicate a noisy density."""
 
 NARROWEST = 1e-7
-"""Half width of panels, relative to the whole range, below which quantiles integrate kinks and singularities."""
+"""Half width of a panel, relative to the whole range, below which quantiles replace the Gauss-Legendre nodes."""
 
 POINTS = 20
 """Number of nodes of the Gauss-Legendre rule on each panel."""
@@ -31,7 +31,7 @@ QUANTILES: Array = np.r_[
     [1e-12, 1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3], np.arange(1, 64) / 64, 1 - np.array([3e-3, 1e-3, 1e-4, 1e-5]),
     1 - np.array([1e-6, 1e-8, 1e-10, 1e-12]),
 ]  # fmt: skip
-"""Probabilities whose quantiles are edges of panels, so that no mass above 1/64 is missed."""
+"""Probabilities whose quantiles are edges of panels, so that no interval of probability above 1/64 is missed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +51,9 @@ class Discretised:
 def discretise(law: AffineDistribution, count: int = COUNT) -> Discretised:
     """Compute recurrence coefficients of a continuous distribution.
 
-    Gauss-Legendre rules integrate the density. Panels are bisected until the density is a polynomial on each panel.
-    Quantiles integrate the last panels at a kink or a singularity. All panels are then halved until the coefficients
-    stay constant.
+    Gauss-Legendre rules integrate the density. Panels are bisected until the density is a polynomial on each panel. At
+    a kink or a singularity, the narrowest panels are integrated with nodes from quantiles. All panels are then halved
+    until the coefficients stay constant.
     """
     edges, ends = _panels(law, count)
     inner = np.where(np.isfinite(ends), ends, law.quantile(np.array([1e-6, 1 - 1e-6])))

@@ -189,7 +189,7 @@ def _with_ends(
 def _by_quantiles(table: Array, low: float, high: float) -> tuple[Array, Array]:
     """Return nodes and weights from a tabulated quantile function.
 
-    The rule integrates the distribution that sampling from the table has.
+    The rule integrates with the distribution of samples that are drawn from the table.
     """
     inside = np.clip([low, high], table[1, 0], table[1, -1])
     start, stop = (float(z) for z in invert(table, inside))
@@ -212,7 +212,7 @@ def _panels(edges: Array) -> tuple[Array, Array]:
 def _values_between(germ: Germ, lower: float, upper: float) -> Germ:
     assert germ.table is not None
     steps, values = germ.table
-    # the lower end of the support is no condition
+    # an interval from the lower end of the support includes this end
     kept = ((values > lower) | (lower <= values[0])) & (values <= upper)
     if kept.all():
         return germ

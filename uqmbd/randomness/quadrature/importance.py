@@ -26,7 +26,7 @@ NOMINAL = 0.5
 """Fraction of the points with the distribution of the inputs; its inverse is the upper bound of the weights."""
 
 DEGREES = (2, 3, 4, 5)
-"""Total degrees of the products of polynomials whose squares distribute the other points."""
+"""Total degrees of the products of polynomials whose squares are the densities of the other points."""
 
 SINGLE = 0.5
 """Fraction of the other points for polynomials of a single germ; the rest is for all products of the same total degree,
@@ -96,7 +96,7 @@ class TailMixture:
     space: GermSpace
 
     def points(self, count: int, seed: int) -> Array:
-        """Return germ points (K, d) of a scrambled Sobol' sequence whose first number selects the polynomials."""
+        """Return germ points (K, d) of a scrambled Sobol' sequence, whose first coordinate selects the polynomials."""
         dimension = self.space.dimension
         uniform = sampling_design("sobol", "TailMixture").points(dimension + 1, count, seed)
         choice, uniform = uniform[:, 0], uniform[:, 1:].copy()
@@ -130,7 +130,7 @@ class TailMixture:
         return tuple(_Tilted.of(germ) for germ in self.space.germs)
 
     def _degrees(self, chosen: float, draw: np.random.Generator) -> Index:
-        """Return the degrees (d,) of the polynomials that a number selects; zeros for a number below 0."""
+        """Return the degrees (d,) of the polynomials that a number below 1 selects; zeros for a number below 0."""
         dimension = self.space.dimension
         found = np.zeros(dimension, dtype=np.int64)
         if chosen < 0:

@@ -12,7 +12,7 @@ __all__ = ["bisected"]
 
 
 STEPS = 1100
-"""Largest number of bisection steps: the number of halvings of the largest number; nearly all searches end after 60."""
+"""Largest number of bisection steps, enough for a bracket as long as the largest float; most searches end after 60."""
 
 
 def bisected(

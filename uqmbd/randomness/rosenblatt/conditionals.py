@@ -34,7 +34,7 @@ class Conditional(Protocol):
 
     @property
     def discrete(self) -> bool:
-        """Whether the distribution takes single values only."""
+        """Whether the distribution is discrete."""
 
     @property
     def given(self) -> frozenset[int]:
@@ -145,7 +145,7 @@ class AffineConditional:
 
     @property
     def discrete(self) -> bool:
-        """Whether the distribution takes single values only."""
+        """Whether the distribution is discrete."""
         return self.inner.discrete
 
     @property
@@ -207,7 +207,7 @@ class Spanned:
 
     @property
     def discrete(self) -> bool:
-        """Whether the distribution takes single values only."""
+        """Whether the distribution is discrete."""
         return self.inner.discrete
 
     @property
@@ -255,7 +255,7 @@ class Cut:
 
     @property
     def discrete(self) -> bool:
-        """Whether the distribution takes single values only."""
+        """Whether the distribution is discrete."""
         return self.inner.discrete
 
     @property
@@ -315,7 +315,7 @@ class Mapped:
 
     @property
     def discrete(self) -> bool:
-        """Whether the distribution takes single values only."""
+        """Whether the distribution is discrete."""
         return self.inner.discrete
 
     @property

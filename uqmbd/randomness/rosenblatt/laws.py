@@ -32,21 +32,21 @@ class JointLaw(Protocol):
 
     @property
     def outer(self) -> frozenset[int]:
-        """Indices in the larger distribution on which the parameters depend."""
+        """Indices of the variables of the larger distribution on which the parameters depend."""
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Whether each component takes single values only."""
+        """Whether each component is discrete."""
 
     @property
     def invertible(self) -> bool:
-        """Whether values determine uniform variables; a discrete value in a copula does not."""
+        """Whether components determine the uniform variables; a discrete component of a copula does not."""
 
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
 
     def forward(self, x: Array, values: Array) -> Array:
-        """Map components to independent uniform variables; map single values to the middle of their probability."""
+        """Map components to independent uniform variables; map a discrete value to the middle of its interval."""
 
     def encoded(self) -> Any:
         """Return the distribution as numbers, texts and lists; raise NotUnderstood if it contains user functions."""
@@ -70,17 +70,17 @@ class Single:
 
     @property
     def outer(self) -> frozenset[int]:
-        """Indices in the larger distribution on which the parameters depend."""
+        """Indices of the variables of the larger distribution on which the parameters depend."""
         return self.law.given
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Whether the component takes single values only."""
+        """Whether the component is discrete."""
         return (self.law.discrete,)
 
     @property
     def invertible(self) -> bool:
-        """Whether values determine uniform variables; a discrete value in a copula does not."""
+        """Whether components determine the uniform variables; a discrete component of a copula does not."""
         return True
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -133,18 +133,18 @@ class Chain:
 
     @property
     def outer(self) -> frozenset[int]:
-        """Indices in the larger distribution on which the parameters depend."""
+        """Indices of the variables of the larger distribution on which the parameters depend."""
         return frozenset(k for step in self.steps for k in step.law.outer if k < self.outside)
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Whether each component takes single values only."""
+        """Whether each component is discrete."""
         found = {column: step.law.discrete[k] for step in self.steps for k, column in enumerate(step.columns)}
         return tuple(found[k] for k in range(len(found)))
 
     @property
     def invertible(self) -> bool:
-        """Whether values determine uniform variables; a discrete value in a copula does not."""
+        """Whether components determine the uniform variables; a discrete component of a copula does not."""
         return all(step.law.invertible for step in self.steps)
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -190,17 +190,17 @@ class Copulated:
 
     @property
     def outer(self) -> frozenset[int]:
-        """Indices in the larger distribution on which the parameters depend."""
+        """Indices of the variables of the larger distribution on which the parameters depend."""
         return self.margins.outer
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Whether each component takes single values only."""
+        """Whether each component is discrete."""
         return self.margins.discrete
 
     @property
     def invertible(self) -> bool:
-        """Whether values determine uniform variables; a discrete value in a copula does not."""
+        """Whether components determine the uniform variables; a discrete component of a copula does not."""
         return self.margins.invertible and not any(self.margins.discrete)
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -236,17 +236,17 @@ class AffineJoint:
 
     @property
     def outer(self) -> frozenset[int]:
-        """Indices in the larger distribution on which the parameters depend."""
+        """Indices of the variables of the larger distribution on which the parameters depend."""
         return self.inner.outer.union(*map(used, (*self.shift, *self.scale)))
 
     @property
     def discrete(self) -> tuple[bool, ...]:
-        """Whether each component takes single values only."""
+        """Whether each component is discrete."""
         return self.inner.discrete
 
     @property
     def invertible(self) -> bool:
-        """Whether values determine uniform variables; a discrete value in a copula does not."""
+        """Whether components determine the uniform variables; a discrete component of a copula does not."""
         return self.inner.invertible
 
     def inverse(self, u: Array, values: Array) -> Array:

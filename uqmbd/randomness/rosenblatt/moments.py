@@ -119,7 +119,7 @@ class _Means:
         self.found: dict[int, float | None] = {}
 
     def of(self, k: int) -> float | None:
-        """Return the mean of a component; None if it does not follow."""
+        """Return the mean of a component; None if linearity does not determine it."""
         if k not in self.found:
             self.found[k] = self._within(self._law, k)
         return self.found[k]

@@ -88,7 +88,7 @@ def _of_core(law: Core, known: Array) -> Interval:
     placed = tuple((name, MemberValue(k)) for k, (name, _) in enumerate(law.parameters))
     with np.errstate(all="ignore"):
         lows, highs = Core(law.family, placed).ends(corners)
-    # keep an end that does not change with the parameters; extremes of others need not be at corners
+    # keep an end that is equal at all corners of the parameters; a varying end may be extreme between corners
     return (
         float(lows[0]) + 0.0 if np.all(lows == lows[0]) else -np.inf,
         float(highs[0]) + 0.0 if np.all(highs == highs[0]) else np.inf,

@@ -109,7 +109,7 @@ class Transform:
 
     @property
     def invertible(self) -> bool:
-        """Whether values determine uniform variables; a discrete value in a copula does not."""
+        """Whether components determine the uniform variables; a discrete component of a copula does not."""
         return self.law.invertible
 
     def alone(self, k: int) -> bool:

@@ -201,12 +201,12 @@ def _nataf(names: Sequence[str], distribution: Any, transform: Transform) -> Cop
             f"does not provide for {distribution}; use transform='rosenblatt', or declare the inputs with a copula, "
             "e.g. chaospy.Nataf(chaospy.J(...), correlation)."
         )
-    wanted = _correlation(transform)
+    target = _correlation(transform)
     correlation = np.eye(len(names))
     for i in range(len(names)):
         for j in range(i):
             try:
-                solved = nataf_correlation(marginals[i], marginals[j], wanted[i, j])
+                solved = nataf_correlation(marginals[i], marginals[j], target[i, j])
             except StudyError as error:
                 raise StudyError(f"Inputs {names[j]!r} and {names[i]!r}: {error}") from error
             correlation[i, j] = correlation[j, i] = solved

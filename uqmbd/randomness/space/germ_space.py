@@ -194,7 +194,7 @@ class GermSpace:
             wrong = np.argwhere(~np.isfinite(points[:, columns]))
             if len(wrong):
                 row, place = wrong[0]
-                # NaN spreads to inputs that are conditional on this one: name the first in the order of conditioning
+                # inputs that depend on an invalid input also become NaN: report the first in the order of conditioning
                 first = next(k for k in group.order if not np.isfinite(points[row, columns[k]]))
                 raise StudyError(self._outside(columns[first], int(row), float(values[row, columns[first]])))
         return points
