@@ -65,8 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         app(args=[word for word in words if word != "--debug"], prog_name="uqmbd")
 
 
-def _show_version(asked: bool) -> None:
-    if asked:
+def _show_version(requested: bool) -> None:
+    if requested:
         import uqmbd
 
         typer.echo(f"uqmbd {uqmbd.__version__}")
@@ -125,8 +125,8 @@ def run(
 ) -> None:
     """Run a study; write DIR/results.nc and DIR/report.html."""
     begin = time.monotonic()
-    for name, wanted in (("--open", show), ("--figures", figures)):
-        if wanted and not report:
+    for name, selected in (("--open", show), ("--figures", figures)):
+        if selected and not report:
             raise StudyError(f"{name} needs the report, which --no-report omits; omit one of these options.")
     # printed at once, because the next imports take some time
     print(f"uqmbd {__version__}: {script}", file=sys.stderr, flush=True)

@@ -35,7 +35,7 @@ def studies(incomplete: str) -> list[str]:
 
 def labels(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the labels of the methods of the study on the command line, as far as its script states them."""
-    # an option without its value ends the parser, and later arguments remain as typed
+    # an option without its value stops the parser, which leaves later arguments in `args`
     script = ctx.params.get("script") or next(iter(ctx.args), None)
     if script is None:
         return []

@@ -1,13 +1,13 @@
 """Load imports and study scripts without garbage collection, and without installed but unused packages.
 
-Loaded objects remain until the end. In a short run, repeated searches among them would take a tenth of the time
-(1.4 s of 11 s, by `gc.callbacks`).
+Loaded objects remain until the end. In a short run, repeated collections over them would take a tenth of the time (1.4
+s of 11 s, by `gc.callbacks`).
 
-To test whether data are arrays of Dask or of pint, xarray imports these packages if they are installed: 0.6 of 5.9 s
-of a short run, by ``python -X importtime``. A class of a package that is not imported has no instances, so the test can
-wait for the import. xarray has no setting for that, so this module changes a private attribute of xarray. If that
-attribute has another form, the module changes nothing, and xarray imports the packages. Only processes of the command
-line do this.
+To test whether data are arrays of Dask or of pint, xarray imports these packages if they are installed. These imports
+take 0.6 of 5.9 s of a short run, by ``python -X importtime``. A class of a package that is not imported has no
+instances, so the test can wait for the import. xarray has no setting for that, so this module changes a private
+attribute of xarray. If that attribute has another form, the module changes nothing, and xarray imports the packages.
+Only processes of the command line do this.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import Any
 __all__ = ["loading"]
 
 SELDOM = 500_000
-"""Number of new objects between two searches during the load: more than imports make; garbage of scripts is found."""
+"""Number of new objects between two collections during the load: imports create fewer, scripts with garbage more."""
 
 ARRAYS = {"dask": ("dask.array", "Array"), "pint": ("pint", "Quantity")}
-"""The class of arrays of a package, as xarray has it."""
+"""Module and class of the arrays of a package, as in xarray."""
 
 
 @contextmanager
@@ -54,14 +54,14 @@ def _defer_checks() -> None:
     known, made = (getattr(compatibility, name, None) for name in ("_cached_duck_array_modules", "DuckArrayModule"))
     if isinstance(known, dict) and isinstance(made, type):
         for package in set(ARRAYS) - set(known):
-            known[package] = _Late(package, made)
+            known[package] = _DeferredPackage(package, made)
     before = getattr(tools, "is_dask_collection", None)
     if callable(before) and not isinstance(before, _Collection):
         tools.is_dask_collection = _Collection(before)  # type: ignore[union-attr]  # it has one
 
 
-class _Late:
-    """Replacement for the record of a package in xarray: empty until its array class is imported."""
+class _DeferredPackage:
+    """Substitute for xarray's record of a package, without an array class until the package is imported."""
 
     def __init__(self, package: str, made: type) -> None:
         self._package = package

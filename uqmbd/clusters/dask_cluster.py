@@ -37,18 +37,18 @@ PATIENCE = 10
 
 
 @contextmanager
-def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Iterator[Executor]:
+def dask_executor(given: str, count: int | None, files: Sequence[Path]) -> Iterator[Executor]:
     """Yield the executor of a Dask cluster.
 
-    `asked` is one of `STARTED_HERE`, an address, or a scheduler file. `count` is the number of worker processes of a
+    `given` is one of `STARTED_HERE`, an address, or a scheduler file. `count` is the number of worker processes of a
     cluster that is started. `files` are scripts that workers may need. Raise StudyError if Dask is missing, no
     scheduler answers, or a cluster cannot be started. Warn by StudyWarning if an existing cluster has no workers yet.
     """
     distributed = require_package("distributed", "--dask", "uqmbd[distributed]")
-    with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
-        if asked not in STARTED_HERE and not client.nthreads():
+    with _scheduler(given, count) as scheduler, _client(distributed, given, scheduler) as client:
+        if given not in STARTED_HERE and not client.nthreads():
             warnings.warn(
-                f"--dask {asked}: the cluster has no workers; the computation starts when the first worker has joined.",
+                f"--dask {given}: the cluster has no workers; the computation starts when the first worker has joined.",
                 StudyWarning,
                 stacklevel=2,
             )
@@ -59,7 +59,7 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
                 client.register_plugin(StudyFiles.of(files).plugin())
             except Exception as error:  # an error of a worker, whose type is not always transmitted
                 raise StudyError(
-                    f"--dask {asked}: a worker cannot import a module or write a file that it needs ({error}). Start "
+                    f"--dask {given}: a worker cannot import a module or write a file that it needs ({error}). Start "
                     "the workers in an environment with this version of uqmbd and the plugins of the study."
                 ) from error
         # not pure: a task that is submitted again after the loss of its worker is computed again

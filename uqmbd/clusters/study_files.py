@@ -16,8 +16,8 @@ __all__ = ["StudyFiles"]
 class StudyFiles:
     """Copies of scripts for all present and future workers.
 
-    Dask's own plugin imports a file on each worker. This import would run a study that the worker may not need, and
-    fails if the study imports a module of its folder.
+    Dask's own plugin imports a file on each worker. Such an import would run the study, which the worker may not need.
+    It also fails if the study imports a module of its folder.
 
     `contents` contains the text of the scripts by file name. `folders` are the folders of the scripts. Workers with
     access to these folders can also import other modules in these folders.
@@ -33,10 +33,10 @@ class StudyFiles:
         return cls({file.name: file.read_bytes() for file in files}, [str(file.parent) for file in files])
 
     def plugin(self) -> Any:
-        """Return a plugin of Dask's workers; only this method imports the base class of Dask.
+        """Return a plugin for Dask's workers; only this method imports its base class `WorkerPlugin`.
 
-        Workers import the other base class by its name. So a worker without uqmbd reports the missing package at once;
-        otherwise its first task would terminate it.
+        Workers import the other base class, `StudyFiles`, by its name. A worker without uqmbd therefore reports the
+        missing package at once; otherwise its first task would terminate it.
         """
         from distributed.diagnostics.plugin import WorkerPlugin
 

@@ -32,7 +32,7 @@ class HeldSymbol(Symbolic, Symbol):
     index: int  # index among the commands, then the states, of its controller
 
     def __new__(cls, owner: Controller, index: int, name: str) -> HeldSymbol:
-        """Make a symbol with its meaning."""
+        """Make a symbol that stores its controller and its index."""
         self: HeldSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.index = owner, index
         self.units = dict(enumerate(owner.commands.values())).get(index, "")

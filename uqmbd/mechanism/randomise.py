@@ -44,7 +44,7 @@ class RandomisedQuantity:
     maximum: float = math.inf
     stated: bool = True
     unused: bool = False
-    """Whether the number has no effect, with the options of its component."""
+    """Whether the number has no effect because of the options of its component."""
 
     @property
     def name(self) -> str:
@@ -219,7 +219,7 @@ def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
 
 
 def _rows(mechanism: Described) -> list[str]:
-    """Return the names of rows and matrices of numbers of components, which do not become random."""
+    """Return the names of component parameters that are rows or matrices, which do not become random."""
     return [
         f"{component.name}.{key}"
         for component in mechanism.components.values()
@@ -238,7 +238,7 @@ def _is_row(value: Any) -> bool:
 def _chosen(
     where: str, mechanism: Described, pattern: Any
 ) -> tuple[list[tuple[RandomisedQuantity, list[int]]], list[str]]:
-    """Return the quantities that match patterns, with the indices of the selected numbers, and the matching rows."""
+    """Return matching quantities with the indices of the selected numbers, and names of matching rows and matrices."""
     patterns = [pattern] if isinstance(pattern, str) else pattern
     if not isinstance(patterns, Sequence) or not patterns or not all(isinstance(x, str) for x in patterns):
         raise StudyError(f"{where}: expected a pattern such as '*.mass' or 'arm.com', or a list of patterns.")

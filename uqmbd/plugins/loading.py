@@ -123,9 +123,9 @@ def _load_one(
     if names and plain:
         errors.append(f"its function {plain[0]} is not decorated with uqmbd.hookimpl, so its hook is unknown")
     if not names:
-        wanted = ", ".join(sorted(known))
+        listed = ", ".join(sorted(known))
         errors.append(
-            f"{entry_point.value} does not implement a hook; decorate its functions ({wanted}) with uqmbd.hookimpl"
+            f"{entry_point.value} does not implement a hook; decorate its functions ({listed}) with uqmbd.hookimpl"
         )
     registered: dict[str, tuple[str, ...]] = {}
     for kind_name, kind in KINDS.items():

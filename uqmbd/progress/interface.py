@@ -27,7 +27,7 @@ class Progress(Protocol):
     >>> import chaospy
     >>> import uqmbd
     >>> from uqmbd_montecarlo import MonteCarlo
-    >>> class Told:
+    >>> class Printed:
     ...     def start(self, label, total):
     ...         print(label, "begins", total)
     ...     def advance(self, label, count=1):
@@ -39,7 +39,7 @@ class Progress(Protocol):
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
     >>> mechanism.output("height", stone.position[0], units="m")
     >>> study = uqmbd.Study("throw", mechanism, [0, 1], [MonteCarlo(samples=20, seed=1)])
-    >>> result = study.run(progress=Told())
+    >>> result = study.run(progress=Printed())
     monte-carlo begins 20
     monte-carlo ends
     """
@@ -85,7 +85,7 @@ class Silent:
 
 @dataclass
 class UntilTheEnd:
-    """Receiver that reports consecutive tasks with one label as one task with a single end.
+    """Receiver that merges consecutive tasks with one label to one reported task with a single end.
 
     >>> import sys
     >>> from uqmbd.progress import Lines

@@ -13,8 +13,8 @@ from uqmbd.wording import format_count, format_duration
 __all__ = ["Lines"]
 
 SOON, LATER = 1.8, 0.1
-"""Least time between two lines, s, and its least ratio to the elapsed time of the task.  So a short run has frequent
-lines, and a run of a day has about a hundred lines."""
+"""Minimum time between two lines, s, and its minimum ratio to the elapsed time of the task.  So a short run has
+frequent lines, and a run of a day has about a hundred lines."""
 
 
 @dataclass

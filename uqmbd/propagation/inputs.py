@@ -66,7 +66,7 @@ def input_info(variable: RandomVariable) -> InputInfo:
 
 
 AT_LEAST = 8
-"""Number of realisations that are always affordable: computed together they take hardly more time than one."""
+"""Number of realisations that are always affordable: together they take hardly more time than a single one."""
 
 SHARE = 20
 """Ratio of the planned realisations of a method to the largest affordable number, above `AT_LEAST` realisations."""
@@ -99,10 +99,10 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
     size, everything = len(inputs), list(range(len(inputs)))
     kind: Kind = "outputs" if model.outputs.names else "scalars" if model.scalars is not None else "requirements"
 
-    def unchanged(suspects: list[int], points: Array, others: Array) -> list[int]:
-        """Return the inputs without effect at any of the points (K, input) when they are set to their `others`."""
+    def unchanged(candidates: list[int], points: Array, others: Array) -> list[int]:
+        """Return the inputs whose change from `points` (K, input) to `others` has no effect at any point."""
         rows = [points]
-        for k in suspects:
+        for k in candidates:
             moved = points.copy()
             moved[:, k] = others[:, k]
             rows.append(moved)
@@ -117,7 +117,7 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
         first, *changed = np.arange(len(status)).reshape(len(rows), len(points))
         return [
             k
-            for k, row in zip(suspects, changed, strict=True)
+            for k, row in zip(candidates, changed, strict=True)
             if not status[first].any() and not status[row].any() and all(_same(x[first], x[row]) for x in seen)
         ]
 
@@ -125,11 +125,11 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
     with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
         # the methods report these warnings
         warnings.simplefilter("ignore")
-        suspects = unchanged(everything, np.full((1, size), 0.3819660113), np.full((1, size), 0.7236067977))
-        if suspects:
+        candidates = unchanged(everything, np.full((1, size), 0.3819660113), np.full((1, size), 0.7236067977))
+        if candidates:
             points, others = np.random.default_rng(0).uniform(0.01, 0.99, (2, POINTS, size))
             others[:2] = [[FAR], [1 - FAR]]
-            found = unchanged(suspects, points, others)
+            found = unchanged(candidates, points, others)
     return tuple(inputs.names[k] for k in found)
 
 

@@ -55,21 +55,21 @@ OFTEN = 0.9
 """Level of the quantile, over time, that is a lower limit on the relative variances of mean squares."""
 
 SENSITIVE, LEAST_SENSITIVE = 4, 8
-"""One of so many repeated samples is a most sensitive one, and least number of repeated samples with such samples."""
+"""Number of repeated samples for each most sensitive one, and number of repeated samples from which these are used."""
 
 MOST_SAMPLES, MOST_INPUTS, MOST_TIMES = 2_000, 6, 64
-"""Largest numbers of samples and inputs for which sensitivities are estimated, and number of times in them."""
+"""Largest numbers of samples and inputs for estimated sensitivities, and number of times in the estimate."""
 
 GOLDEN = 0.6180339887498949
 
 TOGETHER = 8
-"""Number of realisations in one second integration: the batch size of a kernel, because other work waits for it."""
+"""Number of realisations in one repeated integration: one batch of a kernel, because other computations wait for it."""
 
 LONG_NAME = "error of the time integration"
 
 LONG_NAMES = {
     "integration_error_rms": f"{LONG_NAME}, root mean square over realisations",
-    "integration_error_factor": "factor by which the root mean square of the integration error may be off",
+    "integration_error_factor": "factor by which the root mean square of the integration error may be wrong",
     "integration_error": LONG_NAME,
 }
 """Names of the variables in the order of `stated_errors`, with their long names."""
@@ -100,7 +100,7 @@ def deviation(first: Array, second: Array, turns: Array) -> Array:
 
 
 def equal_but_for_rounding(differences: Array, values: Array) -> bool:
-    """Return whether all differences of two integrations may be rounding, as for equal steps; `values` are of one.
+    """Return whether all differences of two integrations may be rounding; `values` are outputs of one of them.
 
     >>> equal_but_for_rounding(np.array([0.0, 1e-15]), np.array([2.0, 1.0]))
     True
@@ -266,8 +266,8 @@ def _with_sensitive(
     """Replace some of the realisations (K, ...) by the most sensitive samples, which come first, and count these.
 
     The sensitivity of a sample is the difference of its response from the response of a neighbour, divided by their
-    distance. It amplifies small local errors. Samples have no sensitivities if they are not the whole population, or
-    too many.
+    distance. A high sensitivity amplifies small local errors. Samples have no sensitivities if they are not the whole
+    population, or too many.
     """
     from scipy.spatial import cKDTree
 

@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 KNOWN = "findings of the model are known"
-"""Key of the record of a mechanism, for a time of its model, that its findings were listed or issued."""
+"""Key under which a mechanism records, with the time of its model, that its findings were listed or issued."""
 
 
 def build_observed_model(

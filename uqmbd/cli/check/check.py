@@ -171,7 +171,7 @@ def _show_frequencies(screen: Console, study: Study) -> None:
 
 
 def _modes(study: Study) -> tuple[xr.Dataset, str]:
-    """Return modes about the static equilibrium, or about the start if there is none and none is requested."""
+    """Return modes about the static equilibrium; if there is none, about the drawn pose if the study starts there."""
     import uqmbd
 
     time = float(study.times[0])

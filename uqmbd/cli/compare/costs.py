@@ -33,8 +33,8 @@ def require_table(path: Path, reference: str | None) -> None:
 
 def show_costs(screen: Console, found: xr.Dataset) -> None:
     """Print errors, costs and regrets, the method with the fewest realisations first."""
-    wanted = [f"{100 * float(x):g} %" for x in found["accuracy"].values]
-    regrets = [f"regret at {x}" for x in wanted]
+    levels = [f"{100 * float(x):g} %" for x in found["accuracy"].values]
+    regrets = [f"regret at {x}" for x in levels]
     columns = "error of mean", "error of std", "stated error", "realisations", "time", *regrets
     table = plain_table("method", *columns, right=len(columns))
     for label in _by_cost(found):

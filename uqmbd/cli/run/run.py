@@ -67,7 +67,8 @@ def run_study(
     options, ``LABEL.option=value``. `out` is the folder of the results, created if missing. `workers` compute; None:
     this process. `resume` continues an unfinished run in the folder. `require` is the allowed probability of violation
     of each requirement, such as 0.01 or ``"1%"``. `Study.run` documents `budget` and `accuracy`. If all methods
-    succeeded, the exit status is 3 if `unmet` lists a requirement, or if a method does not reach the accuracy.
+    succeeded, the exit status is 3 if `uqmbd.results.unmet` lists a requirement, or if a method does not reach the
+    accuracy.
 
     `report` states whether to write the report, `figures` whether to write its figures also as files, and `show`
     whether to open it in the browser. `begin` is the start of the command from `time.monotonic`. `progress` is a
@@ -81,7 +82,7 @@ def run_study(
             figures=figures, chosen=chosen,
         )  # fmt: skip
         shown.close()
-    # after the display of progress has ended
+    # print the summary after the display of progress has ended
     complete, tree, target = delivered()
     if show and target is not None:
         open_report(target)

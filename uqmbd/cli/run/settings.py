@@ -133,7 +133,7 @@ def _replaced(propagator: Propagator, changes: dict[str, Any]) -> Propagator:
     if not changes:
         return propagator
     try:
-        # an option does not rename the node, which keeps its label
+        # the label, and so the name of the node, does not change
         return dataclasses.replace(propagator, **changes)
     except UqmbdError:
         raise
@@ -144,7 +144,7 @@ def _replaced(propagator: Propagator, changes: dict[str, Any]) -> Propagator:
 
 def _option_types(propagator: Propagator) -> dict[str, Any]:
     """Return the options that may be set, with their types; the label is excluded because it selects the method."""
-    known = option_types(type(propagator))  # where only a type checker can resolve one, the text is taken as it is
+    known = option_types(type(propagator))  # a type that only a type checker can resolve accepts the text unchanged
     return {
         option.name: known.get(option.name, Any)
         for option in dataclasses.fields(propagator)

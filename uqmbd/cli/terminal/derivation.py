@@ -27,7 +27,7 @@ def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monoton
 
     `progress` is the display; `clock` returns the time, s.
     """
-    if derivation.isEnabledFor(logging.DEBUG):  # a program listens already, and shows it as it likes
+    if derivation.isEnabledFor(logging.DEBUG):  # the caller already receives these records
         yield
         return
     shown = _ProgressHandler(progress, clock)

@@ -167,7 +167,7 @@ class BodyTerms(Component):
     inertia = Parameter("kg m^2", "inertia about the centre of mass, body axes", kind="numbers")
 
     def terms(self, p: Local) -> list[Term]:
-        """Return the kinetic energy in terms of ``d/dt(A c)``, the weight and the unit-norm condition."""
+        """Return the terms of the kinetic energy (with ``d/dt(A c)``), the weight and the unit-norm condition."""
         v, w = p.body.point_velocity(p.com), p.body.body_angular_velocity
         energy = p.mass * v.dot(v) / 2
         terms: list[Term] = []

@@ -23,9 +23,7 @@ __all__ = ["MassProperties", "random_body_inertia", "random_inertia"]
 ROUNDING = 1e-12
 """Size of a second moment, relative to the largest, that counts as zero."""
 
-VARYING = {
-    n: f"an inertia {of}" for n, of in enumerate(("that varies in one number", "of a flat body", "of a body"), 1)
-}
+VARYING = {n: f"an inertia {of}" for n, of in enumerate(("with one random factor", "of a flat body", "of a body"), 1)}
 
 
 @typechecked
@@ -265,7 +263,7 @@ def _numbers(where: str, what: str, given: Any, entries: Any) -> list[float]:
 
 
 def _root(where: str, entries: list[float]) -> NDArray[np.float64]:
-    """Return a root F of the second moments of mass, F F^T, (3, rank): principal axes, scaled to lengths."""
+    """Return a factor F, (3, rank), of the second moments of mass F F^T: principal axes times roots of the moments."""
     xx, yy, zz, xy, xz, yz = entries
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if not matrix.any():

@@ -36,7 +36,7 @@ class StateSymbol(Symbolic, Symbol):
     index: int
 
     def __new__(cls, owner: Any, quantity: str, index: int, name: str, units: str = "") -> StateSymbol:
-        """Make a symbol with its meaning."""
+        """Make a symbol that stores its owner, its kind and its index."""
         self: StateSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.quantity, self.index = owner, quantity, index
         self.units = units

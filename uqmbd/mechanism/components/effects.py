@@ -77,7 +77,7 @@ def effective_parameters(
     entered = {name for name, own in symbols_of.items() if used & own}
     is_option = {name for name, parameter in declared.items() if parameter.kind == "option"}
     found |= entered | read_alone | (is_option & (accessed | component.prepared_from))
-    if entered - set(declared):  # prepare() computed one of the values from the parameters
+    if entered - set(declared):  # a used value comes from prepare(), which read parameters
         found |= component.prepared_from
     return frozenset(found)
 

@@ -267,7 +267,7 @@ class AngleSymbol(Symbolic, Symbol):
     angle: JointAngle
 
     def __new__(cls, owner: Any, name: str, angle: JointAngle) -> AngleSymbol:
-        """Make a symbol with its meaning."""
+        """Make a symbol that stores its owner and its angle."""
         self: AngleSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.angle, self.units = owner, angle, "rad"
         return self
@@ -280,7 +280,7 @@ class AngleSymbol(Symbolic, Symbol):
 
     @property
     def states(self) -> set[sympy.Symbol]:
-        """Coordinates and velocities in the angle and its rate."""
+        """Coordinates and velocities on which the angle and its rate depend."""
         angle = self.angle
         found = {s for x in (angle.cosine, angle.sine, angle.rate) for s in as_symbolic(x).free_symbols}
         return {s for s in found - set(angle.constants) if not isinstance(s, RandomVariable)}

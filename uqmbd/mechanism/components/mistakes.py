@@ -8,7 +8,7 @@ EXPECTED = (
     "The method terms() must yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are functions of "
     "the quantities of p."
 )
-"""Advice if no remedy applies."""
+"""Advice on an error of unknown cause."""
 
 REMEDIES = (
     (

@@ -94,7 +94,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
 
 
 def _holders(component: Component) -> list[Component]:
-    """Return the body terms of a component's bodies; they contain the numbers of the bodies."""
+    """Return the components that store mass and inertia of the bodies of a component."""
     return [
         terms for body in component.attached.values() if isinstance(terms := getattr(body, "terms", None), Component)
     ]

@@ -49,7 +49,7 @@ class ScalarSymbol(Symbolic, Symbol):
     at: str
 
     def __new__(cls, name: str, quantity: str, number: int = 0, at: str = "") -> Self:
-        """Make a symbol with its meaning."""
+        """Make a symbol that stores its arguments as attributes."""
         self: Self = sympy.Symbol.__xnew__(cls, name, real=True)
         self.quantity, self.number, self.at = quantity, number, at
         self.units = {"frequency": "Hz", "damping_ratio": "1"}.get(quantity, "")
@@ -85,7 +85,7 @@ class EventTime(MotionSymbol):
     label: str
 
     def __new__(cls, component: Any, label: str, number: int) -> Self:
-        """Make a symbol with its meaning."""
+        """Make a symbol that stores its arguments as attributes."""
         self = super().__new__(cls, event_name(component.name, label, number))
         self.component, self.label = component, label
         self.units = "s"

@@ -26,7 +26,7 @@ MOST_ALLOWED = 0.5
 
 @dataclass(frozen=True)
 class Amount:
-    """Budget of a run: a number of realisations or a time, s; one of both is finite."""
+    """Budget of a run: a number of realisations or a time, s; one of the two is finite."""
 
     realisations: float = math.inf
     seconds: float = math.inf

@@ -43,13 +43,13 @@ class BudgetTerms:
 
     budget: Amount | None = None
     accuracy: float | None = None  # see `uqmbd.results.stated_accuracy`
-    say: Callable[[str], object] | None = None  # receives sentences on the chosen sizes
+    receiver: Callable[[str], object] | None = None  # receives sentences on the chosen sizes
     clock: Callable[[], float] = time.monotonic  # s
 
     @classmethod
-    def of(cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None) -> BudgetTerms:
-        """Read budget and accuracy; at least one of both must be given."""
-        return cls(budget_of(budget, f"{where}: budget"), accuracy_of(accuracy, f"{where}: accuracy"), say)
+    def of(cls, where: str, budget: object, accuracy: object, receiver: Callable[[str], object] | None) -> BudgetTerms:
+        """Read budget and accuracy; at least one of the two must be given."""
+        return cls(budget_of(budget, f"{where}: budget"), accuracy_of(accuracy, f"{where}: accuracy"), receiver)
 
     @property
     def bounds(self) -> str:
@@ -57,16 +57,16 @@ class BudgetTerms:
         return "" if self.budget is None else f"their realisations are not part of the budget of {self.budget.words}"
 
     @property
-    def asked(self) -> dict[str, Any]:
-        """Return budget and accuracy as they are stored."""
+    def requested_as_stored(self) -> dict[str, Any]:
+        """Return requested budget and accuracy in their stored form."""
         known = self.budget or Amount()
         about = {"realisations": known.realisations, "seconds": known.seconds, "accuracy": self.accuracy}
         return {name: value for name, value in about.items() if value is not None and math.isfinite(value)}
 
-    def tell(self, sentence: str) -> None:
+    def report_sentence(self, sentence: str) -> None:
         """Report a sentence."""
-        if self.say is not None:
-            self.say(sentence)
+        if self.receiver is not None:
+            self.receiver(sentence)
 
 
 @dataclass
@@ -100,7 +100,7 @@ class BudgetedRun:
         self._warm(propagators)
         sized: list[Sized] = []
         for propagator in propagators:
-            found = self._asked(propagator)
+            found = self._possible_sizes(propagator)
             if isinstance(found, Sized):
                 sized.append(found)
         # the budget may not include the stored realisations of a resumed run
@@ -110,11 +110,11 @@ class BudgetedRun:
         for one in sized:
             # all methods share the rest of this part
             if one.needs_pilot(timed=math.isfinite((self.terms.budget or Amount()).seconds)):
-                self._turn(one, self._left_for_pilot(one, len(sized)), pilot=True)
+                self._run_sizes(one, self._left_for_pilot(one, len(sized)), pilot=True)
         waiting = [one for one in sized if one.label not in self.errors]
         waiting.sort(key=lambda one: one.expected_size())
         for number, one in enumerate(waiting):
-            self._turn(one, self._left(len(waiting) - number))
+            self._run_sizes(one, self._left(len(waiting) - number))
             if one.label not in self.errors:
                 self._end(one)
 
@@ -146,12 +146,12 @@ class BudgetedRun:
     def smallest(self, propagator: Propagator) -> Propagator:
         """Return the smallest size of a method, or the method itself if it has a fixed size."""
         found = propagator
-        with Isolated(*ERRORS_AND_EXITS):  # `_asked` reports the error
+        with Isolated(*ERRORS_AND_EXITS):  # `_possible_sizes` reports the error
             if (sizing := propagator.sizing(self.study, self.terms.accuracy)) is not None:
                 found = sizing.at(sizing.least)
         return found
 
-    def _asked(self, propagator: Propagator) -> Sized | None:
+    def _possible_sizes(self, propagator: Propagator) -> Sized | None:
         """Return the possible sizes of a method; run a method of fixed size unchanged, and return None."""
         label, sizing = propagator.node_name, None
         with Isolated(*ERRORS_AND_EXITS) as isolated:
@@ -169,7 +169,7 @@ class BudgetedRun:
             for stored in self._record.get(label, []):
                 self._earlier += stored.get("seconds", 0.0)
             return one
-        self.terms.tell(f"{label}: the method has no adjustable size, so it runs with the given options")
+        self.terms.report_sentence(f"{label}: the method has no adjustable size, so it runs with the given options")
         left = self._left(1)
         ledger.most, ledger.until = left.realisations, math.inf
         with Isolated(*ERRORS_AND_EXITS) as work:
@@ -204,7 +204,7 @@ class BudgetedRun:
 
         return stated_accuracy(node, rtol=getattr(self.study, "rtol", 0.0), of=of, usual=usual)
 
-    def _turn(self, one: Sized, left: RemainingBudget, *, pilot: bool = False) -> None:
+    def _run_sizes(self, one: Sized, left: RemainingBudget, *, pilot: bool = False) -> None:
         """Run a method at increasing sizes until its accuracy is sufficient or its part of the budget is spent.
 
         A method fails if its first size fails. If a later size fails, the method keeps its earlier results.
@@ -248,7 +248,7 @@ class BudgetedRun:
             if (found := one.finished(size, done - behind * one.chunk(size))) is None:
                 return
             with contextlib.suppress(BudgetSpent):
-                self._stage(one, found, ledger, there=True)
+                self._stage(one, found, ledger, finished=True)
                 return
             del self._record[one.label][len(one.stages) :]
 
@@ -263,11 +263,11 @@ class BudgetedRun:
         return one.following(left) if one.stages else one.first(left)
 
     def _announce(self, one: Sized, size: int) -> None:
-        last, wanted = one.stages[-1], one.wanted()
+        last, needed = one.stages[-1], one.needed()
         stated = format_percent(last.accuracy, "no error")
         text = f"{one.label}: the stated error with {one.sizing.option}={last.size} is {stated} ({last.quantity})"
-        if one.accuracy is not None and math.isfinite(wanted) and one.sizing.falls != "itself":
-            count = one.sizing.largest(wanted)
+        if one.accuracy is not None and math.isfinite(needed) and one.sizing.falls != "itself":
+            count = one.sizing.largest(needed)
             text += f"; {format_percent(one.accuracy, 'no error')} needs about {one.sizing.option}={count}"
         text += (
             f"; the next size is {size}, {one.cost(size)} realisations, about "
@@ -275,10 +275,10 @@ class BudgetedRun:
         )
         if one.sizing.falls == "root" and math.isfinite(last.accuracy):
             text += f", for about {format_percent(last.accuracy * math.sqrt(last.size / size), 'no error')}"
-        self.terms.tell(text)
+        self.terms.report_sentence(text)
 
-    def _stage(self, one: Sized, size: int, ledger: Ledger, *, there: bool = False) -> None:
-        """Run a method at a size; `there`: whether all realisations of this size are finished."""
+    def _stage(self, one: Sized, size: int, ledger: Ledger, *, finished: bool = False) -> None:
+        """Run a method at a size; `finished` states whether all realisations of this size exist already."""
         method = one.sizing.at(size)
         if method.node_name != one.label:
             method = replace(method, label=one.label)
@@ -287,7 +287,7 @@ class BudgetedRun:
         if again is None:
             if (reason := obstacle_of(method, self.study)) is not None:
                 raise StudyError(f"{one.label}: the method cannot run this study: {reason}")
-            if one.stages and not there and one.fresh(size) > ledger.most - ledger.spent:
+            if one.stages and not finished and one.fresh(size) > ledger.most - ledger.spent:
                 raise BudgetSpent(f"{one.fresh(size)} realisations")
             record.append({"size": size})
             self._write()
@@ -314,7 +314,7 @@ class BudgetedRun:
         self._write()
 
     def _computed(self, method: Propagator, ledger: Ledger) -> xr.DataTree:
-        """Run a method and store its warnings; `pass_on_warnings` issues the warnings of the chosen size."""
+        """Run a method, and store its warnings, which `pass_on_warnings` issues for the chosen size only."""
         with warnings.catch_warnings(record=True) as caught, explained(self.executor):
             warnings.simplefilter("always")
             problem = self.study.problem(method, self.executor, self.progress, self.folder)
@@ -325,7 +325,7 @@ class BudgetedRun:
     def _end(self, one: Sized) -> None:
         """Record and report the chosen size."""
         assert one.node is not None and one.taken is not None
-        taken, wanted = one.taken, one.accuracy
+        taken, target = one.taken, one.accuracy
         about: dict[str, Any] = {
             "sized": True,
             "option": one.sizing.option,
@@ -340,21 +340,21 @@ class BudgetedRun:
             f"the stated error with {one.sizing.option}={taken.size} is {format_percent(taken.accuracy, 'no error')} "
             f"({taken.quantity})"
         )
-        if wanted is not None:
+        if target is not None:
             about["met"] = one.met
-            text += f"; {100 * wanted:g} % was requested"
+            text += f"; {100 * target:g} % was requested"
             text += "" if one.met else f", but not reached: {one.problem or 'the budget is used'}"
             for part in (one.node, *filter(None, [one.node.children.get("scalars")])):
-                part.attrs["requested_accuracy"] = wanted
+                part.attrs["requested_accuracy"] = target
         about["summary"] = text
         one.node.attrs["budget_summary"] = text
         self.about[one.label], self.nodes[one.label] = about, one.node
-        self.terms.tell(f"{one.label}: {text}")
+        self.terms.report_sentence(f"{one.label}: {text}")
 
     def pass_on_warnings(self, stacklevel: int) -> None:
-        """Issue the warnings of methods at the chosen sizes; warn of a missed accuracy unless `say` reported it."""
+        """Issue the warnings of methods at the chosen sizes; without `receiver`, warn of a missed accuracy."""
         for label, about in self.about.items():
-            if about.get("met") is False and self.terms.say is None:
+            if about.get("met") is False and self.terms.receiver is None:
                 warnings.warn(f"{label}: {about['summary']}", StudyWarning, stacklevel=stacklevel + 1)
         for label in self.nodes:
             for one in self._warnings.get(label, []):
@@ -362,7 +362,7 @@ class BudgetedRun:
 
     def attribute(self) -> dict[str, str]:
         """Return the root attribute ``budget`` in JSON: requested budget and accuracy, and the outcome by method."""
-        about: dict[str, Any] = {"asked": self.terms.asked, "methods": self.about}
+        about: dict[str, Any] = {"asked": self.terms.requested_as_stored, "methods": self.about}
         if small := [label for label, error in self.errors.items() if isinstance(error, BudgetTooSmallError)]:
             about["too_small_for"] = small
         return {"budget": json.dumps(_plain(about), ensure_ascii=False)}
@@ -373,7 +373,7 @@ class BudgetedRun:
             return
         with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
             found = json.loads((self.folder / FOLDER / RECORD).read_text())
-            if found["asked"] == self.terms.asked:
+            if found["asked"] == self.terms.requested_as_stored:
                 self._record = {str(k): [_size(one) for one in v] for k, v in found["methods"].items()}
 
     def _write(self) -> None:
@@ -382,7 +382,7 @@ class BudgetedRun:
         place = self.folder / FOLDER
         place.mkdir(parents=True, exist_ok=True)
         with replacing(place / RECORD) as part:
-            part.write_text(json.dumps({"asked": self.terms.asked, "methods": self._record}))
+            part.write_text(json.dumps({"asked": self.terms.requested_as_stored, "methods": self._record}))
 
 
 def _size(record: Any) -> dict[str, Any]:

@@ -18,9 +18,9 @@ MARGIN = 1.1
 """Ratio of the next sample size to the size at which the extrapolated stated error equals the accuracy."""
 
 HEAVY = 1.8
-"""Ratio with the meaning of `MARGIN`, if the usual error of the standard deviation is the largest error.
+"""Replacement of `MARGIN` if the largest error, without the allowance for few samples, is that of a standard deviation.
 
-The usual error is computed from the kurtosis, which most samples of a heavy tail underestimate.
+This error is computed from the kurtosis, which most samples of a heavy-tailed distribution underestimate.
 """
 
 LEAP = 16
@@ -64,7 +64,7 @@ STALLED = 0.5, 0.8
 """Ratio of errors over two steps above which no further step runs: without and with a requested accuracy."""
 
 INTEGRATION = 10.0
-"""Ratio of error to integration tolerance below which integration errors dominate, so no step reduces the error."""
+"""Ratio of error to integration tolerance below which integration errors dominate, so that no further step runs."""
 
 STEPS = 30
 """Maximum size of a method whose error decreases with steps, such as an order."""
@@ -95,7 +95,7 @@ class Stage:
     kind: str = ""  # kind of the quantity: ``mean``, ``std`` or ``probability``
     usual: float = math.nan
     """Accuracy without the allowance for few samples, proportional to 1 / sqrt(samples); NaN: unknown."""
-    usual_kind: str = ""  # the statistic that has the usual accuracy
+    usual_kind: str = ""  # kind of the quantity that determines `usual`
 
 
 @dataclass
@@ -149,7 +149,7 @@ class Sized:
         return self._costs[size]
 
     def needs_pilot(self, *, timed: bool) -> bool:
-        """Return whether a pilot must predict the cost; a method that ends automatically needs it only if `timed`."""
+        """Return whether a pilot must predict the cost; a method that ends automatically needs one only if `timed`."""
         return self.sizing.falls != "itself" or timed
 
     def expected_size(self) -> float:
@@ -157,7 +157,7 @@ class Sized:
         if self.sizing.falls == "steps":
             return 0.0
         bound = self.sizing.bound if self.sizing.falls == "itself" and self.accuracy is not None else None
-        return self.wanted() if bound is None else float(bound)
+        return self.needed() if bound is None else float(bound)
 
     def first(self, left: RemainingBudget) -> int:
         """Return the first size."""
@@ -168,12 +168,12 @@ class Sized:
         most = min(left.realisations, bound)
         return self.sizing.largest(most if math.isfinite(most) else self.sizing.bound or least)
 
-    def wanted(self) -> float:
+    def needed(self) -> float:
         """Return the predicted size for the accuracy; infinity means the largest possible size."""
         if self.accuracy is None or not self.stages:
             return math.inf
         last = self.stages[-1]
-        if self._enough():
+        if self._is_accurate():
             return last.size
         if self.sizing.falls == "itself":
             return math.inf if self.sizing.bound is None else self.sizing.bound
@@ -183,16 +183,16 @@ class Sized:
             return 4.0 * last.size
         if math.isfinite(last.usual):
             margin = HEAVY if self._heavy(last) else MARGIN
-            wanted = math.ceil(margin * last.size * (last.usual / self.accuracy) ** 2)
-            if wanted > WORTH * last.size:
-                return wanted
+            needed = math.ceil(margin * last.size * (last.usual / self.accuracy) ** 2)
+            if needed > WORTH * last.size:
+                return needed
         return math.ceil(MARGIN * last.size * (last.accuracy / self.accuracy) ** 2)
 
     def _heavy(self, stage: Stage) -> bool:
         """Return whether independent samples with standard errors from moments have a heavy tail."""
         return self.sizing.falls == "root" and self.sizing.extends and stage.usual_kind == "std"
 
-    def _enough(self) -> bool:
+    def _is_accurate(self) -> bool:
         """Return whether no larger size is needed."""
         last = self.stages[-1]
         if self.accuracy is None:
@@ -211,30 +211,30 @@ class Sized:
     def following(self, left: RemainingBudget) -> int | None:
         """Return the next size; None if the method is accurate enough or no further size is affordable."""
         last = self.stages[-1]
-        if self.problem or self._enough():
+        if self.problem or self._is_accurate():
             return None
         if self.sizing.falls == "steps":
             return self._following_step(left)
         if self.sizing.falls == "itself":
             return self._following_bound(left)
-        wanted = min(self.wanted(), GROWTH * last.size)
+        needed = min(self.needed(), GROWTH * last.size)
         if self.accuracy is not None and last.kind in ("mean", "std") and last.usual >= last.accuracy:
-            step = math.sqrt(wanted * last.size)
+            step = math.sqrt(needed * last.size)
             if not self.sizing.extends:
                 least, most = (factor * last.size for factor in DESIGN_GROWTH)
-                wanted = min(wanted, max(least, min(step, most)))
-            elif wanted > LEAP * last.size:
-                wanted = step
+                needed = min(needed, max(least, min(step, most)))
+            elif needed > LEAP * last.size:
+                needed = step
         if math.isinf(left.realisations) and math.isinf(left.seconds):
-            wanted = min(wanted, MOST)
+            needed = min(needed, MOST)
         # a design may need fewer than predicted; but rounding must not end the run just above the accuracy
-        design = not self.sizing.extends and self.sizing.largest(wanted) >= WORTH * last.size
-        size = self._affordable(self.sizing.largest(wanted) if design else self._upwards(wanted), left)
+        design = not self.sizing.extends and self.sizing.largest(needed) >= WORTH * last.size
+        size = self._affordable(self.sizing.largest(needed) if design else self._upwards(needed), left)
         if size <= last.size:
-            self.problem = self._why(left)
+            self.problem = self._budget_reason(left)
             return None
-        if size < wanted and size < WORTH * last.size:
-            self.problem = self._why(left)
+        if size < needed and size < WORTH * last.size:
+            self.problem = self._budget_reason(left)
             return None
         return size
 
@@ -281,7 +281,7 @@ class Sized:
         return self.cost(size) - self.reusable(size)
 
     def reusable(self, size: int) -> int:
-        """Return the number of realisations of the last size that also are in whole chunks of another size."""
+        """Return the number of realisations of the last size that fill whole chunks of another size."""
         if not self.sizing.extends or not self.stages:
             return 0
         last, chunk = min(self.stages[-1].size, self.held), self.chunk(size)
@@ -294,7 +294,7 @@ class Sized:
         """Return the number of realisations that the remaining time allows, from their measured cost."""
 
         def count(share: float) -> float:
-            return max(share * seconds - self._besides(), 0.0) / self._rate()
+            return max(share * seconds - self._overhead(), 0.0) / self._rate()
 
         # an extrapolation to few more realisations than were timed is more reliable than an extrapolation to many more
         return max(count(GUESSED), min(count(RESERVE), FEW * self._timed()))
@@ -310,8 +310,8 @@ class Sized:
         one = max(self.stages, key=lambda stage: stage.fresh)
         return max((one.computing or one.seconds) / one.fresh, 1e-12)
 
-    def _besides(self) -> float:
-        """Return the time that a size needs in addition to the time of its realisations, s."""
+    def _overhead(self) -> float:
+        """Return the time, s, that a size takes in addition to the time of its realisations."""
         last = self.stages[-1]
         return last.seconds - last.computing if last.computing else 0.0
 
@@ -321,7 +321,7 @@ class Sized:
         found = self.sizing.at(size).estimate(self.study) if self.sizing.falls == "steps" else None
         if found is not None and found.together:
             return float(last.seconds * (self.cost(size) / max(last.cost, 1)) ** TOGETHER)
-        return self._besides() + self._rate() * self.fresh(size)
+        return self._overhead() + self._rate() * self.fresh(size)
 
     def _following_step(self, left: RemainingBudget) -> int | None:
         last = self.stages[-1]
@@ -335,40 +335,40 @@ class Sized:
         size = last.size + 1
         if len(self.stages) > 2 and self.accuracy is not None:
             # use the extrapolated order minus one: a further step costs less than an order that is too high
-            size = max(size, min(int(min(self.wanted(), STEPS)) - 1, 2 * last.size))
+            size = max(size, min(int(min(self.needed(), STEPS)) - 1, 2 * last.size))
         while size > last.size + 1 and not self._fits(size, left):
             size -= 1
         if size > STEPS:
             self.problem = f"{self.sizing.option}={last.size} is the highest allowed value"
             return None
         if not self._fits(size, left):
-            self.problem = self._why(left, size)
+            self.problem = self._budget_reason(left, size)
             return None
         return size
 
     def _following_bound(self, left: RemainingBudget) -> int | None:
         last = self.stages[-1]
-        wanted = self.wanted()
+        needed = self.needed()
         room = min(left.realisations, self._timely(left.seconds))
         if self._pending and last.cost < room:
-            return self.sizing.largest(min(max(float(last.size), wanted), room))
+            return self.sizing.largest(min(max(float(last.size), needed), room))
         if last.cost < last.size:
             ended = f"the method ended with {last.cost} realisations"
             more = ", and the remaining budget does not allow a smaller tolerance" if self._pending else ""
             self.problem = ended + more
             return None
-        size = self.sizing.largest(min(wanted, room)) if math.isfinite(min(wanted, room)) else last.size
+        size = self.sizing.largest(min(needed, room)) if math.isfinite(min(needed, room)) else last.size
         if size <= last.size * WORTH:
-            self.problem = self._why(left)
+            self.problem = self._budget_reason(left)
             return None
         return size
 
-    def _why(self, left: RemainingBudget, size: int | None = None) -> str:
-        """Return the message that the budget ends the method; the message states the cost of the next size."""
+    def _budget_reason(self, left: RemainingBudget, size: int | None = None) -> str:
+        """Return the reason why the budget ends the method, with the cost of the next size."""
         last = self.stages[-1]
         if math.isinf(left.realisations) and math.isinf(left.seconds):
             return f"{self.sizing.option}={last.size} is the largest allowed value"
-        if size is None and self.accuracy is not None and math.isfinite(found := self.wanted()):
+        if size is None and self.accuracy is not None and math.isfinite(found := self.needed()):
             size = self._upwards(found)
         if size is None:
             return "the budget is used"

@@ -23,7 +23,7 @@ WATCHED = "angle_of_"
 """Prefix of the name of a body or joint with a watched angle."""
 
 ENOUGH = 0.5
-"""Minimum share of realisations with a phase from which an angle that turns in some of them is preferred."""
+"""Minimum share of realisations with a phase for a clock without full turns, and for the preference of full turns."""
 
 EVEN = 0.3
 """Ratio of the smallest to the mean rate of a clock above which steadier clocks are not preferred."""
@@ -98,7 +98,7 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     >>> mechanism.output("angle", wheel.angle, units="rad")
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
-    >>> found, told = uqmbd.extend.dense(problem.watching(), np.array([[6.0], [7.0]]), end=2.0)
+    >>> found, realisations = uqmbd.extend.dense(problem.watching(), np.array([[6.0], [7.0]]), end=2.0)
     >>> clock, why = uqmbd.extend.choose_clock(problem, found, 2.0, None)
     >>> clock.name, why
     ('angle', '')
@@ -179,7 +179,7 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
 
 @dataclass(frozen=True)
 class _Fitness:
-    """Suitability of a clock: share of realisations, share of them with full turns, steadiness."""
+    """Suitability of a clock: shares of realisations with a phase and with full turns, and steadiness."""
 
     clock: Clock
     share: float

@@ -164,7 +164,7 @@ class Phases:
 
     @property
     def lasting(self) -> Array:
-        """Return the phases (K,) of the last possible event marker, rad; inf if the phase does not stop."""
+        """Return the phases (K,), rad, of the last extremes before rest; inf for phases that do not stop."""
         return np.array([s.last if s is not None and s.rests else np.inf for s in self._swings])
 
     def passed(self, k: Size, marks: Array) -> Array:

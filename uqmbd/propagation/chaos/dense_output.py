@@ -184,8 +184,8 @@ def dense(
     >>> mechanism.output("angle", wheel.angle, units="rad")
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
-    >>> found, told = uqmbd.extend.dense(problem, np.array([[6.0], [7.0]]), end=2.0)
-    >>> found.spline(1)(0.3).round(4).tolist(), bool(told.good.all())  # 7 rad/s for 0.3 s
+    >>> found, realisations = uqmbd.extend.dense(problem, np.array([[6.0], [7.0]]), end=2.0)
+    >>> found.spline(1)(0.3).round(4).tolist(), bool(realisations.good.all())  # 7 rad/s for 0.3 s
     ([2.1], True)
     """
     rows = problem.labels.shape[0]
@@ -227,7 +227,7 @@ def _largest(wrong: Array) -> float:
 
 
 def _next(count: int, coarser: float, error: float, most: int) -> int | None:
-    """Return the next number of times from the current number, its error, and the error of half of it; None: enough.
+    """Return the next number of times, from the errors with the current number and half of it; None if it suffices.
 
     Errors of smooth outputs follow the order of the splines. Errors at kinks may decrease so slowly that no admissible
     number of times resolves them. The next number of times then makes the error acceptable, if possible.
@@ -238,10 +238,10 @@ def _next(count: int, coarser: float, error: float, most: int) -> int | None:
         return min(most, GROWTH * count)
     order = _order(coarser, error)
     last = error * (count / most) ** order
-    wanted = ACCEPTABLE if last > RESOLVED else RESOLVED
-    if error <= wanted or last > ACCEPTABLE:
+    limit = ACCEPTABLE if last > RESOLVED else RESOLVED
+    if error <= limit or last > ACCEPTABLE:
         return None
-    factor = (error / wanted) ** (1 / max(order, 1.0))
+    factor = (error / limit) ** (1 / max(order, 1.0))
     return min(most, int(count * np.clip(1.1 * factor, 1.5, GROWTH)))
 
 

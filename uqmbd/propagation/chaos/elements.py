@@ -251,8 +251,9 @@ def refine_elements(
     In each round the error of every element is estimated: at each output and time, it is the larger of the energy of
     its top order and of the mean square at its verification realisations. The error is weighted by the probability of
     the element. Elements with the largest contributions are split at the median along the input with most energy of the
-    top order. The local variance has the same influence if the error exceeds a tenth of the local standard deviation.
-    The halves replace the elements, and new chaoses are computed for them. The result does not depend on the workers.
+    top order. If the error exceeds a tenth of the local standard deviation, the local variance of each input has the
+    same weight in this choice. The halves replace the elements, and new chaoses are computed for them. The result does
+    not depend on the workers.
 
     Parameters
     ----------
@@ -327,7 +328,7 @@ def refine_elements(
     rounds: list[tuple[int, int, float]] = []
     splits: list[tuple[int, int, float]] = []
     while True:
-        contributions, blame = _contributions(parts, rtol, lost)
+        contributions, scores = _contributions(parts, rtol, lost)
         error = float(np.sqrt(contributions.sum(axis=0).max()))
         rounds.append((len(parts), computed, error))
         refinement.info("%s: %d elements, error %.3g, threshold %.3g", label, len(parts), error, limits.threshold)
@@ -341,10 +342,10 @@ def refine_elements(
         if room < 1:
             reason = "max_realisations does not allow more elements"
             break
-        chosen = _chosen(parts, contributions, room)
+        chosen = _elements_to_split(parts, contributions, room)
         halves: dict[int, tuple[GermBox, GermBox]] = {}
         for k in chosen:
-            germ = _guilty(parts[k].box, blame[k])
+            germ = _germ_to_split(parts[k].box, scores[k])
             halves[k] = parts[k].box.split(germ)
             splits.append((len(rounds) - 1, germ, halves[k][0].upper[germ]))
         if not halves:
@@ -419,7 +420,7 @@ def _joined(parts: list[_TimedElement], label: str) -> PiecewiseChaos | AlignedC
 def _contributions(
     parts: list[_TimedElement], rtol: float, lost_share: Callable[[int], float] | None
 ) -> tuple[Array, Array]:
-    """Return the part of each element in the squared error (E, C), and its top-order energy by germ (E, d)."""
+    """Return the contributions of elements to the squared error (E, C), and scores of germs for their split (E, d)."""
     count = min(_times(p.chaos) for p in parts)
     probability = np.array([p.box.probability for p in parts])
     moments = [_moments(p.chaos) for p in parts]
@@ -432,13 +433,13 @@ def _contributions(
     scale = np.maximum(np.sqrt(most), 100 * rtol * size + 1e-300)
     # an output that is always zero, such as the force of an open contact, has no error; the ratio would be 0 / 0
     scale = np.where(scale > ALWAYS_ZERO, scale, np.inf)[:, None]
-    errors, blame = [], []
+    errors, scores = [], []
     for part, spread in zip(parts, std, strict=True):
         chaos = part.chaos
         squared = _columns(chaos.top_energy, count)
         if chaos.verification_germs is not None:
             seen = _columns(chaos.verification_rms() ** 2, count)
-            # the top order of a chaos of order 1 is the slope, which is not an error
+            # the top order of a chaos of order 1 is its slope, which does not estimate an error
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
         share = returned("refine_elements: lost", lost_share(part.number), float) if lost_share else 0.0
         own = part.box.probability * np.maximum(squared / scale**2, share)
@@ -450,11 +451,11 @@ def _contributions(
         errors.append(own.ravel() + (WRONG * part.box.probability if early else 0.0))
         # the top order of an invalid expansion may select any germ: also use the local variance
         lost = part.box.space.dimension > 1 and bool(squared.max() > LOST**2 * max(float((spread**2).max()), 1e-300))
-        witnesses = [chaos.top_energy_germ, *([chaos.variance_germ] if lost else [])]
-        shares = [np.stack([_columns(e, count) for e in w]) / scale**2 for w in witnesses]
+        energies = [chaos.top_energy_germ, *([chaos.variance_germ] if lost else [])]
+        shares = [np.stack([_columns(e, count) for e in w]) / scale**2 for w in energies]
         sums = [share.mean(axis=2).sum(axis=1) for share in shares]
-        blame.append(np.sum([x / (x.sum() or 1.0) for x in sums], axis=0))
-    return np.array(errors), np.array(blame)
+        scores.append(np.sum([x / (x.sum() or 1.0) for x in sums], axis=0))
+    return np.array(errors), np.array(scores)
 
 
 def _moments(chaos: Expansion) -> tuple[Array, Array]:
@@ -462,7 +463,7 @@ def _moments(chaos: Expansion) -> tuple[Array, Array]:
     return chaos.rough_moments if isinstance(chaos, AlignedChaos) else (chaos.mean, chaos.std)
 
 
-def _chosen(parts: list[_TimedElement], contributions: Array, room: int) -> list[int]:
+def _elements_to_split(parts: list[_TimedElement], contributions: Array, room: int) -> list[int]:
     """Return the elements with the largest and with similar contributions, in their order, for the next split."""
     size = contributions.max(axis=1)
     able = [k for k, p in enumerate(parts) if any(map(p.box.divisible, range(p.box.space.dimension)))]
@@ -474,10 +475,10 @@ def _chosen(parts: list[_TimedElement], contributions: Array, room: int) -> list
     return sorted(k for k in ranked[:room] if size[k] >= limit)
 
 
-def _guilty(box: GermBox, blame: Array) -> int:
-    """Return the germ for the split: the germ with most energy in the top order, or without energy the widest one."""
-    able = [k for k in range(len(blame)) if box.divisible(k)]
-    return max(able, key=lambda k: (blame[k], box.probabilities[k], -k))
+def _germ_to_split(box: GermBox, scores: Array) -> int:
+    """Return the germ for the split: the germ with the largest score, and of equal germs the most probable interval."""
+    able = [k for k in range(len(scores)) if box.divisible(k)]
+    return max(able, key=lambda k: (scores[k], box.probabilities[k], -k))
 
 
 def _times(chaos: Expansion) -> int:

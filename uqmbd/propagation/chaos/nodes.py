@@ -122,13 +122,13 @@ def fit_nodes(
             "terms of the basis, or fewer terms. Use more nodes, or truncate the distributions to exclude failures. "
             f"Reason of the failure: {reason}"
         )
-    kept = found.multi_index
-    fewer = "" if len(kept) == terms else f", which determine {len(kept)} of the {terms} terms"
+    fitted = found.multi_index
+    fewer = "" if len(fitted) == terms else f", which determine {len(fitted)} of the {terms} terms"
     warning = (
         f"{label}: {failed} of {count} nodes failed, so the method replaced the quadrature by a regression on the "
         f"{left} successful nodes{fewer}. In the region of failure the chaos is an extrapolation. Reason of the "
         f"failure: {reason}"
     )
     how = f"regression on the {left} of {count} nodes that did not fail"
-    how += "" if len(kept) == terms else f", {len(kept)} of {terms} terms"
-    return NodeFit(found.coefficients, kept, how, failed, warning)
+    how += "" if len(fitted) == terms else f", {len(fitted)} of {terms} terms"
+    return NodeFit(found.coefficients, fitted, how, failed, warning)

@@ -28,7 +28,7 @@ __all__ = ["warn_of_surrogates"]
 
 
 FACTOR = 3.0
-"""Ratio to the integration error up to which an error is not one of the surrogate.
+"""Ratio of a stated error to the integration error up to which the surrogate is not the cause.
 
 The integration error is measured on few realisations.
 """
@@ -103,13 +103,13 @@ def _stated(node: xr.DataTree, statistics: xr.Dataset, rtol: float) -> tuple[Arr
 def _outside(
     node: xr.DataTree, statistics: xr.Dataset, rtol: float, realised: tuple[Array, Array, int] | None
 ) -> tuple[Array, Mask]:
-    """Return the distance (O, T) of means from the range of realisations, over the std, and a mask of large distances.
+    """Return the distances (O, T) of means from the range of realisations, over the std, and a mask of large ones.
 
     A large distance exceeds both one hundredth of the standard deviation and three times the integration error.
 
-    The range includes realisations of the surrogate and of its verification. If the former are unknown, the latter may
-    miss a rare event that changes the mean. By Cantelli's inequality, this change is almost certainly at most some
-    standard deviations.
+    The range includes realisations of the surrogate and of its verification. If realisations of the surrogate are
+    unknown, those of the verification may miss a rare event that changes the mean. By Cantelli's inequality, this
+    change is almost certainly at most some standard deviations.
     """
     mean, std = (over_time(statistics[name].values) for name in ("mean", "std"))
     low, high, verified = verified_range(node, statistics["mean"].shape)

@@ -25,10 +25,10 @@ __all__ = ["QUARTER", "Swing", "passing"]
 QUARTER = np.pi / 2
 
 REST = 1e-3
-"""Ratio to the largest half-swing so far: an oscillation is at rest if all later half-swings are smaller."""
+"""Ratio to the largest half-swing so far; the oscillation is at rest when all later half-swings are below it."""
 
 FLOOR = 1e-5
-"""Ratio, as `REST`, up to which the moments are still recorded, because other realisations come to rest later."""
+"""Ratio, as `REST`, down to which times are recorded, because other realisations come to rest later."""
 
 ROUNDING = 1e-13
 """Ratio of the largest half-swing to the largest value up to which there is no oscillation."""
@@ -51,7 +51,7 @@ class Swing:
     """Oscillation of one realisation."""
 
     values: Array  # (T,) phase, rad: a multiple of a turn at maxima
-    first: int  # phase of the first moment, quarter turns
+    first: int  # phase at the first of `moments`, quarter turns
     moments: Array  # (M,) times of consecutive quarter turns, s: extremes, and middles between them
     begin: float  # time of the first extreme, s
     rest: float  # time of the last extreme, s
@@ -67,10 +67,12 @@ class Swing:
         extremes, highest = _extremes(times, rate, slope)
         heights = spline(extremes)
         size = np.abs(np.diff(heights)) / 2
-        kept, count = (_last(size, least) for least in (REST, FLOOR))
-        if kept < 1 or size.max() <= ROUNDING * np.abs(values).max():
+        moving, count = (_last(size, least) for least in (REST, FLOOR))
+        if moving < 1 or size.max() <= ROUNDING * np.abs(values).max():
             return None
-        rests = kept < len(size) or times[-1] - extremes[kept] > PATIENCE * (extremes[kept] - extremes[kept - 1])
+        rests = moving < len(size) or times[-1] - extremes[moving] > PATIENCE * (
+            extremes[moving] - extremes[moving - 1]
+        )
         extremes, size, middle = extremes[: count + 1], size[:count], (heights[1:] + heights[:-1])[:count] / 2
         # indices of half-swings; times before the first and after the last one use the plane of their neighbour
         number = np.searchsorted(extremes, times, side="right") - 1
@@ -97,10 +99,10 @@ class Swing:
             moments = np.append(passing(spline, slope, middle[:1], times[at - 1], times[at]), moments)
             first -= 1
         smaller, larger = np.minimum(size[1:], size[:-1]), np.maximum(size[1:], size[:-1])
-        even = bool((smaller >= EVEN * larger)[: kept - 1].all())
-        phases, last = begins * QUARTER + number * np.pi + angle, begins * QUARTER + kept * np.pi
+        even = bool((smaller >= EVEN * larger)[: moving - 1].all())
+        phases, last = begins * QUARTER + number * np.pi + angle, begins * QUARTER + moving * np.pi
         return cls(
-            np.asarray(phases), first, moments, float(extremes[0]), float(extremes[kept]), bool(rests), last, even
+            np.asarray(phases), first, moments, float(extremes[0]), float(extremes[moving]), bool(rests), last, even
         )
 
     def moved(self, turns: float) -> Swing:
@@ -133,20 +135,22 @@ class Swing:
 
 
 def _last(size: Array, least: float) -> int:
-    """Return the number of half-swings (N,) after which all are smaller than a part of the largest so far."""
+    """Return the number of half-swings (N,) after which all are below a given share of the largest so far."""
     large = np.flatnonzero(size >= least * np.maximum.accumulate(size))
     return int(large[-1]) + 1 if len(large) else 0
 
 
-def passing(spline: BSpline, slope: BSpline, wanted: Array, low: Array, high: Array) -> Array:
+def passing(spline: BSpline, slope: BSpline, targets: Array, low: Array, high: Array) -> Array:
     """Return the times (S,), s, at which a spline has given values (S,), each within a bracketing interval."""
-    start, end = spline(low) - wanted, spline(high) - wanted
+    start, end = spline(low) - targets, spline(high) - targets
     rise = end - start
     # the first guess is a linear interpolation; Newton steps stay within the interval
     at = low + (high - low) * np.clip(-start / np.where(rise == 0, np.inf, rise), 0, 1)
     for _ in range(NEWTON):
         rate = slope(at)
-        at = np.clip(at - (spline(at) - wanted) / np.where(np.sign(rate) * np.sign(rise) <= 0, np.inf, rate), low, high)
+        at = np.clip(
+            at - (spline(at) - targets) / np.where(np.sign(rate) * np.sign(rise) <= 0, np.inf, rate), low, high
+        )
     return np.asarray(at)
 
 

@@ -28,14 +28,17 @@ from uqmbd.version import __version__
 __all__ = ["FOLDER", "Checkpoint", "ChunkStore", "StoredChunks", "fingerprint"]
 
 
-def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], times: tuple[str | bytes, ...]) -> bytes:
+def fingerprint(
+    model: Model, inputs: JointInput, integration: tuple[float, str], times: tuple[str | bytes, ...]
+) -> bytes:
     """Return the hash of symbolic equations and outputs, options and version.
 
-    `asked` contains relative tolerance and integrator; `times` contains the output times and the requested kind. The
-    hash contains the name of the integrator. The name identifies the code only if the integrator belongs to the core.
+    `integration` contains the relative tolerance and the name of the integrator; `times` contains the output times and
+    the requested kind. The hash contains the name of the integrator. The name identifies the code only if the
+    integrator belongs to the core.
     """
-    code = compute_code_key(integrator_class(asked[1]))
-    options = (*asked, *([code] if code else []), model.start_at, model.max_step, model.added_breaks)
+    code = compute_code_key(integrator_class(integration[1]))
+    options = (*integration, *([code] if code else []), model.start_at, model.max_step, model.added_breaks)
     parts = (model.digest, inputs.names, *options, *times, __version__)
     turns = model.outputs.turns
     # initial angles are close to the initial angles at the means
@@ -177,7 +180,7 @@ class ChunkStore:
         return self.note(part, chunk)
 
     def note(self, part: Array, chunk: Chunk, *, lost: bool = False) -> Chunk:
-        """Store the companions of a chunk, and return the chunk; `lost`: without a copy on disk."""
+        """Store the companions of a chunk, and return the chunk; if `lost`, there is no copy on disk."""
         found = chunk.companions(self.kind, margins=self.margins)
         if self.partial:
             found["scalars"] = replace(chunk, counters={})

@@ -109,8 +109,8 @@ class Chunk:
 
         Only this chunk contains the counters of the solver.
         """
-        wanted: tuple[Kind, ...] = ("scalars", "requirements") if margins else ("scalars",)
-        found = {other: self.of(other) for other in wanted if other != kind}
+        kinds: tuple[Kind, ...] = ("scalars", "requirements") if margins else ("scalars",)
+        found = {other: self.of(other) for other in kinds if other != kind}
         return {
             other: replace(one, counters={}, scalars=None, margins=one.margins if other == "requirements" else None)
             for other, one in found.items()
@@ -118,16 +118,16 @@ class Chunk:
         }
 
 
-def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
+def integrated_by(counters: Mapping[str, float], requested: str) -> dict[str, str]:
     """Return the attribute with the integrators of realisations, most frequent first; empty without an integrator.
 
-    `asked` is the requested integrator.
+    `requested` is the name of the requested integrator.
 
     >>> integrated_by({"steps": 100, "by_dop853": 60, "by_ida": 4}, "auto")
     {'integrated_by': 'dop853, ida'}
     """
-    if not capabilities_of(integrator_class(asked)).delegates:
-        return {"integrated_by": asked}
+    if not capabilities_of(integrator_class(requested)).delegates:
+        return {"integrated_by": requested}
     counts = {name: counters.get(f"by_{name}", 0) for name in built_in_names()}
     names = sorted((name for name in counts if counts[name]), key=lambda name: -counts[name])
     return {"integrated_by": ", ".join(names)} if names else {}

@@ -38,7 +38,7 @@ _ON = "on "
 """Prefix of the names of machine counters."""
 
 PURPOSES = ("verification", "error estimation")
-"""Parts of the computing time that contain the realisations computed for this purpose."""
+"""Parts of the computing time that include the realisations computed for them."""
 
 
 @dataclass
@@ -62,11 +62,11 @@ class CostClock:
             self._recovered += seconds
 
     def knows(self, key: str) -> bool:
-        """Return whether this run has computed or read the work of a key."""
+        """Return whether this run has computed or read the stored work with a key."""
         return key in self._known
 
     def done(self, key: str) -> None:
-        """Record that this run has computed the work of a key."""
+        """Record that this run has computed the stored work with a key."""
         self._known.add(key)
 
 

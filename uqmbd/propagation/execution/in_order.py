@@ -47,13 +47,13 @@ DEATHS = 2
 """A task counts as lost when this number of workers have died while they ran the task."""
 
 LATE = 4.0
-"""A task is late after this number of typical task times; an unoccupied worker then also computes the task."""
+"""A task is late after this multiple of the typical task time; an unoccupied worker then also computes the task."""
 
 UNKNOWN = 10.0
-"""A task is late after this number of patience times, if no worker has replied and the typical time is unknown."""
+"""A task is late after this multiple of `patience` if no worker has replied, so that the typical time is unknown."""
 
 MISSES = 3
-"""Number of replies "missing" after which a task waits until a task with its packed objects ends, or is late."""
+"""Number of replies "missing" after which a task waits until a task that carries its packed objects ends or is late."""
 
 PAUSE = 0.002
 """Time between attempts while no worker accepts tasks, and between checks, s."""
@@ -111,7 +111,7 @@ class _Submission:
     futures: list[Future[Reply]] = field(default_factory=list)  # several if the task is late
     whole: bool = False  # whether packed arguments are sent entirely
     sent: float = 0.0  # time of the last submission, s
-    begun: float | None = None  # time of the first reply to a later task, s: a worker had begun this task by then
+    begun: float | None = None  # time of the first reply to a later task, s; a worker has begun this task before
     deaths: int = 0  # number of workers that died while they ran the task
     misses: int = 0  # number of replies of workers that lacked a packed object
     alone: bool = False  # whether no other task may run at the same time
@@ -141,7 +141,7 @@ class _Dispatcher(Generic[Piece, Result]):
         self.refused: deque[int] = deque()
         self.lacking: deque[tuple[int, _Submission]] = deque()
         """Indices and next submissions of tasks whose workers lacked a packed object."""
-        self.suspects: deque[tuple[int, int]] = deque()
+        self.possible_killers: deque[tuple[int, int]] = deque()
         """Indices of tasks that may have killed a worker, each with the number of deaths."""
         self.ready: dict[int, tuple[Result, int]] = {}
         """Results, and their size in bytes, by the index of the task."""
@@ -152,30 +152,30 @@ class _Dispatcher(Generic[Piece, Result]):
     def results(self) -> Generator[Result, None, None]:
         """Yield the results in order."""
         try:
-            for wanted in range(len(self.pieces)):
-                while wanted not in self.ready:
-                    self._send_more(wanted)
-                    if wanted not in self.ready:
+            for due in range(len(self.pieces)):
+                while due not in self.ready:
+                    self._send_more(due)
+                    if due not in self.ready:
                         self._take()
-                result, size = self.ready.pop(wanted)
+                result, size = self.ready.pop(due)
                 self.held -= size
-                forward(self.records.pop(wanted, ()))
+                forward(self.records.pop(due, ()))
                 yield result
         finally:
             self._end()
 
-    def _send_more(self, wanted: int) -> None:
+    def _send_more(self, due: int) -> None:
         """Send further tasks, with only a few in reserve for every worker, to limit the memory of results."""
-        if self.suspects and not self.submissions:
+        if self.possible_killers and not self.submissions:
             # if the task of a dead worker is unknown, possible tasks run alone, so that another death identifies the
             # task
-            index, deaths = self.suspects.popleft()
+            index, deaths = self.possible_killers.popleft()
             self._send(index, _Submission(whole=True, deaths=deaths, alone=True))
-        elif not self.suspects and not any(submission.alone for submission in self._first()):
+        elif not self.possible_killers and not any(submission.alone for submission in self._first()):
             self._send_lacking()
             self._send_refused()
             if not self.refused and not self.lacking:
-                self._send_new(wanted)
+                self._send_new(due)
         if self.route.apart and (now := time.monotonic()) - self.looked >= self.tick:
             self.looked = now
             self._send_late(now)
@@ -185,7 +185,7 @@ class _Dispatcher(Generic[Piece, Result]):
         return islice(self.submissions.values(), 1)
 
     def _send_lacking(self) -> None:
-        """Send tasks again whose workers lacked a packed object; after another miss, wait for a task with it."""
+        """Send again tasks whose workers lacked a packed object; after `MISSES`, wait for a task that carries it."""
         free = not self._carried()
         for _ in range(len(self.lacking)):
             index, submission = self.lacking.popleft()
@@ -204,7 +204,7 @@ class _Dispatcher(Generic[Piece, Result]):
         return sum(submission.whole and submission.sent >= oldest for submission in self.submissions.values())
 
     def _send_refused(self) -> None:
-        """Send refused tasks again, as many as the accepting workers can compute."""
+        """Send again as many refused tasks as the accepting workers can compute."""
         while self.refused and len(self.submissions) < self.registry.window - 1:
             self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
         if self.refused and not self.submissions:
@@ -212,15 +212,15 @@ class _Dispatcher(Generic[Piece, Result]):
             time.sleep(PAUSE)
             self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
 
-    def _send_new(self, wanted: int) -> None:
+    def _send_new(self, due: int) -> None:
         """Send the next tasks, unless too many are in progress or too many results wait for an earlier one."""
         window = self.registry.window
         while self.next < len(self.pieces) and len(self.submissions) < window:
-            if self.next > wanted and (self.held >= HELD or len(self.ready) >= WAITING * window):
+            if self.next > due and (self.held >= HELD or len(self.ready) >= WAITING * window):
                 return
             index, self.next = self.next, self.next + 1
             if (found := self.known(self.pieces[index])) is not None:
-                self._add_result(index, found, wanted)
+                self._add_result(index, found, due)
             else:
                 self._send(index, _Submission())
 
@@ -290,7 +290,7 @@ class _Dispatcher(Generic[Piece, Result]):
             self.route.refused(reply.worker)
             del self.submissions[index]
             if submission.deaths:
-                self.suspects.appendleft((index, submission.deaths))
+                self.possible_killers.appendleft((index, submission.deaths))
                 self.registry.complain()
             else:
                 self.refused.append(index)
@@ -310,7 +310,7 @@ class _Dispatcher(Generic[Piece, Result]):
         elif self.route.names_the_dead:
             self._send(index, _Submission(whole=True, deaths=submission.deaths))
         else:
-            self.suspects.append((index, submission.deaths))
+            self.possible_killers.append((index, submission.deaths))
 
     def _note_begun(self, index: int) -> None:
         """Record that tasks sent before this task are running."""
@@ -324,8 +324,8 @@ class _Dispatcher(Generic[Piece, Result]):
         for future in self.submissions.pop(index).futures:
             future.cancel()
 
-    def _add_result(self, index: int, result: Result, wanted: int | None = None) -> None:
-        size = 0 if index == wanted else size_of(result)
+    def _add_result(self, index: int, result: Result, due: int | None = None) -> None:
+        size = 0 if index == due else size_of(result)
         self.ready[index] = result, size
         self.held += size
 

@@ -284,8 +284,8 @@ class Observed:
     def take(self, values: Array, responses: Array) -> None:
         """Select evenly spread realisations until there are enough for the current number of realisations."""
         most = min(MOST, NUMBERS // max(1, responses[:1].size), self.counted // EACH)
-        wanted = min(max(AGAIN, most) - len(self.values), len(values))
-        for k in np.linspace(0, len(values) - 1, max(0, wanted)).round().astype(int).tolist():
+        count = min(max(AGAIN, most) - len(self.values), len(values))
+        for k in np.linspace(0, len(values) - 1, max(0, count)).round().astype(int).tolist():
             self.values.append(values[k].copy())
             self.responses.append(responses[k].copy())
 

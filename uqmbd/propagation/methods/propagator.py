@@ -208,14 +208,14 @@ def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
 def labelled(propagators: Sequence[Propagator], only: Any, where: str) -> tuple[Propagator, ...]:
     """Return the propagators with the given labels; the error on an unknown label lists the known labels."""
     several = isinstance(only, Iterable) and not hasattr(only, "dtype")
-    wanted = [only] if isinstance(only, str) else list(only) if several else []
-    if not wanted or not all(isinstance(label, str) for label in wanted):
+    chosen = [only] if isinstance(only, str) else list(only) if several else []
+    if not chosen or not all(isinstance(label, str) for label in chosen):
         raise StudyError(
             f"{where}: only={only!r}; expected labels of its propagators: "
             f"{', '.join(p.node_name for p in propagators)}."
         )
     known = {p.node_name: p for p in propagators}
-    unknown = [label for label in wanted if label not in known]
+    unknown = [label for label in chosen if label not in known]
     if unknown:
         raise StudyError(f"{where} has no propagator {unknown[0]!r}; its propagators are: {', '.join(known)}.")
-    return tuple(p for label, p in known.items() if label in wanted)
+    return tuple(p for label, p in known.items() if label in chosen)

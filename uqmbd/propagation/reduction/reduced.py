@@ -23,7 +23,7 @@ from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Handover", "ReductionOrder", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk"]
+__all__ = ["ReductionOrder", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk", "WorkerResult"]
 
 Reduction = Callable[..., Arrays]
 """Function that maps realisations, the index of the first realisation, and further arguments to arrays by name."""
@@ -103,7 +103,7 @@ class ReductionOrder:
     function: Reduction  # function that reduces the chunk, with `arguments`
     arguments: tuple[Any, ...]
     chosen: tuple[str, ...] | None  # requested outputs without a time
-    wanted: int  # number of realisations whose responses are returned
+    response_count: int  # number of realisations whose responses are returned
     shelves: Mapping[Kind, ResponseFile]  # stores of responses, by kind
     margins: bool  # whether margins of requirements are also requested
     stored: Chunk | None = None  # stored chunk without its response, if it exists
@@ -113,7 +113,7 @@ class ReductionOrder:
 
 
 @dataclass(frozen=True)
-class Handover:
+class WorkerResult:
     """Result of a worker for a chunk."""
 
     chunk: Chunk  # chunk without its response
@@ -135,7 +135,7 @@ class Handover:
 
 def compute_reduced(
     packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: ReductionOrder
-) -> Handover:
+) -> WorkerResult:
     """Compute realisations, or read stored realisations, and reduce them.
 
     `compute_chunk` documents the arguments. Requested responses are written once.
@@ -144,14 +144,16 @@ def compute_reduced(
         if not (order.here or order.shelves[kind].shared):
             none = np.zeros(0, dtype=np.int64)
             nothing = np.zeros((0, 0, 0))
-            return Handover(order.stored, nothing, none, (), none.astype(bool), none, none, nothing, None, unread=True)
+            return WorkerResult(
+                order.stored, nothing, none, (), none.astype(bool), none, none, nothing, None, unread=True
+            )
         response = order.shelves[kind].load(len(values))
         if response is not None:
             return reduce_chunk(packed, values, replace(order.stored, response=response), order, known=order.known)
     return store_chunk(packed, values, compute_chunk(packed, values, times, rtol, integrator, kind), kind, order)
 
 
-def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: ReductionOrder) -> Handover:
+def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: ReductionOrder) -> WorkerResult:
     """Reduce a computed chunk, and write its responses."""
     answer = reduce_chunk(packed, values, full, order)
     companions = full.companions(kind, margins=order.margins)
@@ -167,7 +169,7 @@ def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: R
 
 def reduce_chunk(
     packed: Packed, values: Array, chunk: Chunk, order: ReductionOrder, *, known: bool = False
-) -> Handover:
+) -> WorkerResult:
     """Reduce an available chunk; the result of the function may already be known."""
     part = Realisations.of(values, chunk, 0.0)
     if order.chosen is not None:
@@ -176,9 +178,9 @@ def reduce_chunk(
     if not known:
         with one_thread():
             result = order.function(part, order.first, *order.arguments)
-    few = part.response[: order.wanted].copy()
+    few = part.response[: order.response_count].copy()
     about = (part.status, part.messages, part.good, late_outputs(part), seen, part.response[seen])
-    return Handover(_bare(chunk), few, *about, result)
+    return WorkerResult(_bare(chunk), few, *about, result)
 
 
 def _bare(chunk: Chunk) -> Chunk:

@@ -22,10 +22,10 @@ from uqmbd.propagation.execution import (
     run_in_order,
 )
 from uqmbd.propagation.reduction.reduced import (
-    Handover,
     Reduced,
     Reduction,
     ReductionOrder,
+    WorkerResult,
     compute_reduced,
     reduce_chunk,
     store_chunk,
@@ -125,7 +125,7 @@ class Reductions:
         self._function, self._arguments = function, arguments
         text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
         text.update(pickle.dumps((arguments, problem.chosen)))
-        self._asked = text.hexdigest()[:32]
+        self._function_key = text.hexdigest()[:32]
         self._stores: dict[Kind, UnfinishedStore] = {}
         self.store: SampleStore | None = None
 
@@ -225,9 +225,9 @@ class Reductions:
 
     def _is_of(self, record: Record) -> bool:
         """Return whether the result of a record comes from the same function with the same arguments."""
-        return bool(record[0].get("asked") == self._asked)
+        return bool(record[0].get("asked") == self._function_key)
 
-    def _find_stored(self, piece: Piece) -> Handover | None:
+    def _find_stored(self, piece: Piece) -> WorkerResult | None:
         """Reduce a stored chunk, from another kind of outputs or another size of the method."""
         problem, runner, known = self._problem, self._runner, self._known_chunks
         if not self._stores and (chunk := known.find_companion(piece.values)) is not None:
@@ -256,14 +256,14 @@ class Reductions:
             return None
         return record, _chunk(record, len(piece.values))
 
-    def _lost_answer(self, piece: Piece, reason: str) -> Handover:
+    def _lost_answer(self, piece: Piece, reason: str) -> WorkerResult:
         """Return the answer for a chunk whose workers died; a resumed run computes the chunk again."""
         problem = self._problem
         full = lost_chunk(problem.model, len(piece.values), problem.whole_times, reason, problem.kind)
         answer = store_chunk(problem.packed, piece.values, full, problem.kind, self._order(piece, None, None))
         return self._store(piece, answer, 0.0, lost=True)
 
-    def _task(self, piece: Piece) -> tuple[Callable[..., Handover], tuple[Any, ...]]:
+    def _task(self, piece: Piece) -> tuple[Callable[..., WorkerResult], tuple[Any, ...]]:
         order = self._order(piece, *(self._stored(piece) or (None, None)))
         return compute_reduced, (*self._computed(piece), order)
 
@@ -273,13 +273,13 @@ class Reductions:
         about = (problem.rtol, problem.integrator, problem.kind)
         return problem.packed, piece.values, problem.whole_times, *about
 
-    def _store_finished(self, piece: Piece, answer: Handover, seconds: float) -> Handover:
+    def _store_finished(self, piece: Piece, answer: WorkerResult, seconds: float) -> WorkerResult:
         """Store a chunk that a worker has computed or read."""
         if self._runner.ledger is not None and answer.computed:
             self._runner.ledger.finish(len(piece.values))
         return self._store(piece, answer, seconds)
 
-    def _store(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
+    def _store(self, piece: Piece, answer: WorkerResult, seconds: float, *, lost: bool = False) -> WorkerResult:
         """Store a computed chunk and its companions; a chunk that was read is already stored."""
         problem = self._problem
         if answer.unread:
@@ -290,11 +290,13 @@ class Reductions:
             record = own.record(piece.number) if answer.result is None else None
             return answer if record is None else replace(answer, result=record[1])
         for kind, (checksum, content) in answer.files.items():
-            mine = kind == problem.kind
-            chunk = answer.chunk if mine else answer.companions[kind]
-            about = _about(chunk, checksum, seconds if mine else 0.0) | ({"asked": self._asked} if mine else {})
+            is_requested = kind == problem.kind
+            chunk = answer.chunk if is_requested else answer.companions[kind]
+            about = _about(chunk, checksum, seconds if is_requested else 0.0) | (
+                {"asked": self._function_key} if is_requested else {}
+            )
             about |= {"inputs": _digest(piece.values)} | ({"lost": True} if lost else {})
-            self._stores[kind].keep(piece.number, content, about, answer.result or {} if mine else {})
+            self._stores[kind].keep(piece.number, content, about, answer.result or {} if is_requested else {})
         if not self._stores:
             self._known_chunks.store_companions(piece.values, answer.companions)
         return replace(answer, companions={}, files={})

@@ -29,9 +29,10 @@ def static_equilibrium(
 ) -> xr.Dataset:
     """Compute the static equilibrium, at the means of the random variables or at given values.
 
-    The search starts at the drawn pose and goes downhill: forces do work. If the drawn pose is exactly an unstable
-    equilibrium, it is the result. During the search, the angles of rotational springs follow the bodies over any number
-    of turns, and wheels roll. If the rest position of a wheel may depend on its path, the function raises an error.
+    The search starts at the drawn pose, and moves the bodies in directions in which forces do positive work. If the
+    drawn pose is exactly an unstable equilibrium, it is the result. During the search, the angles of rotational springs
+    follow the bodies over any number of turns, and wheels roll. If the rest position of a wheel may depend on its path,
+    the function raises an error.
 
     Parameters
     ----------

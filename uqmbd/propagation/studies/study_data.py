@@ -110,16 +110,16 @@ class StudyData(Studied):
     def _watched(self, propagator: Propagator) -> Model | None:
         """Return the model with the expressions that a method observes, after the outputs of the mechanism."""
         require_keys_accepted(propagator, self.mechanism.inputs)
-        if not (wanted := propagator.watches(self.mechanism)):
+        if not (watched_expressions := propagator.watches(self.mechanism)):
             return None
 
         def make() -> Model:
             mechanism = copy.copy(self.mechanism)
-            for name, expression in wanted.items():
+            for name, expression in watched_expressions.items():
                 mechanism.output(name, expression)
             return build_observed_model(mechanism, float(self.times[0]), self.start, self.max_step, self.breaks)
 
-        key = ("watched", float(self.times[0]), self.start, self.max_step, self.breaks, *wanted)
+        key = ("watched", float(self.times[0]), self.start, self.max_step, self.breaks, *watched_expressions)
         return self.mechanism.remembered(key, make)
 
     def predict_warnings(self, propagators: Sequence[Propagator] | None = None) -> tuple[str, ...]:

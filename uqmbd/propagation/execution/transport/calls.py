@@ -41,13 +41,13 @@ class Reply:
     records: tuple[logging.LogRecord, ...] = ()  # log records if the worker is another process
 
 
-def answer(asked: CallTerms, function: Callable[..., Any], *arguments: Any) -> Reply:
+def answer(expected: CallTerms, function: Callable[..., Any], *arguments: Any) -> Reply:
     """Call a function, whose arguments may be packed, if this worker has the expected versions."""
     worker = this_worker()
-    if asked.versions != worker.versions:
+    if expected.versions != worker.versions:
         return Reply(worker, "refused")
     begin = time.perf_counter()
-    with collect_records(asked.listener) as records:
+    with collect_records(expected.listener) as records:
         try:
             for argument in arguments:
                 if isinstance(argument, Packed):  # this process now stores the object, even if the function fails

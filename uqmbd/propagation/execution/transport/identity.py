@@ -49,11 +49,11 @@ class Worker:
 
     def differs(self, expected: Versions) -> str:
         """Describe the versions that differ from the expected versions; return an empty text if all agree."""
-        wanted = dict(expected)
+        required = dict(expected)
         return ", ".join(
-            f"{name} {found} instead of {wanted.get(name, 'none')}"
+            f"{name} {found} instead of {required.get(name, 'none')}"
             for name, found in self.versions
-            if wanted.get(name) != found
+            if required.get(name) != found
         )
 
 

@@ -53,12 +53,12 @@ class _DirectRoute:
     executor: Executor
     apart: bool
     names_the_dead: bool = True
-    asked: CallTerms = field(default_factory=terms)
+    call_terms: CallTerms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
     ) -> Future[Reply]:
-        return self.executor.submit(answer, self.asked, function, *arguments)
+        return self.executor.submit(answer, self.call_terms, function, *arguments)
 
     def renew(self) -> None:
         pass
@@ -74,13 +74,13 @@ class _HashRoute:
     executor: Executor
     names_the_dead: bool = False
     apart: bool = True
-    asked: CallTerms = field(default_factory=terms)
+    call_terms: CallTerms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
     ) -> Future[Reply]:
         sent = [_shown(x) if isinstance(x, Packed) and not whole else x for x in arguments]
-        return self.executor.submit(answer, self.asked, function, *sent)
+        return self.executor.submit(answer, self.call_terms, function, *sent)
 
     def renew(self) -> None:
         pass
@@ -111,7 +111,7 @@ class _DaskRoute:
     """Names of running tasks in Dask."""
     names_the_dead: bool = False
     apart: bool = True
-    asked: CallTerms = field(default_factory=terms)
+    call_terms: CallTerms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
@@ -127,7 +127,7 @@ class _DaskRoute:
         if away and (others := sorted(self.client.nthreads().keys() - away)):
             # if all these workers leave, any new worker may run the task
             more |= {"workers": others, "allow_other_workers": True}
-        future = self.executor.submit(answer, self.asked, function, *sent, **more)
+        future = self.executor.submit(answer, self.call_terms, function, *sent, **more)
         self.keys[future] = key
         return future
 
