@@ -196,7 +196,7 @@ def casadi_slider_crank() -> CasadiModel:
     """Return the planar slider-crank in angles, with crank and rod length as parameters: 34 unknowns."""
     q, v, p, t = ca.SX.sym("q", 9), ca.SX.sym("v", 9), ca.SX.sym("p", 2), ca.SX.sym("t")
     crank, rod = p[0], p[1]
-    inertias = (MASSES[0] * crank**2 / 12, MASSES[1] * rod**2 / 12, SLIDER_INERTIA)
+    inertias: tuple[Any, ...] = (MASSES[0] * crank**2 / 12, MASSES[1] * rod**2 / 12, SLIDER_INERTIA)
     kinetic, potential = ca.SX(0), ca.SX(0)
     for k, (mass, inertia) in enumerate(zip(MASSES, inertias, strict=True)):
         kinetic += mass * (v[3 * k] ** 2 + v[3 * k + 1] ** 2) / 2 + inertia * v[3 * k + 2] ** 2 / 2
@@ -412,7 +412,7 @@ def exudyn_slider_crank(crank: float, rod: float, times: Array, steps: int) -> E
     import exudyn.itemInterface as items
 
     pose = slider_crank_pose(crank, rod).reshape(3, 3)
-    inertias = (MASSES[0] * crank**2 / 12, MASSES[1] * rod**2 / 12, SLIDER_INERTIA)
+    inertias: tuple[Any, ...] = (MASSES[0] * crank**2 / 12, MASSES[1] * rod**2 / 12, SLIDER_INERTIA)
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     ground = mbs.AddObject(items.ObjectGround(referencePosition=[0, 0, 0]))
