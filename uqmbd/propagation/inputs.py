@@ -220,8 +220,8 @@ def existence_of(mechanism: Mechanism) -> Existence:
     """Find the outputs with non-existent moments.
 
     The check assumes that every output grows at most linearly with every input that affects the motion. Exceptions are
-    expressions that are bounded for every motion: orientations and bounded functions. An input that affects only
-    outputs counts for these outputs.
+    expressions that are bounded for every motion: orientations and bounded functions. An input that affects no motion
+    is checked for the outputs that contain it.
     """
     inputs = mechanism.inputs
     heavy = {name: order for name, order in moment_orders(inputs.variables).items() if not exists(4, order)}
@@ -247,7 +247,7 @@ def grows(expression: Any, variable: RandomVariable | None = None) -> bool:
     if isinstance(value, RandomVariable):
         return value == variable
     if isinstance(value, StateSymbol):
-        space = getattr(value.owner, "space", None)  # coordinates of components have none
+        space = getattr(value.owner, "space", None)  # coordinates of components have no space
         turning = value.quantity == "q" and space is not None and value.index >= space.dimension
         return variable is None and not turning
     if isinstance(value, (sympy.Add, sympy.Mul, sympy.Max, sympy.Min, sympy.Abs)):

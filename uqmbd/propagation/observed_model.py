@@ -239,7 +239,7 @@ def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, st
 
 
 def _written(value: Any) -> str:
-    """Return a number, a row of numbers, or an expression as text; a long expression as its symbols."""
+    """Return a number, a row of numbers, or an expression as text; for a long expression, return its symbols."""
     if isinstance(value, (tuple, list, sympy.MatrixBase)):
         if len(value) > ROW:
             return f"{len(value)} numbers"

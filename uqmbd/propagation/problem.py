@@ -189,7 +189,7 @@ class Problem(ProblemData):
 
     @typechecked
     def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
-        """Run tasks other than realisations on all workers, for methods that solve their own parts.
+        """Run tasks other than realisations on all workers, for methods with further computations.
 
         Parameters
         ----------

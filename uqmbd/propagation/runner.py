@@ -66,9 +66,9 @@ class Runner:
     observed: Observed = field(default_factory=Observed)
     """Realisations for the measurement of the integration error."""
     known: StoredChunks = field(default_factory=dict)
-    """Outputs without a time, and margins, from the same computations, by inputs; or references to their files."""
+    """Chunks with outputs without a time, and with margins, from the same computations, or references to files."""
     again: dict[str, StoredChunks] = field(default_factory=dict)
-    """Outputs without a time, and margins, of realisations that are integrated again, by purpose."""
+    """As `known`, for realisations that are integrated again, by purpose."""
     chunk: int | None = None  # number of realisations in a chunk; None: chosen from their total number
 
     @property

@@ -25,14 +25,14 @@ STATED, REFUSED = 1e-6, 1e-3
 """Relative errors of a variance above which a warning states the error, and above which an exception is raised."""
 
 LAST = 200.0
-"""Logarithm of the distance, in widths of the inner part, at which the integration of a power-law density ends."""
+"""Logarithm of the largest integrated distance from the median, in widths of the inner part, of a power law."""
 
 
 def covariance_of(joint: JointDistribution) -> Array:
     """Return the covariance matrix (n, n) of the variables of a joint distribution.
 
-    An infinite variance is inf, and covariances with dependent variables are then NaN. Without a mean, both are NaN.
-    Raise StudyError if a quadrature is less accurate than 0.1 %.
+    An infinite variance is inf, and covariances with dependent variables are then NaN. If the mean does not exist,
+    variance and covariances are NaN. Raise StudyError if a quadrature is less accurate than 0.1 %.
     """
     orders = np.array(list(moment_orders(joint.members()).values()))
     unknown = np.where([exists(1, order) for order in orders], np.inf, np.nan)

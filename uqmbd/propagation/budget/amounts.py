@@ -112,7 +112,7 @@ def allowed_of(given: object, name: str = "allowed") -> float | None:
 def _share(given: object) -> float:
     """Return a number or a percentage as a share; NaN if it is neither."""
     if not isinstance(given, bool) and isinstance(given, Real):
-        number: Any = given  # of any type: float() rejects large integers
+        number: Any = given  # float() rejects large integers
         return float(given) if abs(number) <= MOST else math.nan
     if not isinstance(given, str):
         return math.nan

@@ -13,11 +13,11 @@ __all__ = ["BudgetTooSmallError", "out_of_reach"]
 
 
 class BudgetTooSmallError(StudyError):
-    """Error if the smallest size of a method exceeds the budget; to resume the run, other arguments are necessary."""
+    """The smallest size of a method exceeds the budget, so that a resumed run needs other arguments."""
 
 
 def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSmallError]:
-    """Return errors, by label, for methods whose smallest size exceeds the rest of the budget after cheaper methods."""
+    """Return errors, by label, for methods whose smallest size exceeds the budget that cheaper methods leave."""
     if math.isinf(left):
         return {}
     least: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Share a budget among methods: pilot runs, then the sizes that the budget allows, and the outcome."""
+"""Share a budget among methods: run pilots, then run the sizes that the budget allows, and record the outcome."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["BudgetTerms", "BudgetedRun"]
 
 BEHIND = 0, 2, 8, 32
-"""Assumed numbers of missing chunks before the last finished chunk; the run tries each of them."""
+"""Assumed numbers of missing chunks before the last finished chunk, tried one after another."""
 
 RECORD = "budget.json"
 """Name of the file with the chosen sizes of a run, next to its finished chunks; a resumed run uses the same sizes."""
@@ -103,12 +103,12 @@ class BudgetedRun:
             found = self._possible_sizes(propagator)
             if isinstance(found, Sized):
                 sized.append(found)
-        # the budget may not include the stored realisations of a resumed run
+        # a resumed run may reuse stored realisations, so that a small budget may suffice
         if not self.resume:
             self.errors |= out_of_reach(sized, self._left(1).realisations)
             sized = [one for one in sized if one.label not in self.errors]
         for one in sized:
-            # all methods share the rest of this part
+            # the part of the budget that a pilot does not use remains for all methods
             if one.needs_pilot(timed=math.isfinite((self.terms.budget or Amount()).seconds)):
                 self._run_sizes(one, self._left_for_pilot(one, len(sized)), pilot=True)
         waiting = [one for one in sized if one.label not in self.errors]

@@ -38,7 +38,7 @@ grows by the square root of the growth that independent samples would need, with
 """
 
 TIGHTENINGS = 2
-"""Maximum number of repetitions with smaller tolerances of a method that ends automatically above the accuracy."""
+"""Maximum number of repetitions with smaller tolerances, if a method ends automatically with too large an error."""
 
 TIGHTER = 0.7
 """Ratio of the next stated error to the accuracy, if the stated error is proportional to the tolerance."""
@@ -83,7 +83,7 @@ class RemainingBudget:
 
 @dataclass(frozen=True)
 class Stage:
-    """A completed size of a method."""
+    """Results and costs of a completed size of a method."""
 
     size: int
     cost: int  # number of realisations of this size
@@ -100,7 +100,7 @@ class Stage:
 
 @dataclass
 class Sized:
-    """A method at several sizes."""
+    """Method whose size is chosen, with its completed sizes."""
 
     propagator: Propagator  # method of the study
     sizing: Sizing
@@ -134,7 +134,7 @@ class Sized:
         if not (worse and (self.sizing.falls == "steps" or self._tightenings)):
             self.node, self.taken = node, stage
         self._pending = False
-        early = self.sizing.falls == "itself" and 2 * stage.cost <= stage.size  # not because of the limit
+        early = self.sizing.falls == "itself" and 2 * stage.cost <= stage.size  # ended before its limit
         if early and self.accuracy is not None and self.accuracy < stage.accuracy < math.inf:
             tighten = self.sizing.tighten
             if tighten is not None and self._tightenings < TIGHTENINGS:
@@ -189,7 +189,7 @@ class Sized:
         return math.ceil(MARGIN * last.size * (last.accuracy / self.accuracy) ** 2)
 
     def _heavy(self, stage: Stage) -> bool:
-        """Return whether independent samples with standard errors from moments have a heavy tail."""
+        """Return whether a standard deviation of independent samples has the largest error; heavy tails may hide it."""
         return self.sizing.falls == "root" and self.sizing.extends and stage.usual_kind == "std"
 
     def _is_accurate(self) -> bool:
@@ -227,7 +227,8 @@ class Sized:
                 needed = step
         if math.isinf(left.realisations) and math.isinf(left.seconds):
             needed = min(needed, MOST)
-        # a design may need fewer than predicted; but rounding must not end the run just above the accuracy
+        # round a design down, because it may need fewer points; but rounding must not end the run just above the
+        # accuracy
         design = not self.sizing.extends and self.sizing.largest(needed) >= WORTH * last.size
         size = self._affordable(self.sizing.largest(needed) if design else self._upwards(needed), left)
         if size <= last.size:
@@ -239,7 +240,7 @@ class Sized:
         return size
 
     def finished(self, size: int, done: int) -> int | None:
-        """Return the largest size that is complete with the finished realisations of a larger size that ended early."""
+        """Return the largest size whose realisations an interrupted run of a larger size has finished."""
         if not self.sizing.extends or done <= self.sizing.least:
             return None
         # the smaller last chunk may finish before others, so only whole chunks count

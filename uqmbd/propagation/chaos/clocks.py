@@ -82,7 +82,7 @@ class Clock:
 
     @property
     def kinds(self) -> tuple[Clock, ...]:
-        """Return clocks for the possible readings of the phase: forward or backward rotation, or oscillation."""
+        """Return clocks for the possible kinds of phase: forward rotation, backward rotation, or oscillation."""
         return (self, replace(self, turn=-self.turn), replace(self, turn=0.0)) if self.turn else (self,)
 
     def phases(self, found: Dense, near: Array | None = None) -> Phases:

@@ -30,7 +30,7 @@ The error of the spline through all values is 2^8 times smaller.
 """
 
 BETWEEN = 0.9
-"""Share of the times that must be resolved if there are events."""
+"""Share of the times at which the error must be below its limit if there are events."""
 
 ACCEPTABLE = 1e-3
 """Error limit, as `RESOLVED`, for outputs with kinks that no admissible number of times resolves."""

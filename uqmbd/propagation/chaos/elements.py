@@ -464,7 +464,7 @@ def _moments(chaos: Expansion) -> tuple[Array, Array]:
 
 
 def _elements_to_split(parts: list[_TimedElement], contributions: Array, room: int) -> list[int]:
-    """Return the elements with the largest and with similar contributions, in their order, for the next split."""
+    """Return the indices of the elements to split next: the largest contribution, and similar ones."""
     size = contributions.max(axis=1)
     able = [k for k, p in enumerate(parts) if any(map(p.box.divisible, range(p.box.space.dimension)))]
     if not able:

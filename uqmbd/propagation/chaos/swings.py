@@ -34,7 +34,7 @@ ROUNDING = 1e-13
 """Ratio of the largest half-swing to the largest value up to which there is no oscillation."""
 
 EVEN = 0.25
-"""Minimum ratio between the sizes of neighbouring half-swings that change slowly: new extremes begin at zero."""
+"""Minimum size ratio of neighbouring half-swings in a slow change; a half-swing between new extremes starts small."""
 
 PATIENCE = 3.0
 """Duration without an extreme, relative to the last half-swing, after which an oscillation is at rest."""

@@ -41,7 +41,7 @@ def fingerprint(
     options = (*integration, *([code] if code else []), model.start_at, model.max_step, model.added_breaks)
     parts = (model.digest, inputs.names, *options, *times, __version__)
     turns = model.outputs.turns
-    # initial angles are close to the initial angles at the means
+    # the means determine the turn of initial angles
     angles = (turns.tobytes(), inputs.means.tobytes()) if turns.any() else ()
     return hashlib.sha256(repr((*parts, *angles)).encode()).digest()
 
@@ -49,7 +49,7 @@ def fingerprint(
 Arrays = Mapping[str, NDArray[Any]]
 
 _ABOUT = "_about"
-"""Name of the metadata of arrays, in JSON."""
+"""Name of the array with the metadata of the other arrays, in JSON."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class ChunkStore:
         return chunk
 
     def store_companions(self, part: Array, chunks: Mapping[Kind, Chunk], *, lost: bool = False) -> None:
-        """Store chunks of other kinds for the inputs of a part; by reference if they are on disk."""
+        """Store chunks of other kinds for the inputs of a part, or references to their files if they are on disk."""
         stored = None if lost else self.checkpoint and (self.checkpoint, self.key(part))
         for kind, chunk in chunks.items():
             self.known[kind, _digest(part)] = stored or chunk

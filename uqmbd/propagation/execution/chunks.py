@@ -69,7 +69,7 @@ def chunk_size(count: int, numbers: int) -> int:
 
 
 def chunk_size_of(model: Model, means: Array, times: Array, count: int) -> int:
-    """Return the number of realisations in a chunk, of `count` with a motion over the times (T,), s."""
+    """Return the number of realisations in a chunk, for `count` realisations over the times (T,), s."""
     return chunk_size(count, numbers_of(model, means, times))
 
 
@@ -136,7 +136,7 @@ def integrated_by(counters: Mapping[str, float], requested: str) -> dict[str, st
 def not_finite_output(ensemble: Ensemble, member: int, times: Array, states: Array, response: Array) -> str:
     """Return a message on the first non-finite output (output, T) of a realisation, with its time and cause.
 
-    `states` (T, width) are those of the realisation.
+    `states` (T, width) are the states of the realisation.
     """
     names, wrong = ensemble.model.outputs.names, ~np.isfinite(response)
     k = int(np.argmax(wrong.any(axis=0)))

@@ -122,7 +122,7 @@ class Spending:
         self.seconds["integration"] += seconds
 
     def count(self, counters: Mapping[str, float]) -> None:
-        """Count the realisations of a chunk from its counters; results from a computation of other outputs have none.
+        """Count the realisations of a chunk from its counters; results of a run for other outputs have no counters.
 
         >>> spending = Spending()
         >>> spending.count(machine_counter(64)), spending.count({}), spending.computed

@@ -192,7 +192,7 @@ class _Dispatcher(Generic[Piece, Result]):
             if free:  # workers that have the object must receive tasks, too
                 submission.misses = min(submission.misses, MISSES - 1)
             carried = self._carried()
-            submission.whole = self.registry.wants(carried)
+            submission.whole = self.registry.needs_objects(carried)
             if submission.whole or submission.misses < MISSES:
                 self._send(index, submission)
             else:
@@ -206,11 +206,11 @@ class _Dispatcher(Generic[Piece, Result]):
     def _send_refused(self) -> None:
         """Send again as many refused tasks as the accepting workers can compute."""
         while self.refused and len(self.submissions) < self.registry.window - 1:
-            self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
+            self._send(self.refused.popleft(), _Submission(whole=self.registry.needs_objects(0)))
         if self.refused and not self.submissions:
-            self.registry.complain()
+            self.registry.raise_if_all_refuse()
             time.sleep(PAUSE)
-            self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
+            self._send(self.refused.popleft(), _Submission(whole=self.registry.needs_objects(0)))
 
     def _send_new(self, due: int) -> None:
         """Send the next tasks, unless too many are in progress or too many results wait for an earlier one."""
@@ -291,7 +291,7 @@ class _Dispatcher(Generic[Piece, Result]):
             del self.submissions[index]
             if submission.deaths:
                 self.possible_killers.appendleft((index, submission.deaths))
-                self.registry.complain()
+                self.registry.raise_if_all_refuse()
             else:
                 self.refused.append(index)
 
@@ -301,13 +301,13 @@ class _Dispatcher(Generic[Piece, Result]):
             forward(records_before(error))
             raise error
         self.route.renew()
-        self.registry.gone()
+        self.registry.record_death()
         submission.deaths += 1
         self._leave(index)
         if submission.deaths >= DEATHS:
             reason = f"its worker process ended unexpectedly in two attempts ({reason})"
             self._add_result(index, self.lost(self.pieces[index], reason))
-        elif self.route.names_the_dead:
+        elif self.route.identifies_lost_task:
             self._send(index, _Submission(whole=True, deaths=submission.deaths))
         else:
             self.possible_killers.append((index, submission.deaths))

@@ -51,7 +51,7 @@ class Ledger:
     _last: float = 0.0
 
     def begin(self, count: int = 0) -> None:
-        """Count realisations before their computation (0: another task); raise BudgetSpent beyond the budget."""
+        """Count realisations (0 for other tasks) before their computation; raise BudgetSpent beyond the budget."""
         if self.spent + count > self.most:
             raise BudgetSpent(f"{count} realisations are needed, but only {self.most - self.spent:g} remain")
         if self.clock() >= self.until:

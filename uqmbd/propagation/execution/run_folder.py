@@ -121,7 +121,7 @@ def _made(folder: Path, lock: Path) -> int | None:
             _write(handle)
             _lock(handle)
             os.link(part, lock)
-        except (FileExistsError, FileNotFoundError):  # another run was faster
+        except (FileExistsError, FileNotFoundError):  # another run has created the file in the meantime
             os.close(handle)
             return None
         except OSError as error:

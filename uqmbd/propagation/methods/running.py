@@ -128,7 +128,7 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
 
 
 def _require_draws(propagator: Propagator, problem: Problem, node: xr.DataTree) -> None:
-    """Warn if samples cannot be draws from the joint distribution; reports compute no counts from nodes."""
+    """Warn if samples cannot be draws from the joint distribution; reports count draws, but not nodes."""
     if node.attrs.get("population"):  # the method states that its samples have another distribution
         return
     samples = next((part for part in node.subtree if part.name == "samples" and "inputs" in part.data_vars), None)
@@ -145,7 +145,7 @@ def _require_draws(propagator: Propagator, problem: Problem, node: xr.DataTree) 
 
 
 def _run_all(propagator: Propagator, problem: Problem, check: bool) -> tuple[xr.DataTree, int]:
-    """Run a method on all kinds of outputs; return its node, and the number of realisations for later kinds only."""
+    """Run a method on all kinds of outputs; return its node, and the number of realisations only for later kinds."""
     if not check and (problem.model.outputs.names or problem.model.scalars is not None):
         problem = replace(problem, model=replace(problem.model, margins=None))
     model = problem.model

@@ -245,7 +245,7 @@ class Reductions:
         return None
 
     def _stored(self, piece: Piece) -> tuple[Record, Chunk] | None:
-        """Return the record and the chunk of a stored chunk that can be reused."""
+        """Return the record and the content of a stored chunk that can be reused; None if there is none."""
         problem = self._problem
         own = self._stores.get(problem.kind)
         record = None if own is None else own.record(piece.number)

@@ -100,7 +100,7 @@ def _run(file: Path, shown: str) -> ModuleType:
     previous = sys.modules.pop(name, None)
     loader = importlib.machinery.SourceFileLoader(name, str(file))
     spec = importlib.util.spec_from_file_location(name, file, loader=loader)
-    assert spec is not None  # there is a loader
+    assert spec is not None  # not None, because a loader is given
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     linecache.checkcache(str(file))

@@ -46,7 +46,7 @@ def distribution_about(
         if leaves_range(found, minimum, maximum):
             raise StudyError(f"a normal distribution with the standard deviation {std:g} would exceed this range")
         return found
-    if kind == "lognormal" and not any(bounded):  # zero is the end of the range, on the side of the number
+    if kind == "lognormal" and not any(bounded):  # without a range, zero is its end
         low, high, bounded = mean, -mean, (mean > 0, mean < 0)
     if min(low, high) <= 0 and not (kind == "lognormal" and max(low, high) > 0 and not all(bounded)):
         raise StudyError("the number is at the end of this range, so it cannot vary to both sides")

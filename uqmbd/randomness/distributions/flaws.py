@@ -30,7 +30,7 @@ POINTS = 16
 def flaw_of(distribution: Any) -> str:
     """Return why a distribution of any dimension is invalid; empty if it is valid.
 
-    Quantiles of the distribution and of all its parts must be finite and increase; arithmetic hides a flaw of a part.
+    Quantiles of the distribution and of all its parts must be finite and increase; arithmetic may hide an invalid part.
 
     >>> import chaospy
     >>> flaw_of(chaospy.Normal(1, 0.02)), flaw_of(chaospy.Normal(1, -0.02))
@@ -50,7 +50,7 @@ def _flaw(distribution: Any) -> str:
             return _flaw_of_map(distribution)
         flaws = [(k, _flaw(part)) for k, part in enumerate(distribution)]
         return next((f"of component {k + 1} {flaw}" for k, flaw in flaws if flaw), "")
-    # first, because chaospy may search endlessly for quantiles with such a parameter
+    # check this first: chaospy may search endlessly for quantiles with such a parameter
     if name := _not_a_number(distribution):
         return f"its parameter {name} is not a number"
     law = AffineDistribution.of(distribution)

@@ -71,7 +71,7 @@ class _Tilted:
         return cls(germ, edges, limits, density / (np.diff(edges) @ density))
 
     def drawn(self, uniform: Array, degree: int) -> Array:
-        """Map uniform numbers so that their germ has the density of a degree."""
+        """Map uniform numbers to probabilities at which the germ has the density of a degree."""
         cumulated = np.concatenate([[0.0], np.cumsum(np.diff(self.edges) * self.density[:, degree])])
         return np.interp(uniform, cumulated / cumulated[-1], self.edges)
 

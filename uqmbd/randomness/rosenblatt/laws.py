@@ -112,7 +112,7 @@ class Chain:
     """Sequence of distributions, whose parameters may depend on earlier components."""
 
     steps: tuple[ChainStep, ...]
-    """Indices in parameters count the variables of a larger distribution, and then the components of the chain."""
+    """Indices in parameters refer first to the variables of a larger distribution, then to components of the chain."""
     outside: int = 0  # number of these variables; 0 without a larger distribution
 
     @property
@@ -170,7 +170,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class Copulated:
-    """Joint distribution from a copula, with another joint distribution for the margins."""
+    """Joint distribution from a copula and from the marginal distributions of another joint distribution."""
 
     copula: Copula
     margins: JointLaw

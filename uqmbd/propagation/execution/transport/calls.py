@@ -57,7 +57,7 @@ def answer(expected: CallTerms, function: Callable[..., Any], *arguments: Any) -
             return Reply(worker, "missing", records=tuple(records))
         except Exception as error:
             if records:
-                with suppress(AttributeError):  # some errors have no attributes
+                with suppress(AttributeError):  # some errors do not accept new attributes
                     setattr(error, _RECORDS, tuple(records))
             raise
     return Reply(worker, "done", result, time.perf_counter() - begin, tuple(records))

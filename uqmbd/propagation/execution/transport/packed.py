@@ -12,7 +12,7 @@ from typing import Any
 __all__ = ["CAPACITY", "Missing", "Packed"]
 
 CAPACITY = 4
-"""Maximum number of objects in a process; it stores the most recently used objects."""
+"""Maximum number of stored objects in a process, which removes the least recently used one first."""
 
 
 class Missing(LookupError):

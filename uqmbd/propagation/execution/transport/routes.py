@@ -22,7 +22,7 @@ class Route(Protocol):
     """Route to the workers of an executor."""
 
     @property
-    def names_the_dead(self) -> bool:
+    def identifies_lost_task(self) -> bool:
         """Return whether a death is reported only for the task that the worker was running."""
 
     @property
@@ -52,7 +52,7 @@ class _DirectRoute:
 
     executor: Executor
     apart: bool
-    names_the_dead: bool = True
+    identifies_lost_task: bool = True
     call_terms: CallTerms = field(default_factory=terms)
 
     def send(
@@ -72,7 +72,7 @@ class _HashRoute:
     """Route to any other executor: calls contain the hash, and workers that lack the object receive its bytes."""
 
     executor: Executor
-    names_the_dead: bool = False
+    identifies_lost_task: bool = False
     apart: bool = True
     call_terms: CallTerms = field(default_factory=terms)
 
@@ -109,7 +109,7 @@ class _DaskRoute:
     avoided: set[str] = field(default_factory=set)
     keys: WeakKeyDictionary[Future[Any], str] = field(default_factory=WeakKeyDictionary)
     """Names of running tasks in Dask."""
-    names_the_dead: bool = False
+    identifies_lost_task: bool = False
     apart: bool = True
     call_terms: CallTerms = field(default_factory=terms)
 

@@ -38,7 +38,7 @@ class WorkerRegistry:
         """Return the number of workers that replied recently."""
         return len(self._last)
 
-    def wants(self, carried: int) -> bool:
+    def needs_objects(self, carried: int) -> bool:
         """Return whether the next task includes packed objects, if `carried` other tasks include them.
 
         Each process that lacks the objects receives them once. If some workers refuse tasks, every task includes the
@@ -50,7 +50,7 @@ class WorkerRegistry:
     def window(self) -> int:
         """Return the maximum number of tasks that may be submitted at once."""
         if self._refusers:
-            # a refusing worker is free at once, and would receive all tasks that wait for other workers
+            # a refusing worker is free at once: it would receive, and refuse, all tasks that wait for other workers
             return max(1, self.count + 1)
         return max(AHEAD, EACH * self.count)
 
@@ -69,8 +69,8 @@ class WorkerRegistry:
         """Record that a worker lacks a packed object."""
         self._lacking.add(worker.key[:2])
 
-    def gone(self) -> None:
-        """Record that an unknown worker has died; workers that lack objects will request them again."""
+    def record_death(self) -> None:
+        """Record the death of an unknown worker; workers that lack objects will request them again."""
         self._lacking.clear()
 
     def refuse(self, worker: Worker) -> None:
@@ -80,7 +80,7 @@ class WorkerRegistry:
         while len(self._refusers) > PATIENCE:
             self._refusers.popitem(last=False)
 
-    def complain(self) -> None:
+    def raise_if_all_refuse(self) -> None:
         """Raise IntegrationError, with refusals and versions of the workers, if no worker seems to accept calls."""
         if self.refused < PATIENCE:
             return
