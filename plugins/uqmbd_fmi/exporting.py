@@ -31,7 +31,7 @@ QUANTILES = (0.05, 0.5, 0.95)
 SHARED = ("instance.c",)
 """Sources of all FMUs, in addition to those of the version and of the model."""
 
-HEADERS = {"surrogate.c": ("model.h", "surrogate.h"), "mechanism.c": ("model.h",)}
+HEADERS = {"surrogate.c": ("model.h", "surrogate.h"), "mechanism.c": ("model.h", "mechanism.h")}
 """Headers of the package that the source of a model needs."""
 
 
@@ -143,9 +143,8 @@ def export_fmu(
     if isinstance(source, uqmbd.Mechanism):
         model = mechanism_model(source, times, tuple(inputs), rtol, token, fmi)
         about = f"Mechanism {source.name!r}, integrated by the driver of uqmbd"
-        return _written(
-            model, target, fmi, token, about, ("mechanism.c", "driver.c", "motion_data.c"), compiler, windows
-        )
+        own = ("mechanism.c", "contact_laws.c", "driver.c", "motion_data.c")
+        return _written(model, target, fmi, token, about, own, compiler, windows)
     if not isinstance(source, xr.DataTree):
         raise StudyError(
             f"export_fmu: source is a {type(source).__name__}; expected a mechanism, or the node of a method, "

@@ -8,6 +8,7 @@ from pathlib import Path
 import chaospy
 import numpy as np
 import pytest
+import sympy
 
 import uqmbd
 from uqmbd.extend import GermSpace, motion_refusal, motion_source
@@ -16,7 +17,7 @@ from uqmbd_drivers import RotationDriver, SpeedDriver
 from uqmbd_fmi import export_fmu, read_distributions
 from uqmbd_fmi.compiling import find_compiler, host
 from uqmbd_joints import Distance, Revolute
-from uqmbd_springs import Torque
+from uqmbd_springs import PointForce, RotationalFriction, Torque
 
 from .coupling import slave
 from .library import Fmu
@@ -325,21 +326,84 @@ def test_a_floor_that_jumps_into_a_falling_ball_is_no_impact(dropped):
 
 
 @compiled
-def test_a_contact_that_lasts_ends_with_an_error_that_names_it(tmp_path):
+def test_bounces_end_in_rest_on_the_floor(tmp_path):
     """Bounces with restitution 0.5 from 1 m end at sqrt(2 / g) (1 + 0.5) / (1 - 0.5) = 1.3546 s."""
     fmu = exported(bouncing(restitution=0.5), tmp_path, times=(0.0, 2.0))
-    assert fmu.begin() == 0 and fmu.step(0.0, 1.3) == 0
-    assert fmu.step(1.3, 0.2) == 3
-    assert "contact of floor lasts from t = 1.354" in fmu.messages[-1][1]
-    assert fmu.step(1.5, 0.1) == 3 and fmu.reset() == 0 and fmu.begin() == 0
-    for start, text in (
-        (0.0, "contact of floor lasts from t = 0 s"),
-        (-0.1, "floor: the bodies overlap by 0.1 m at t = 0 s"),
-    ):
+    found = fmu.along([0.0, 1.3, 1.5, 2.0], {}, ["height"])[0]
+    assert found[1] > 1e-4 and abs(found[2]) < 1e-12 and abs(found[3]) < 1e-12
+    for start, status in ((0.0, 0), (-0.1, 3)):
         folder = tmp_path / str(start)
         folder.mkdir()
         other = exported(bouncing(start=start), folder)
-        assert other.begin() == 3 and text in other.messages[-1][1]
+        assert other.begin() == status
+    assert "floor: the bodies overlap by 0.1 m at t = 0 s" in other.messages[-1][1]
+
+
+def sliding(space, velocity, height, force=None):
+    """A body that may slide on a floor with random friction, in planar or spatial coordinates."""
+    friction = uqmbd.RandomVariable("friction", chaospy.Uniform(0.1, 0.5))
+    up = (0,) * (len(velocity) - 1) + (1,)
+    mechanism = uqmbd.Mechanism("slider", space(gravity=tuple(-9.81 * x for x in up)))
+    shape = {"inertia": (0.02, 0.02, 0.035)} if space is uqmbd.Spatial else {}
+    turning = {"angular_velocity": (1.0, 2.0, 40.0)} if space is uqmbd.Spatial else {}
+    below = tuple(-0.25 * x for x in up)
+    body = mechanism.body(
+        "body", mass=2, position=tuple((0.25 + height) * x for x in up), velocity=velocity, **shape, **turning
+    )
+    if space is uqmbd.Translational:
+        below = (0,) * len(up)
+    ground = tuple(0.25 * x for x in up) if space is uqmbd.Translational else (0,) * len(up)
+    mechanism.add(PlaneImpact("floor", mechanism.ground, body, ground, below, up, restitution=0.5, friction=friction))
+    if force is not None:
+        mechanism.add(PointForce("push", body, (0,) * len(up), force))
+    for k, letter in enumerate("xyz"[: len(up)]):
+        mechanism.output(letter, body.position[k], units="m")
+    return mechanism
+
+
+@compiled
+def test_a_sliding_body_stops_after_its_stopping_distance(tmp_path):
+    """Coulomb friction stops 3 m/s after v^2 / (2 mu g) = 9 / (2 * 0.3 * 9.81) m, and the body stays there."""
+    fmu = exported(sliding(uqmbd.Translational, (3.0, 0.0), 0.0), tmp_path, times=(0.0, 2.0), rtol=1e-9)
+    found = fmu.along([0.0, 0.5, 1.0, 1.5, 2.0], {"friction": 0.3}, ["x"])[0]
+    distance = 9 / (2 * 0.3 * 9.81)
+    np.testing.assert_allclose(found, [0, 1.5 - 0.3 * 9.81 / 8, 3 - 0.3 * 9.81 / 2, distance, distance], atol=1e-9)
+
+
+@compiled
+@pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["bounce", "pushed", "spinning"])
+def test_friction_of_impacts_and_lasting_contacts_is_that_of_simulate(kind, tmp_path):
+    """Impacts with friction, slip that stops, stick that ends, lift-off, and slip whose direction turns in space."""
+    pushes = (12 * sympy.sin(3 * uqmbd.t), 22 * sympy.sin(1.3 * uqmbd.t))
+    mechanism, end = {
+        "bounce": lambda: (sliding(uqmbd.Translational, (3.0, 0.0), 0.5), 3.0),
+        "pushed": lambda: (sliding(uqmbd.Translational, (0.0, 0.0), 0.0, pushes), 4.0),
+        "spinning": lambda: (sliding(uqmbd.Spatial, (1.0, 0.5, 0.0), 0.0), 0.5),
+    }[kind]()
+    times = np.linspace(0, end, 61)
+    fmu = exported(mechanism, tmp_path, times=times, rtol=1e-9)
+    compare(fmu, mechanism, times, {"friction": 0.15})
+    compare(fmu, mechanism, times, {"friction": 0.4})
+
+
+def two_contacts():
+    """A body on one floor that slides into a wall."""
+    mechanism = sliding(uqmbd.Translational, (3.0, 0.0), 0.0)
+    body = mechanism.bodies["body"]
+    mechanism.add(PlaneImpact("wall", mechanism.ground, body, (1, 0), (0, 0), (-1, 0), restitution=0.5))
+    return mechanism
+
+
+@compiled
+@pytest.mark.thorough
+def test_two_contacts_at_once_end_with_an_error_that_names_them(tmp_path):
+    """Of 3 m/s, 1 m = 3 t - 0.2 * 9.81 t^2 / 2 at t = 0.3802 s."""
+    fmu = exported(two_contacts(), tmp_path, times=(0.0, 1.0))
+    assert fmu.set(["friction"], [0.2]) == 0 and fmu.begin() == 0 and fmu.step(0.0, 0.3) == 0
+    assert fmu.step(0.3, 0.2) == 3
+    assert "wall and floor touch at the same time, t = 0.38" in fmu.messages[-1][1]
+    assert fmu.reset() == 0 and fmu.begin() == 0
 
 
 def controlled(state=False, initial=0, speed=False):
@@ -361,6 +425,14 @@ def controlled(state=False, initial=0, speed=False):
     return mechanism
 
 
+def dry():
+    """A rotor whose bearing has dry friction."""
+    mechanism = rotor()
+    wheel = mechanism.bodies["wheel"]
+    mechanism.add(RotationalFriction("bearing friction", mechanism.ground, wheel, friction=0.1))
+    return mechanism
+
+
 def driven(law):
     mechanism = uqmbd.Mechanism("driven", uqmbd.Planar())
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.1), units="rad/s")
@@ -372,13 +444,11 @@ def driven(law):
 
 
 def jumping(speed):
-    import sympy
-
     return sympy.Piecewise((speed * uqmbd.t, uqmbd.t < 0.5), (0.5 * speed, True))
 
 
 REFUSED = {
-    "friction": (lambda: bouncing(friction=0.2), {}, "impact of component 'floor' has friction"),
+    "dry friction": (dry, {}, "component 'bearing friction' has dry friction"),
     "force of an impact": (lambda: bouncing(force=True), {}, "outputs contain accelerations or reactions"),
     "state of a controller": (
         lambda: controlled(state=True),
@@ -409,7 +479,7 @@ def test_what_has_no_form_in_c_is_refused_by_name(case):
 
 
 def test_the_refusal_is_known_beforehand():
-    assert "component 'floor'" in motion_refusal(bouncing(friction=0.2)) and motion_refusal(rotor()) == ""
+    assert "outputs contain accelerations" in motion_refusal(bouncing(force=True)) and motion_refusal(rotor()) == ""
 
 
 def test_the_joint_distribution_travels_with_the_mechanism(tmp_path):

@@ -1,10 +1,6 @@
 /* A mechanism as a model: assembly for any parameters, integration by the driver from one communication point to the
    next, and outputs that are consistent with the equations of motion. */
-#include "model.h"
-
-#include <string.h>
-
-#include "motion.h"
+#include "mechanism.h"
 
 /* Contents of a variable: the index of an input of the motion, of an output, or of a command of a controller. */
 enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE, COMMAND_VALUE };
@@ -19,42 +15,14 @@ extern const double start_commands[];
 extern const double default_tolerance;
 
 enum {
-    MOST_IMPACTS = 10000,
-    MOST_RETRIES = 200, /* largest number of decisions of the driver in a step */
-    STATE = MOTION_WIDTH + 2,
-    ARGUMENTS = STATE + MOTION_BLOCK,
+    MOST_IMPACTS = 10000, /* largest number of events in a step */
+    MOST_RETRIES = 200,   /* largest number of decisions of the driver in a step */
     PAIR = 2,
     LEGS = MOTION_BREAKS + MOTION_ADDED + 1,
 };
 
-static const double CLOSED = 1e-9, DEEP = 1e-6; /* a closed gap, and an overlap at the start, relative to the size */
-static const double SLOWEST = 1e-6, STILL = 1e-12; /* slow rebounds, relative to the fastest impact, and to the size */
-static const double FLIGHT = 2.05;                 /* first step after an impact, relative to the time of flight */
-
 static const double FAR = 1000.0, FARTHEST = 3e-3; /* residual of an interpolated state, in tolerances; its limit */
 static const double BETWEEN = 3.0;                 /* interpolation error that rejects a step */
-
-typedef struct {
-    double inputs[MOTION_INPUTS + 1];
-    double commands[MOTION_COMMANDS + 1];
-    double parameters[MOTION_PARAMETERS + 1];
-    double time, tolerance, floor;
-    double wanted, fresh;             /* size of the next step; whether an input has changed */
-    double state[MOTION_WIDTH];       /* state of the integration */
-    double shown[MOTION_WIDTH];       /* this state, projected onto the constraints, for outputs */
-    double rate[MOTION_WIDTH];
-    double known;                     /* whether the outputs belong to the inputs and the state */
-    double turned[MOTION_OUTPUTS];    /* unwrapped angles at the last communication point */
-    double counted;                   /* whether there was such a point */
-    double warned;                    /* whether inaccurate accelerations were reported */
-    double begun, dirty;              /* whether the start was computed; whether a parameter has changed since */
-    int64_t mode[MOTION_EVENTS + 1], resting[2 * MOTION_EVENTS + 1], happened, noted; /* of impacts */
-    double heading[MOTION_EVENTS + 1], internal[MOTION_EVENTS + 1], rise[2 * MOTION_EVENTS + 1];
-    double length, slow, fastest;
-    double outputs[MOTION_RESULTS];
-    double measured[MOTION_MEASURED + 1];
-    double work[MOTION_WORK];
-} Motion;
 
 size_t model_bytes(void) { return sizeof(Motion); }
 
@@ -66,7 +34,7 @@ void model_start(void *model) {
     of->dirty = 1.0;
 }
 
-static double *cleared(Motion *of) {
+double *cleared(Motion *of) {
     memset(of->work, 0, sizeof of->work);
     return of->work;
 }
@@ -117,8 +85,7 @@ static void check_parameters(const Motion *of, Report *to) {
     }
 }
 
-/* Arguments of the programs of a state: state, time, zero, parameters of the equations. */
-static void fill_arguments(const Motion *of, const double *state, double time, double *to) {
+void fill_arguments(const Motion *of, const double *state, double time, double *to) {
     memcpy(to, state, MOTION_WIDTH * sizeof(double));
     to[MOTION_WIDTH] = time;
     to[MOTION_WIDTH + 1] = 0.0;
@@ -188,141 +155,6 @@ static void assemble(Motion *of, Report *to) {
     }
 }
 
-enum {
-    /* rows of the contact program: of each event, of its slopes, and of the index-1 system */
-    SPEED_ROWS = 2 * MOTION_EVENTS,
-    BIAS_ROWS = 3 * MOTION_EVENTS,
-    SLOPE_ROWS = 4 * MOTION_EVENTS,
-    VALUE_ROWS = SLOPE_ROWS + MOTION_EVENTS * MOTION_COORDINATES,
-    RIGHT_ROWS = VALUE_ROWS + MOTION_ENTRIES,
-    CONTACT_ROWS = RIGHT_ROWS + MOTION_SYSTEM,
-    /* without events, for compilers that look at loops which never run */
-    UNKNOWNS = MOTION_SYSTEM > MOTION_COORDINATES ? MOTION_SYSTEM : MOTION_COORDINATES,
-    FOUND_ROWS = CONTACT_ROWS + MOTION_COORDINATES + 1
-};
-
-static void find_contacts(Motion *of, double time, double *found) {
-    double arguments[ARGUMENTS + 1];
-    fill_arguments(of, of->state, time, arguments);
-    const Source source = {arguments, ARGUMENTS, ARGUMENTS, 1, 1, 0};
-    evaluate(&motion_contacts.contact, (V *)cleared(of), &source, 1, 0, 1, motion_contact_rows, CONTACT_ROWS, found);
-}
-
-/* Solve a system with two right-hand sides by elimination with pivots; return whether it is regular. */
-static int solve_pair(double *a, double (*b)[2], int size) {
-    for (int k = 0; k < size; k++) {
-        int best = k;
-        for (int i = k + 1; i < size; i++)
-            if (fabs(a[i * size + k]) > fabs(a[best * size + k])) best = i;
-        if (!(fabs(a[best * size + k]) > 0)) return 0;
-        for (int j = 0; j < size; j++) {
-            const double kept = a[k * size + j];
-            a[k * size + j] = a[best * size + j];
-            a[best * size + j] = kept;
-        }
-        for (int j = 0; j < 2; j++) {
-            const double kept = b[k][j];
-            b[k][j] = b[best][j];
-            b[best][j] = kept;
-        }
-        for (int i = k + 1; i < size; i++) {
-            const double factor = a[i * size + k] / a[k * size + k];
-            if (factor == 0.0) continue;
-            for (int j = k; j < size; j++) a[i * size + j] -= factor * a[k * size + j];
-            for (int j = 0; j < 2; j++) b[i][j] -= factor * b[k][j];
-        }
-    }
-    for (int k = size - 1; k >= 0; k--)
-        for (int j = 0; j < 2; j++) {
-            for (int i = k + 1; i < size; i++) b[k][j] -= a[k * size + i] * b[i][j];
-            b[k][j] /= a[k * size + k];
-        }
-    return 1;
-}
-
-static void report_lasting(int event, double time, Report *to) {
-    report(to, ERROR,
-           "The contact of %s lasts from t = %.6g s on: its bounces have become too small, or it does not rebound. "
-           "uqmbd simulates such motions, this FMU does not.",
-           motion_event_names[event], time);
-}
-
-/* Prepare the guards of impacts at the start of a step: a closed contact must rise, or fall, which is an impact. */
-static void begin_contacts(Motion *of, int overlaps, Report *to) {
-    double found[FOUND_ROWS];
-    if (!MOTION_EVENTS) return;
-    find_contacts(of, of->time, found);
-    of->slow = fmax(SLOWEST * of->fastest, STILL * of->length);
-    for (int k = 0; k < MOTION_EVENTS; k++) {
-        const double gap = found[k], speed = found[SPEED_ROWS + k];
-        of->resting[2 * k] = of->resting[2 * k + 1] = 0;
-        of->rise[2 * k] = of->rise[2 * k + 1] = 0.0;
-        if (!(gap <= CLOSED * of->length)) continue;
-        if (gap < -DEEP * of->length && (overlaps || speed < -of->slow)) {
-            report(to, ERROR, "%s: the bodies overlap by %.3g m at t = %.6g s.", motion_event_names[k], -gap, of->time);
-            return;
-        }
-        if (speed < -of->slow) continue; /* the driver finds this impact in its first step */
-        if (!(speed > of->slow)) {
-            report_lasting(k, of->time, to);
-            return;
-        }
-        of->resting[2 * k] = 1;
-        of->rise[2 * k] = speed;
-    }
-}
-
-/* Change the velocities by the impulse of the impact that has happened: Newton's law of restitution. */
-static void bounce(Motion *of, double now, double *wanted, Report *to) {
-    double found[FOUND_ROWS], b[UNKNOWNS][2], a[UNKNOWNS * UNKNOWNS];
-    const int k = (int)(of->happened / 2);
-    const double *slope = found + SLOPE_ROWS + k * MOTION_COORDINATES;
-    if (!MOTION_EVENTS) return;
-    find_contacts(of, now, found);
-    for (int j = 0; j < MOTION_EVENTS; j++)
-        if (j != k && found[j] <= CLOSED * of->length) {
-            report(to, ERROR,
-                   "%s and %s touch at the same time, t = %.6g s. uqmbd simulates such motions, this FMU does not.",
-                   motion_event_names[k], motion_event_names[j], now);
-            return;
-        }
-    memset(a, 0, sizeof a);
-    memset(b, 0, sizeof b);
-    for (int e = 0; e < MOTION_ENTRIES; e++)
-        a[motion_contacts.rows[e] * MOTION_SYSTEM + motion_contacts.columns[e]] = found[VALUE_ROWS + e];
-    for (int i = 0; i < MOTION_SYSTEM; i++) b[i][0] = found[RIGHT_ROWS + i];
-    for (int i = 0; i < MOTION_COORDINATES; i++) b[i][1] = slope[i];
-    double response = 0.0, rate = found[BIAS_ROWS + k];
-    const int regular = solve_pair(a, b, MOTION_SYSTEM);
-    for (int i = 0; i < MOTION_COORDINATES; i++) {
-        response += slope[i] * b[i][1];
-        rate += slope[i] * b[i][0];
-    }
-    const double speed = found[SPEED_ROWS + k], impulse = -(1.0 + found[MOTION_EVENTS + k]) * speed / response;
-    const double after = speed + response * impulse, fastest = fmax(of->fastest, -speed);
-    const double slow = fmax(SLOWEST * fastest, STILL * of->length);
-    if (!regular || !(response > 0) || !isfinite(impulse)) {
-        report(to, ERROR, "The impact of %s at t = %.6g s is not determined: the pose is singular.",
-               motion_event_names[k], now);
-        return;
-    }
-    if (!(-speed > slow) || !(after > slow)) {
-        report_lasting(k, now, to);
-        return;
-    }
-    of->fastest = fastest;
-    of->slow = slow;
-    for (int i = 0; i < MOTION_COORDINATES; i++) {
-        of->state[i] -= b[i][1] * found[k] / response;
-        of->state[MOTION_COORDINATES + MOTION_STATES + i] += b[i][1] * impulse;
-    }
-    memset(of->resting, 0, sizeof of->resting);
-    memset(of->rise, 0, sizeof of->rise);
-    of->resting[2 * k] = 1;
-    of->rise[2 * k] = after;
-    if (rate < 0) *wanted = fmin(*wanted, -FLIGHT * after / rate);
-}
-
 /* Outputs at the shown state; angles continue from the last communication point. */
 static void find_outputs(Motion *of, Report *to) {
     double arguments[ARGUMENTS + MOTION_INPUTS + 1];
@@ -386,6 +218,12 @@ void model_prepare(void *model, double time, double tolerance) {
     of->tolerance = tolerance > 0 ? tolerance : default_tolerance;
 }
 
+/* A time in an interval at whose ends functions of time may jump. */
+static double inside(double now, double begin, double end) {
+    const double near = 1e-12 * fmax(1.0, fmax(fabs(begin), isinf(end) ? 0.0 : fabs(end)));
+    return fmin(fmax(now, begin + near), end - near);
+}
+
 void model_initialise(void *model, Report *to) {
     Motion *of = model;
     double largest = 0.0;
@@ -400,8 +238,7 @@ void model_initialise(void *model, Report *to) {
     of->wanted = 0.0;
     of->fresh = 1.0;
     of->length = fmin(1.0, fmax(1e-3, largest));
-    of->fastest = 0.0;
-    begin_contacts(of, 1, to);
+    start_contacts(of, inside(of->time, of->time, INFINITY), to);
     if (to->status >= ERROR) return;
     memcpy(of->shown, of->state, sizeof of->shown);
     of->known = of->counted = 0.0;
@@ -503,7 +340,7 @@ void model_advance(void *model, double end, Report *to) {
                        .encounters = &encounters};
     const int64_t member = 0;
     int64_t impacts = 0;
-    begin_contacts(of, 0, to);
+    begin_contacts(of, inside(now, begin, ends[leg]), &wanted, to);
     if (to->status >= ERROR) return;
     if (advance_workspace(&problem) > MOTION_WORK) {
         report(to, FATAL, "The workspace of the integration is too small; the FMU is damaged.");
@@ -516,10 +353,10 @@ void model_advance(void *model, double end, Report *to) {
         }
         if (status == EVENT) {
             if (++impacts > MOST_IMPACTS) {
-                report(to, ERROR, "More than %d impacts in a step at t = %.6g s.", MOST_IMPACTS, now);
+                report(to, ERROR, "More than %d events of contacts in a step at t = %.6g s.", MOST_IMPACTS, now);
                 return;
             }
-            bounce(of, now, &wanted, to);
+            decide_contact(of, now, inside(now, begin, ends[leg]), &wanted, to);
             if (to->status >= ERROR) return;
             fresh = 1;
             rejected = refused = 0;

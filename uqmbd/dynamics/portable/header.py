@@ -74,7 +74,7 @@ def motion_header(sizes: dict[str, int], values: dict[str, Any]) -> str:
             "extern const Limit motion_limits[];",
             "extern const Tensor motion_tensors[];",
             "extern const Measurement motion_measurements[];",
-            "extern const double motion_longest;",
+            "extern const double motion_longest, motion_duration; /* longest step; of the typical simulation, s */",
             "",
             "#endif",
             "",

@@ -1,4 +1,4 @@
-"""Impacts of a motion in C: contacts without friction, one at a time, whose bounces are in flight."""
+"""Contacts of a motion in C: impacts and contacts that last, one at a time; marks of events change no motion."""
 
 from __future__ import annotations
 
@@ -20,27 +20,31 @@ SAMPLES = 8
 
 def impact_obstacle(model: Model) -> str:
     """Return why the events of a model have no form in C, or an empty text."""
-    for component, label, directions in model.events:
-        if directions == 0:
-            return f"component {component!r} has the event {label!r}, and Python code processes it"
-        if directions > 1:
-            return f"the impact of component {component!r} has friction, and Python code computes it"
+    loads = model.given_loads or (False,) * len(model.events)
+    for (component, *_), given in zip(model.events, loads, strict=True):
+        if given:
+            return f"component {component!r} has dry friction, and Python code computes when it sticks; use smooth friction"
     maps = [model.outputs, *(loop.measure for loop in model.controls)]
-    if model.events and any(one.accelerates for one in maps):
+    if _touches(model) and any(one.accelerates for one in maps):
         return "it has impacts, and its outputs contain accelerations or reactions, which Python code computes"
     return ""
 
 
+def _touches(model: Model) -> bool:
+    """Return whether a model has contacts; events without directions are marks."""
+    return any(directions for *_, directions in model.events)
+
+
 def contacts_of(model: Model) -> tuple[Dynamics, ContactPrograms] | None:
-    """Return the programs of a model with events; None without events."""
-    return contact_programs(model) if model.events else None
+    """Return the programs of a model with contacts; None without contacts."""
+    return contact_programs(model) if _touches(model) else None
 
 
 def written_contacts(
     w: SourceWriter, model: Model, found: tuple[Dynamics, ContactPrograms] | None
 ) -> tuple[str, str, dict[str, int], int]:
     """Return the C structure of contacts, the table of their rows, sizes, and the workspace of the driver."""
-    names = ("MOTION_EVENTS", "MOTION_SYSTEM", "MOTION_ENTRIES")
+    names = ("MOTION_EVENTS", "MOTION_DIRECTIONS", "MOTION_SYSTEM", "MOTION_ENTRIES")
     if found is None:
         return "{0}", "NULL", dict.fromkeys(names, 0), 0
     c, events = found[1], len(model.events)
@@ -53,8 +57,9 @@ def written_contacts(
             *(w.integers(x) for x in (c.rows, c.columns, c.values, c.right)),
         ]
     )
-    rows = np.concatenate([c.gap, c.law[:, 0], c.speed, c.bias, c.slope.ravel(), c.values, c.right])
+    rows = np.concatenate([c.gap, c.law.ravel(), c.speed, c.bias, c.slope.ravel(), c.values, c.right])
     n = len(c.speed)
     # twice the workspace of contacts.c, which the driver checks
     memory = 2 * (2 * events * (SAMPLES + 2) + c.size * (c.size + 1 + n) + c.size * (1 + n) + 4 * n * n + 8 * n + 1)
-    return f"{{{text}}}", w.integers(rows), dict(zip(names, (events, c.size, len(c.rows)), strict=True)), memory
+    sizes = dict(zip(names, (events, n, c.size, len(c.rows)), strict=True))
+    return f"{{{text}}}", w.integers(rows), sizes, memory

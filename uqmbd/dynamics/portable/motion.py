@@ -354,7 +354,7 @@ def _written(
         f"const Limit motion_limits[] = {{{', '.join(limits) or '{NULL, 0, 0.0, 0.0, 0}'}}};",
         f"const Tensor motion_tensors[] = {{{', '.join(tensors) or '{NULL, NULL}'}}};",
         f"const Measurement motion_measurements[] = {{{', '.join(seen) or '{' + empty + ', NULL, 0}'}}};",
-        f"const double motion_longest = {_end(longest)};",
+        f"const double motion_longest = {_end(longest)}, motion_duration = {float(times[-1] - times[0])!r};",
         "",
     ]
     # tables that a structure names must precede it
