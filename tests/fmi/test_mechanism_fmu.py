@@ -406,6 +406,30 @@ def test_two_contacts_at_once_end_with_an_error_that_names_them(tmp_path):
     assert fmu.reset() == 0 and fmu.begin() == 0
 
 
+def tabled(argument, start=0.0):
+    """An oscillator with a force through 41 random samples, over time or position."""
+    gain = uqmbd.RandomVariable("gain", chaospy.Uniform(1, 2), units="N")
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    body = mechanism.body("body", mass=1, position=1, velocity=1)
+    samples = np.random.default_rng(1).normal(size=41)
+    force = uqmbd.spline(np.linspace(0, 2, 41), samples)(argument(body) + start)
+    mechanism.add(PointForce("force", body, (0,), (gain * force - 9 * body.position[0],)))
+    mechanism.output("x", body.position[0], units="m")
+    return mechanism
+
+
+@compiled
+@pytest.mark.thorough
+def test_tables_over_time_and_motion_are_those_of_simulate(tmp_path):
+    """Steps end at knots over time; knots over a motion limit the accuracy of any integration of high order."""
+    times = np.linspace(0, 2.5, 26)
+    for k, (argument, tolerance) in enumerate(((lambda body: uqmbd.t, 1e-8), (lambda body: body.position[0], 1e-6))):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        mechanism = tabled(argument)
+        compare(exported(mechanism, folder, times=times, rtol=1e-9), mechanism, times, {"gain": 1.7}, tolerance)
+
+
 def controlled(state=False, initial=0, speed=False):
     """A rotor with a controller: an output of its state, a random initial value, or a commanded speed."""
 
@@ -449,6 +473,11 @@ def jumping(speed):
 
 REFUSED = {
     "dry friction": (dry, {}, "component 'bearing friction' has dry friction"),
+    "random table": (
+        lambda: tabled(lambda body: uqmbd.t, uqmbd.RandomVariable("start", chaospy.Uniform(0, 1), units="s")),
+        {},
+        "a table over time whose argument depends on random variables",
+    ),
     "force of an impact": (lambda: bouncing(force=True), {}, "outputs contain accelerations or reactions"),
     "state of a controller": (
         lambda: controlled(state=True),

@@ -18,11 +18,12 @@ enum {
     MOST_IMPACTS = 10000, /* largest number of events in a step */
     MOST_RETRIES = 200,   /* largest number of decisions of the driver in a step */
     PAIR = 2,
-    LEGS = MOTION_BREAKS + MOTION_ADDED + 1,
+    LEGS = MOTION_BREAKS + MOTION_ADDED + MOTION_KNOTS + 1,
 };
 
 static const double FAR = 1000.0, FARTHEST = 3e-3; /* residual of an interpolated state, in tolerances; its limit */
 static const double BETWEEN = 3.0;                 /* interpolation error that rejects a step */
+static const double RELEVANT = 100.0;              /* relevant deviation of a table from a cubic, in tolerances */
 
 size_t model_bytes(void) { return sizeof(Motion); }
 
@@ -256,12 +257,16 @@ void model_initialise(void *model, Report *to) {
 /* Ends of the parts of a step between which the equations are smooth; return their number. */
 static int64_t find_legs(const Motion *of, double end, double *ends) {
     int64_t count = 0;
-    for (int k = 0; k < MOTION_BREAKS + MOTION_ADDED; k++) {
+    for (int k = 0; k < LEGS - 1; k++) {
+        const int knot = k - MOTION_BREAKS - MOTION_ADDED;
         const double at = k < MOTION_BREAKS ? of->parameters[motion_break_places[k]]
-                                            : motion_added_parameters[k - MOTION_BREAKS];
+                          : knot < 0        ? motion_added_parameters[k - MOTION_BREAKS]
+                                            : motion_knot_parameters[knot];
         const double near = 1e-12 * fmax(1.0, fabs(at));
         int64_t place = count;
         if (!(at > of->time + near && at < end - near)) continue;
+        /* a knot at which the third derivative jumps by less than the tolerance is no end */
+        if (knot >= 0 && !(motion_deviation_parameters[knot] > RELEVANT * of->tolerance)) continue;
         while (place > 0 && ends[place - 1] > at) place--;
         if (place > 0 && at - ends[place - 1] <= near) continue;
         for (int64_t i = count; i > place; i--) ends[i] = ends[i - 1];

@@ -44,17 +44,25 @@ class TimedTable:
 
     def knots(self, begin: float, end: float, rtol: float) -> Array:
         """Return the times of relevant knots between two times, s."""
+        return self.deviating(begin, end, COUNTS * rtol)[0]
+
+    def deviating(self, begin: float, end: float, least: float = 0.0) -> tuple[Array, Array]:
+        """Return knots (K,) between two times, s, with deviations (K,) from a cubic above a limit."""
         table = self.table
-        found = table.knots[table.deviations > COUNTS * rtol]
+        some = table.deviations > least
+        found, deviations = table.knots[some], table.deviations[some]
         if not np.isfinite([self.slope, self.offset]).all() or self.slope == 0:
-            return np.zeros(0)
+            return np.zeros(0), np.zeros(0)
         if table.ends == "periodic" and len(found):
             period = table.knots[-1] - table.knots[0]
             reach = np.sort(np.array([begin, end]) * self.slope + self.offset)
             first, last = np.floor((reach - table.knots[0]) / period)
-            found = (found + period * np.arange(first, last + 1)[:, None]).ravel()
+            turns = np.arange(first, last + 1)
+            found = (found + period * turns[:, None]).ravel()
+            deviations = np.tile(deviations, len(turns))
         times: Array = (found - self.offset) / self.slope
-        return times[(times > begin) & (times < end)]
+        inside = (times > begin) & (times < end)
+        return times[inside], deviations[inside]
 
     def step(self, rtol: float) -> float:
         """Return the step length, s, for which the jump at every knot is negligible.
@@ -91,6 +99,17 @@ class TimedTables:
             step = min(x.step(rtol) for x in own if x.slope)
             few = len(own) == 1 or len(stops) <= (stops[-1] - stops[0]) / step
             yield KnotInterval(stops, np.inf) if few else KnotInterval(stops[[0, -1]], step)
+
+    def deviating(self, begin: float, end: float) -> tuple[Array, Array]:
+        """Return ordered knots (K,) between two times, s, with deviations (K,); arguments are not random."""
+        lines = self.lines.constants.reshape(-1, 2)
+        found = [
+            TimedTable(table, *map(float, line)).deviating(begin, end)
+            for table, line in zip(self.tables, lines, strict=True)
+        ]
+        times, deviations = (np.concatenate(x) for x in zip(*found, strict=True))
+        order = np.argsort(times, kind="stable")
+        return times[order], deviations[order]
 
 
 def timed_tables(instances: list[Instance], inputs: Sequence[sympy.Symbol]) -> TimedTables | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -21,6 +21,7 @@ __all__ = ["SourceWriter", "driver_sources"]
 
 PARTS = (
     "program",
+    "tables",
     "contacts",
     "events",
     "lanes",
@@ -35,7 +36,7 @@ PARTS = (
 )
 """Sources of the driver that an integration needs, in the order of their inclusion."""
 
-HEADERS = ("program", "control", "events", "radau", "dop853", "group", "assembly")
+HEADERS = ("program", "tables", "control", "events", "radau", "dop853", "group", "assembly")
 """Headers of these sources, without the one of vectors, which ``single_lane.h`` replaces."""
 
 _BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}
@@ -94,14 +95,22 @@ class SourceWriter:
         return name
 
     def kernel(self, kernel: Kernel) -> str:
-        """Return the name of the function of a kernel; raise StudyError if it looks up tables."""
+        """Return the name of the function of a kernel; raise StudyError if it looks up sampled paths."""
         if not kernel.code:
             return "NULL"
         if kernel.name not in self._kernels:
             name = f"k{len(self._kernels)}"
-            self.parts.append(_function(name, zlib.decompress(kernel.source).decode()))
+            source = zlib.decompress(kernel.source).decode()
+            self.parts.append(_function(name, source, self._constants(source)))
             self._kernels[kernel.name] = name
         return self._kernels[kernel.name]
+
+    def _constants(self, source: str) -> dict[str, str]:
+        """Return the names of the tables in C by their names in the source of a kernel."""
+        return {
+            name: self.numbers(np.frombuffer(bytes.fromhex(content.replace("\\", ""))))
+            for name, content in _CONSTANT.findall(source)
+        }
 
     def program(self, part: ProgramPart) -> str:
         """Return the value of a structure `Program`; raise StudyError if a step is a method of the driver."""
@@ -169,22 +178,38 @@ _TYPED = re.compile(r"<\d+ x (?:double|i1)> (%[\w.]+|splat \((?:double|i1) [^)]*
 _OPERAND = re.compile(r"%[\w.]+|splat \((?:double|i1) [^)]*\)")
 
 
+_CONSTANT = re.compile(r'^@(\S+) = private constant \[\d+ x i8\] c"([^"]*)"', re.MULTILINE)
+"""Name and bytes of a table of numbers."""
+
+_LOOKUP = re.compile(
+    r"call void @look_up\(ptr @(\S+), ptr @(\S+), i64 (\d+), i64 (\d+), i64 (\d+), double (\S+), i64 \d+, "
+    r"ptr %asked, ptr %answered\)"
+)
+"""Lookup of a table: its edges and rows, numbers of knots, terms and results, and its period."""
+
+
 def _value(operand: str) -> str:
     """Return an operand in C."""
     if operand.startswith("%"):
-        return operand[1:]
+        return operand[1:].replace(".", "_")
     text = operand[operand.index("(") + 1 : -1].split()[1]
     if text in ("true", "false"):
         return "1" if text == "true" else "0"
-    (number,) = struct.unpack(">d", bytes.fromhex(text[2:]))
-    found = _number(number)
+    found = _real(text)
     return f"({found})" if found.startswith("-") else found
 
 
-def _function(name: str, source: str) -> str:
-    """Translate the LLVM IR of a kernel to a function in C."""
-    if "@look_up" in source:
-        raise StudyError("an expression looks up a table or a sampled path")
+def _real(text: str) -> str:
+    """Return a number of LLVM, in hexadecimal digits of its bits, in C."""
+    (number,) = struct.unpack(">d", bytes.fromhex(text[2:]))
+    return _number(number)
+
+
+def _function(name: str, source: str, constants: Mapping[str, str]) -> str:
+    """Translate the LLVM IR of a kernel to a function in C; `constants` are the names of its tables in C."""
+    if "@look_up_path" in source:
+        raise StudyError("an expression looks up a sampled path")
+    room = 0
     body, addresses = list[tuple[str, str, str]](), dict[str, str]()  # type, result and text of each operation
     inside = False
     for line in source.splitlines():
@@ -194,14 +219,20 @@ def _function(name: str, source: str) -> str:
         if not inside or line.startswith(("br ", "ret ", "}")) or line.endswith(":"):
             inside = inside and not line.startswith("}")
             continue
+        if found := _LOOKUP.match(line):
+            edges, rows, knots, terms, numbers, period = found.groups()
+            room = max(room, 1 + int(terms), int(numbers))
+            listed = f"{constants[edges]}, {constants[rows]}, {knots}, {terms}, {numbers}, {_real(period)}"
+            body.append(("", "", f"look_up({listed}, 1, asked, answered)"))
+            continue
         if line.startswith("store "):
             value, place = _TYPED.findall(line)[0], line[line.index("ptr %") + 5 :].split(",")[0]
             body.append(("", addresses[place], _value(value)))
             continue
         target, _, operation = line.partition(" = ")
-        if not target.startswith("%v"):
+        if not target.startswith(("%v", "%looked")):
             continue  # the loop over the parts of a row
-        result, word = target[1:], operation.split()[0]
+        result, word = _value(target), operation.split()[0]
         if word == "getelementptr":
             of, row = operation[operation.index("ptr %") + 5 :].split(", i64 ")
             addresses[result] = f"{of}[{row}]"
@@ -217,7 +248,8 @@ def _function(name: str, source: str) -> str:
             "    const double *x = (const double *)arguments;",
             "    double *y = (double *)results;",
             "    (void)x;",
-            *(f"    {kind}{result} = {text};" for kind, result, text in _used(body)),
+            *([f"    double asked[{room}], answered[{room}];"] if room else []),
+            *(f"    {kind}{result}{' = ' if result else ''}{text};" for kind, result, text in _used(body)),
             "}",
             "",
         ]
@@ -229,7 +261,7 @@ def _used(body: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
     needed, found = set[str](), list[tuple[str, str, str]]()
     for kind, result, text in reversed(body):
         if not kind or result in needed:
-            needed |= set(re.findall(r"v\d+", text))
+            needed |= set(re.findall(r"v\d+|looked\d+_\d+", text))
             found.append((kind, result, text))
     return found[::-1]
 

@@ -33,6 +33,7 @@ def motion_header(sizes: dict[str, int], values: dict[str, Any]) -> str:
             "#ifndef UQMBD_MOTION_H",
             "#define UQMBD_MOTION_H",
             "",
+            '#include "tables.h"',
             '#include "dop853.h"',
             '#include "assembly.h"',
             "",

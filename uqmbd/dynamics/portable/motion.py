@@ -163,8 +163,8 @@ def _obstacle(model: Model) -> str:
         return "its realisations start in static equilibrium"
     if model.conditions is not None:
         return f"it has the start condition {model.conditions.names[0]!r}"
-    if model.tables:
-        return "it has tables over time"
+    if model.tables and len(model.tables.lines.random):
+        return "it has a table over time whose argument depends on random variables"
     if model.system is None or model.system.programs is None:
         return "it has too many equations for compiled elimination"
     if not model.outputs.names:
@@ -250,6 +250,9 @@ def _written(
     longest = min(longest, model.max_step)
     if touching is not None:
         longest = min(longest, float(times[-1] - times[0]) / PARTS_OF_STEPS)
+    knots, deviations = np.zeros((2, 0))
+    if model.tables:
+        knots, deviations = model.tables.deviating(float(times[0]), float(times[-1]))
     contacts, contact_rows, contact_sizes, contact_memory = written_contacts(w, model, touching)
     equations = 0 if k is None else len(k.residuals)
     rows = [
@@ -293,6 +296,8 @@ def _written(
         "stated_places": w.integers(stated),
         "break_places": w.integers(model.breaks),
         "added_parameters": w.numbers(model.added_breaks),
+        "knot_parameters": w.numbers(knots),
+        "deviation_parameters": w.numbers(deviations),
         "constant_parameters": constants,
         "random_places": random,
         "equation_values": w.integers(closing.equations.values),
@@ -325,6 +330,7 @@ def _written(
         "MOTION_INITIAL": len(initial_states),
         "MOTION_BREAKS": len(model.breaks),
         "MOTION_ADDED": len(model.added_breaks),
+        "MOTION_KNOTS": len(knots),
         "MOTION_WORK": work,
         "MOTION_LIMITS": len(limits),
         "MOTION_TENSORS": len(tensors),
