@@ -89,7 +89,7 @@ _DIGITS = re.compile(r"([0-9]+)")
 
 
 def natural_order(name: str) -> tuple[list[str | int], str]:
-    """Return the sort key of a name, with which number 2 comes before number 10.
+    """Return a sort key of a name that orders numbers by value: 2 comes before 10.
 
     >>> sorted(["road_10", "road_2", "road_1", "mass"], key=natural_order)
     ['mass', 'road_1', 'road_2', 'road_10']
@@ -98,7 +98,7 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
 
 
 def unwritable(text: str) -> str:
-    r"""Name the first character of a text that files, pages and terminals cannot contain; empty if there is none.
+    r"""Describe the first character of a text that files, pages and terminals cannot contain; empty if there is none.
 
     Tabs, ends of lines and printable characters of all scripts are allowed.
 

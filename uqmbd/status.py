@@ -28,7 +28,7 @@ class Status(IntEnum):
     NOT_FINITE = 3
     """An output is not a finite number."""
     OTHER = 4
-    """A value, as a static equilibrium or a further natural frequency, is missing, or a propagator's own reason."""
+    """A value is missing, such as a static equilibrium or natural frequency; or a propagator states another reason."""
 
     CENSORED = 5
     """The event of an output does not occur by the last time; the realisation has not failed."""

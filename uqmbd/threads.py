@@ -2,10 +2,11 @@
 
 :func:`threadpoolctl.threadpool_limits` reads the list of loaded libraries at each call, which takes 1 to 3 ms, longer
 than the computation of some chunks of realisations. This module reads the list again only if libraries have been loaded
-since the last reading. On systems other than Linux, the sign of loaded libraries is the number of imported modules.
+since the last reading. On systems other than Linux, a changed number of imported modules counts as a change of the
+loaded libraries.
 
-Some libraries have one number of threads for the whole process, others one number for each calling thread. The former
-number is restored when the last thread leaves its context, the latter when its own thread does.
+Some libraries have one number of threads for the whole process. This number is restored when the last thread leaves its
+context. Other libraries have one number for each calling thread, which is restored when this thread leaves its context.
 """
 
 from __future__ import annotations
@@ -85,8 +86,8 @@ _PROCESS = _ProcessLibraries()
 def one_thread() -> Iterator[None]:
     """Limit linear algebra to one thread, so that results are bitwise independent of the number of processors.
 
-    Contexts can be nested, and several threads can use them at the same time.  A context limits the libraries that are
-    loaded when it begins, not those that are loaded inside it.
+    Contexts can be nested, and several threads can use them at the same time.  A context limits only libraries that
+    were loaded before it began.
     """
     _PROCESS.enter()
     try:
@@ -96,7 +97,7 @@ def one_thread() -> Iterator[None]:
 
 
 def _set(library: Any, threads: int) -> None:
-    """Set the number of threads from any thread; threadpoolctl 3.8 allows it only to the thread of the last setting."""
+    """Set the number of threads from any thread; threadpoolctl 3.8 rejects threads other than the last that set it."""
     release = getattr(library, "clear_controlling_thread", None)
     if release is not None:
         release(force=True)

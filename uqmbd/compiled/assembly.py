@@ -1,4 +1,4 @@
-"""Poses and velocities of least change that satisfy sparse equations: tables for ``assembly.c`` of the driver.
+"""Tables for ``assembly.c`` of the driver, which solves sparse equations for poses and velocities of least change.
 
 This module computes the order of elimination, because the orderings of SciPy cannot place possibly dependent rows last.
 The import of SuperLU alone takes longer than the ordering of a chain of one hundred links.
@@ -36,7 +36,7 @@ class Gradients(NamedTuple):
         return Gradients(self.rows[which], self.columns[which], self.values[which], self.factors[which])
 
     def beside(self, other: Gradients) -> Gradients:
-        """Return the entries of both objects."""
+        """Return the entries of this object, then those of another."""
         return Gradients(
             np.concatenate([self.rows, other.rows]),
             np.concatenate([self.columns, other.columns]),

@@ -67,8 +67,8 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
     """Return the result of `make` from the cache on disk, or call `make` and store its result.
 
     The key is plain data; its ``repr`` is hashed together with the other dependencies of kernels. The result must be
-    picklable. A damaged entry, or an entry of another user, is made again. A folder that cannot be written only costs
-    time. If several processes need the same entry at once, such as starting workers, one process makes it.
+    picklable. A damaged entry, or an entry of another user, is replaced. Without a writable folder, each process calls
+    `make`. If several processes need the same entry at once, such as starting workers, only one of them calls `make`.
     """
     name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
     store = Store(cache_folder())
@@ -76,13 +76,14 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
         with store.alone(name) if waited else contextlib.nullcontext():
             stored = store.get(name)
             if stored is not None:
-                with contextlib.suppress(Exception):  # the entry is complete, but does not suit the installed packages
+                with contextlib.suppress(Exception):  # the entry is complete, but the installed packages cannot read it
                     value = pickle.loads(stored)  # noqa: S301 - checked by the store
                     kernels.debug("%s: taken from the cache %s", name[:12], store.folder)
                     return value
             if waited:
                 begin = time.perf_counter()
                 value = make()
-                kernels.info("%s: compiled in %.3g s, kept in %s", name[:12], time.perf_counter() - begin, store.folder)
+                seconds = time.perf_counter() - begin
+                kernels.info("%s: compiled in %.3g s, stored in %s", name[:12], seconds, store.folder)
                 store.put(name, pickle.dumps(value))
     return value

@@ -1,4 +1,4 @@
-"""Equations of motion that a basis couples: coefficients of states, and the C structure for the driver."""
+"""Equations of motion coupled by a basis, in coefficients of states, and their C structure for the driver."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class CoupledSystems:
         self.counts, self.correction = np.zeros(COUNTS, dtype=np.int64), aligned(size * self.blocks)
         self.small = terms * size <= DIRECT and nodes > terms
         gesv = _gesv() if self.small else 0
-        # measured with 30 to 200 unknowns: a factorisation takes as long as half this number of iterations
+        # measured with n = 30 to 200 unknowns: a factorisation takes as long as n / 2 iterations
         worth = 0.5 * terms * size if gesv else -1.0
         self._raised: BaseException | None = None
         self._outside = _OUTSIDE(0) if outside is None else _OUTSIDE(self._guarded(outside))
@@ -114,13 +114,13 @@ class CoupledSystems:
         self._times, self._paces = aligned(groups), aligned(groups)
 
     def _guarded(self, outside: Callable[[Array, bool], None]) -> Callable[[int], None]:
-        """Return a function that stores an exception for `_raise_stored`, because it cannot pass the driver."""
+        """Return a function that stores an exception for `_raise_stored`, because the driver cannot propagate it."""
 
         def call(what: int) -> None:
             try:
                 if self._raised is None:
                     outside(self.work, what == 0)
-            except BaseException as error:  # noqa: BLE001 - an interruption, too, is raised behind the driver
+            except BaseException as error:  # noqa: BLE001 - an interruption, too, is raised after the driver
                 self._raised = error
             if self._raised is not None:
                 self.work[:, self.systems.solution] = np.nan

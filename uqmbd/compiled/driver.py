@@ -341,7 +341,7 @@ class _Driver:
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))
         assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], (
-            "driver.bc was compiled from other sources than those installed"
+            "driver.bc was not compiled from the installed sources"
         )
 
     def __getattr__(self, name: str) -> Any:

@@ -38,14 +38,14 @@ _RECIPROCAL = {"sec": "cos", "csc": "sin", "cot": "tan", "sech": "cosh", "csch":
 """Functions with a reciprocal in the C library."""
 
 _OF_RECIPROCAL = {"asec": "acos", "acsc": "asin", "acot": "atan", "acoth": "atanh"}
-"""Functions that agree with functions of the C library at the reciprocal argument."""
+"""Functions whose value is that of a function of the C library at the reciprocal argument."""
 
 _INTRINSIC = {"Abs": "fabs", "floor": "floor", "ceiling": "ceil"}
 
 _COMPARISON = {"LessThan": "ole", "StrictLessThan": "olt", "Equality": "oeq", "Unequality": "une"}
 
 _OPPOSITE = {"LessThan": "ogt", "StrictLessThan": "oge", "Equality": "one", "Unequality": "oeq"}
-"""Comparison that is true if another comparison is certainly false; both are false if one side is not a real number."""
+"""Opposite of each comparison; both are false if one side is not a real number."""
 
 _PARTIAL = {"asin", "acos", "acosh", "atanh", "asec", "acsc", "acoth", "log", "gamma"}
 """Functions, in addition to powers, that are not real everywhere."""

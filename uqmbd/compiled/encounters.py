@@ -1,4 +1,4 @@
-"""Events of an explicit integration: contacts and sampled controllers for the driver, and events from it."""
+"""Contacts, events and sampled controllers of an explicit integration: data that the driver and Python share."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from uqmbd.typing import Array, Index
 __all__ = ["ContactPrograms", "ControlLaws", "Encounters", "SampledControl", "Touching"]
 
 ROOM = 64
-"""Number of stored marks of a realisation before they are read, in addition to the marks of one step."""
+"""Number of marker events that a realisation stores before they are read, in addition to those of one step."""
 STEP = 8
-"""Maximum number of marks of one kind in a step."""
+"""Maximum number of marker events of one kind in a step."""
 
 
 class Touching(IntEnum):
@@ -104,8 +104,8 @@ class Encounters:
 class ControlLaws(Addressed):
     """Sampled controllers, as programs of (state, time, zero, numbers of a realisation) on one work array.
 
-    The program of a law computes commands and states; that of a function, which the caller evaluates, measured values.
-    Held entries are the commands of each loop, then its states, loop by loop.
+    The program of a law computes commands and states. The program of a function, which the caller evaluates, computes
+    measured values. Held entries are the commands of each loop, then its states, loop by loop.
     """
 
     laws: tuple[ProgramPart, ...]  # (loop,): maps a state to commands and states, or to measured values
@@ -132,8 +132,8 @@ class SampledControl:
     """Sampled controllers of M realisations: arrays that the driver and the decisions in Python share.
 
     The `instants` (N,) are ascending times, s, at which integration intervals end; the first is due at the start.
-    `acting` and `sampled` (N, loop) are the places in `pending` of the commands that begin to act, and of those that a
-    sample computes; -1: none. Commands of loops that are `direct` (loop,) act at their sample. The numbers of each
+    `acting` and `sampled` (N, loop) are indices in `pending`: of the commands that begin to act, and of the commands
+    computed by a sample; -1: none. Commands of loops that are `direct` (loop,) act at their sample. The numbers of each
     realisation are `values` (M, number), and the limits of the commands `low` and `high` (M, entry).
     """
 
@@ -153,7 +153,8 @@ class SampledControl:
         self.values, self.low, self.high = (np.ascontiguousarray(x, dtype=float) for x in (values, low, high))
         # (M, place): commands that do not act yet; (M,): the instant that is due, or -1
         self.pending, self.instant = np.zeros((len(values), places)), np.zeros(len(values), dtype=np.int64)
-        # (M, measured): measured values for functions; (M, entry): their commands and states, valid if `answered` (M,)
+        # (M, measured): measured values for functions; (M, entry): returned commands and states, valid if `answered`
+        # (M,)
         self.measured, self.answers = np.zeros((len(values), len(laws.seen))), np.zeros(self.low.shape)
         self.answered = np.zeros(len(values), dtype=np.int64)
         self.ends = np.zeros(0, dtype=np.int64)
@@ -165,7 +166,7 @@ class SampledControl:
         return self.ends
 
     def of(self, member: int) -> SampledControl:
-        """Return the controllers of one realisation that continues elsewhere."""
+        """Return the controllers of one realisation, which continues in a separate integration state."""
         other = copy(self)
         other.__dict__.pop("structure", None)
         for name in ("values", "low", "high", "pending", "instant", "measured", "answers", "answered"):

@@ -31,7 +31,7 @@ __all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "ExplicitOptions", "Int
 STAGES = 12
 ORDER = 8
 NODES = 5
-"""Number of stored last states."""
+"""Number of stored states at the ends of the last steps."""
 BUDGET = 40_000
 """Number of evaluations, of eight states each, after which the driver returns: less than 0.1 s for a small mechanism,
 so that interrupts are possible."""
@@ -89,7 +89,7 @@ class Dynamics:
     parameters: int  # number of parameters
     motion: ProgramPart  # maps a state to its rate
     rate: Index  # (width,): rows of the rate
-    constraints: Constraints | None  # None without constraints
+    constraints: Constraints | None  # None: there are no constraints
     rows: int  # number of rows of the work array
     # number of entries of a state that change, minus one for each rotating body: angular velocities replace quaternions
     moving: int
@@ -98,7 +98,7 @@ class Dynamics:
     terms: int = 0  # 0: lanes are realisations; else terms of a problem with states (terms, width / blocks)
     blocks: int = 1  # number of rows of an entry
     cost: int = 1  # estimated cost of a rate, in evaluations of eight realisations
-    implicit: ImplicitEquations | None = None  # of implicit steps; None: steps are explicit
+    implicit: ImplicitEquations | None = None  # equations of implicit steps; None: steps are explicit
 
 
 _NOTHING, _NO_ROWS = ProgramPart((), 0), np.zeros(0, dtype=np.int64)
@@ -123,7 +123,7 @@ class ExplicitOptions:
 
 @cache
 def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
-    """Make the non-zero coefficients of the method from SciPy, and the arrays that must exist as long."""
+    """Return the nonzero coefficients of the method, from SciPy, and the arrays to which their pointers refer."""
     from scipy.integrate import DOP853 as method
 
     count = STAGES + 4
@@ -248,12 +248,12 @@ class IntegrationState:
 
     # -- for the caller ----------------------------------------------------------------------------------------------
     def last_nodes(self, member: int) -> tuple[Array, Array]:
-        """Return the last reached states: times (N,) and states (N, width)."""
+        """Return times (N,) and states (N, width) at the ends of the last steps."""
         first = NODES - int(self.known[member])
         return self.node_times[member, first:], self.nodes[member, first:]
 
     def settle(self, member: int, state: Array) -> None:
-        """Replace the last reached state."""
+        """Replace the state at the end of the last step."""
         self.z[member] = self.nodes[member, -1] = state
         self.fresh[member] = 1
 
@@ -264,7 +264,7 @@ class IntegrationState:
         self.settle(member, state)
 
     def step_back(self, member: int) -> None:
-        """Continue from the state before the last reached one."""
+        """Undo the last step: continue from the state at its begin."""
         for array in (self.node_times, self.nodes):
             array[member, 1:] = array[member, :-1].copy()
         self.known[member] -= 1
@@ -272,7 +272,7 @@ class IntegrationState:
         self.fresh[member] = 1
 
     def moved(self, member: int, dynamics: Dynamics) -> IntegrationState:
-        """Continue one realisation with other equations; its results still belong to this state."""
+        """Return a new state that continues one realisation with other equations; both states share the results."""
         new, one = copy(self), slice(member, member + 1)
         for name in c.POOL:
             rows = getattr(self, name)[one]
@@ -294,7 +294,7 @@ class IntegrationState:
 
     @cached_property
     def _call(self) -> Callable[[int, int], int]:
-        """Function of the address and length of a queue that runs these realisations."""
+        """Function that runs the realisations of a queue, given the address and the length of the queue."""
         functions, problem, pool = load_driver(), self._problem, self._pool
         workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
         places = ctypes.addressof(problem), ctypes.addressof(pool), address(workspace)
@@ -350,5 +350,5 @@ class IntegrationState:
             contacts,
             implicit,
             control,
-        )  # targets of pointers, which another thread may replace
+        )  # keep the targets of pointers alive, because another thread may replace this structure
         return found

@@ -21,7 +21,7 @@ __all__ = ["Addressed", "Columns", "ProgramPart", "Program", "ProgramStep", "Pro
 
 @dataclass(frozen=True)
 class ProgramStep:
-    """Step of a program: a kernel for `count` instances, a method, or (without both) sums of rows."""
+    """Step of a program: a kernel for `count` instances, a method of the driver, or (without either) sums of rows."""
 
     kernel: Kernel | None
     count: int
@@ -124,7 +124,7 @@ class ProgramWriter:
         return self.rows + self.widest
 
     def part(self, begin: int = 0, end: int | None = None) -> ProgramPart:
-        """Make a part from some of the steps; the writer is closed afterwards."""
+        """Return some of the steps as a part; no rows may be added afterwards."""
         return ProgramPart(tuple(self.steps[begin:end]), self.rows)
 
     def program(self, results: Index) -> Program:
@@ -177,7 +177,7 @@ class Program:
             out.flags.c_contiguous
             and all(np.shares_memory(x, y) or not x.size for x, y in zip(given, kept, strict=True))
         ):
-            raise ValueError("a bound program reads float64 in columns side by side, and writes a C-contiguous array")
+            raise ValueError("a bound program reads float64 in contiguous columns, and writes a C-contiguous array")
         work, evaluate, structure = aligned(self.rows), load_driver().evaluate, self.part.structure
         call = partial(
             evaluate,
@@ -225,10 +225,10 @@ class Program:
             if count % max(1, length * divisor) if isinstance(source, Columns) else length not in (1, count):
                 each = f", each for {divisor} states in a row" if isinstance(source, Columns) else ""
                 raise ValueError(f"the program runs for {count} states, but {length} rows of arguments are given{each}")
-            # the fields of a `SourceStruct` as a table of integers, which takes half the time of structures
+            # a table of integers with the fields of a `SourceStruct` takes half the time of structures
             rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
             to += width
-        assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"
+        assert len(rows) <= c.SOURCES, "the driver accepts no more arrays at once"
         if to != self.inputs:
             raise ValueError(f"the program has {self.inputs} arguments, but {to} are given")
         return np.array(rows, dtype=np.int64), kept, count or 0

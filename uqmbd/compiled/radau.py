@@ -28,7 +28,7 @@ ITERATIONS = 8
 
 
 MATRICES = (0.0, 1 / 3, 2 / 3, 1.0)
-"""Parts of a step at which matrices are evaluated; those of the stages are interpolated."""
+"""Parts of a step at which matrices are evaluated; matrices at the stages are interpolated."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ class RadauMethod:
     matrix: Array  # (stage, stage): A
     inverse: Array  # (stage, stage): inverse of A
     between: Array  # (stage, 3): weights of the matrices of a step at its stages
-    error: Array  # (stage,): weights of the stages in the error estimate, after the rate at the start over `eigenvalue`
+    # (stage,): weights of the stages in the error estimate; the rate at the start has the weight 1 / `eigenvalue`
+    error: Array
     eigenvalue: float  # real eigenvalue of the inverse of A
 
 

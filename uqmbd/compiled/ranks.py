@@ -23,7 +23,7 @@ def order_statistics(rows: Array, ranks: Index) -> Array:
     count = rows.shape[1]
     if ranks.ndim != 1 or len(ranks) and not (0 <= ranks[0] and ranks[-1] < count and (np.diff(ranks) >= 0).all()):
         raise ValueError(f"ranks are {ranks.tolist()}; expected ascending numbers below {count}")
-    # a process that has compiled nothing, as one that reads results, sorts in the time that the driver takes to load
+    # if the driver is not loaded, for example in a process that only reads results, loading takes as long as sorting
     if len(ranks) > MOST_RANKS or not load_driver.cache_info().currsize:
         rows.sort(axis=1)
         found: Array = np.where(np.isnan(rows[:, -1:]), np.nan, rows[:, ranks])

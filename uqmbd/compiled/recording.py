@@ -1,7 +1,7 @@
 """Record the steps of an explicit integration in the driver, and evaluate expressions along steps.
 
-The driver divides and evaluates steps. NumPy takes fifteen times as long, mostly for copies of states and for the order
-of parts after each round.
+The driver divides and evaluates steps. NumPy takes fifteen times as long, mostly to copy states and to sort parts after
+each round.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class StepRecorder:
         self.begin, self.since, self.latest = 0, 0, -1
 
     def of(self, member: int) -> StepRecorder:
-        """Make the recorder of one realisation that continues elsewhere; the recorder shares earlier records."""
+        """Return the recorder of one realisation for a separate integration state; it shares the earlier records."""
         other = copy(self)
         other.owner, other.room = self.owner[member : member + 1].copy(), min(self.room, LEAST)
         other._restart()
@@ -191,7 +191,7 @@ class Need(NamedTuple):
 
 
 class PartTable:
-    """Parts of steps with polynomials that are fitted to `outputs` expressions; parts are bisected as required.
+    """Parts of steps, and polynomials fitted to the values of `outputs` expressions; parts are bisected as required.
 
     The allowed error of a polynomial is `share` times the largest value. One table serves realisations consecutively,
     because its memory is expensive to allocate.
@@ -304,7 +304,7 @@ class FittedPolynomials:
     def peaks(self, sign: float, which: Index) -> tuple[Array, Array]:
         """Return positions, from -1 to 1, and values of the maxima of `sign` times parts (N,): (N,) each.
 
-        The position of a constant is the first place; results are NaN if a value is not finite.
+        For a constant, the position is the first place. Results are NaN if a value is not finite.
         """
         place, value = np.empty((2, len(which)))
         which = self.order[which]

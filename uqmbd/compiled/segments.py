@@ -32,7 +32,7 @@ SLACK = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class SegmentTable:
-    """Coefficients in the order of their evaluation; see :meth:`of`."""
+    """Coefficients of segment-wise expansions, in the order of their evaluation by the driver."""
 
     edges: Array  # (S + 1, P): terms of the begin and end times of segments
     used: Index  # (S, C): groups of four Chebyshev polynomials of an output in a segment
@@ -131,7 +131,7 @@ def sum_harmonics(
     lattice: Index,
     constants: Array,
     drifts: Array,
-    waves: NDArray[np.complex128],
+    amplitudes: NDArray[np.complex128],
     times: Array,
     found: Array,
     rows: Index,
@@ -139,17 +139,17 @@ def sum_harmonics(
     """Evaluate sums of harmonics, a constant and a drift, of C outputs of K samples at ascending times (T,), s.
 
     Base frequencies are (K, M), rad/s; `lattice` (H, M) contains their multiples in each harmonic. `constants` and
-    `drifts` are (K, C); `waves` (K, C, H) are a - i b for a cos + b sin. Results are written to rows `rows` (K,) of
-    `found` (R, C, T). Uniform times require few evaluations of sine and cosine.
+    `drifts` are (K, C); `amplitudes` (K, C, H) are a - i b for a cos + b sin. Results are written to rows `rows` (K,)
+    of `found` (R, C, T). Uniform times require few evaluations of sine and cosine.
     """
     samples, bases = frequencies.shape
-    outputs, harmonics, count = waves.shape[1], len(lattice), len(times)
+    outputs, harmonics, count = amplitudes.shape[1], len(lattice), len(times)
     if found.shape[1:] != (outputs, count) or not found.flags.c_contiguous or found.dtype != float:
         raise ValueError(f"{outputs} outputs at {count} times do not fit into the array of shape {found.shape}")
     if rows.shape != (samples,) or samples and not 0 <= rows.min() <= rows.max() < len(found):
         raise ValueError(f"{samples} samples were given rows {rows.shape} of {len(found)}")
-    if lattice.shape[1:] != (bases,) or waves.shape != (samples, outputs, harmonics):
-        raise ValueError(f"{samples} samples of {bases} frequencies were given {lattice.shape}, {waves.shape}")
+    if lattice.shape[1:] != (bases,) or amplitudes.shape != (samples, outputs, harmonics):
+        raise ValueError(f"{samples} samples of {bases} frequencies were given {lattice.shape}, {amplitudes.shape}")
     if constants.shape != (samples, outputs) or drifts.shape != (samples, outputs):
         raise ValueError(f"{outputs} outputs were given constants and drifts {constants.shape}, {drifts.shape}")
     if not found.size or not samples:
@@ -161,7 +161,7 @@ def sum_harmonics(
     blocks = -(-count // width)
     padded = np.append(times, np.full(blocks * width - count, times[-1])).astype(float)
     used = np.zeros((outputs, harmonics + 1), dtype=np.int64)
-    for output, some in enumerate(np.asarray(waves.any(axis=0))):
+    for output, some in enumerate(np.asarray(amplitudes.any(axis=0))):
         used[output, 0] = some.sum()
         used[output, 1 : 1 + used[output, 0]] = np.flatnonzero(some)
     lattice, rows = (np.ascontiguousarray(x, dtype=np.int64) for x in (lattice, rows))
@@ -178,7 +178,7 @@ def sum_harmonics(
             fine = np.exp(1j * (step * np.arange(half + 1))[:, None] * own)
         else:
             coarse, fine = np.exp(1j * padded[:, None] * own), np.ones((len(own), 1, bases), dtype=complex)
-        numbers = (np.ascontiguousarray(x[part]) for x in (waves, constants, drifts))
+        numbers = (np.ascontiguousarray(x[part]) for x in (amplitudes, constants, drifts))
         arrays = [lattice, used, coarse, fine, *numbers, padded, rows[part], found, work]
         load_driver().wave_values(
             *(len(own), outputs, harmonics, bases, highest, blocks, half, count), *(address(x) for x in arrays)

@@ -210,7 +210,7 @@ class FunctionWriter:
 
 
 class Masks:
-    """Masks by name, with those of undefined comparisons between values that may not be real."""
+    """Names of masks, with the masks of undefined comparisons between values that may not be real."""
 
     def __init__(self) -> None:
         # for each mask, the mask of lanes in which it is certainly false; None: its negation
@@ -222,7 +222,7 @@ class Masks:
         return name in self.surely_false
 
     def noted(self, name: str, false: str | None = None) -> str:
-        """Record a mask, and its certain complement if it differs from the plain complement."""
+        """Record a mask, and the mask of lanes in which it is certainly false, if it differs from the negation."""
         self.surely_false[name] = false
         return name
 
@@ -231,7 +231,7 @@ class Masks:
         return all(self.surely_false[name] is None for name in names)
 
     def false(self, w: FunctionWriter, name: str) -> str:
-        """Return the mask of lanes in which a mask is certainly false."""
+        """Return the mask of lanes in which another mask is certainly false."""
         return self.surely_false[name] or w.made(f"xor MASK {name}, splat (i1 true)")
 
 

@@ -1,7 +1,7 @@
 """Names for authors of plugins; authors of studies need the names of `uqmbd` only.
 
-Components, integrators, propagators, sampling designs, readers of models, checks, report sections and commands are
-written with them; the plugins of uqmbd use no other names.  Everything is loaded when it is first used.
+Plugins use these names to define components, integrators, propagators, sampling designs, readers of models, checks,
+report sections and commands. The plugins of uqmbd use no other names. Each name is loaded at its first use.
 """
 
 from typing import Any
@@ -11,11 +11,11 @@ import lazy_loader
 _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 _RENAMED = {"Doubt": "Exceedance", "Landmarks": "Markers", "doubts": "find_exceedances"}
-"""New names by old names."""
+"""New name of each renamed object, by its old name."""
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name; an old name is found with a warning, until 0.2."""
+    """Load a public name; until version 0.2, also load an old name, with a warning."""
     if (now := _RENAMED.get(name)) is not None:
         import warnings
 

@@ -1,4 +1,4 @@
-"""Names for plugins that add a command or an exporter; nothing heavy is imported here."""
+"""Names for plugins that add a command or an exporter; this module imports no large libraries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names for plugins that identify functions of users."""
+"""Digest of functions and objects, for plugins that identify functions of users by their content."""
 
 from __future__ import annotations
 

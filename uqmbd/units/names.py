@@ -98,4 +98,4 @@ _WRITTEN = {
 SPELLINGS: dict[str, str] = {
     spelt: symbol for symbol, words in _WRITTEN.items() for word in words.split() for spelt in (word, f"{word}s")
 }
-"""Symbols that replace names of units in words, by the name in lower case."""
+"""Symbols of units, by the name of the unit in words, singular or plural, in lower case."""

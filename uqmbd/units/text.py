@@ -86,7 +86,7 @@ def advice_on(text: str) -> str:
 
 
 def spelling(where: str, units: str) -> str:
-    """Return a message on the spelling of the units of `where`; empty if they are spelled correctly.
+    """Return a message on misspelt units of the object `where`; empty if they are spelled correctly.
 
     >>> spelling("output 'x'", "meter")
     "output 'x': units is 'meter'; write 'm'."
@@ -98,7 +98,7 @@ def spelling(where: str, units: str) -> str:
 
 @functools.lru_cache(maxsize=1024)
 def _read(text: str) -> tuple[Unit | None, str]:
-    """Return the unit in a text or None, and advice on the spelling or an empty text."""
+    """Return the unit in a text, or None; also return advice on the spelling, or an empty text."""
     if not text.strip():
         return None, ""
     if len(text) > LONGEST:

@@ -221,18 +221,18 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
         return float(d[0] * slide[1] - d[1] * slide[0])
 
     samples = np.array([turned(2 * np.pi * k / 5) for k in range(5)])
-    waves = np.fft.fft(samples) / 5
-    if not np.isfinite(waves).all():
+    harmonics = np.fft.fft(samples) / 5
+    if not np.isfinite(harmonics).all():
         return
-    roots = np.roots([waves[2], waves[1], waves[0], waves[4], waves[3]])
+    roots = np.roots([harmonics[2], harmonics[1], harmonics[0], harmonics[4], harmonics[3]])
     first = math.atan2(sliding[1], sliding[0])
     angles = [math.remainder(float(np.angle(z)) - first, 2 * math.pi) for z in roots if abs(abs(z) - 1) < 1e-3]
     for offset in sorted(angles, key=abs):
         turn = np.exp(1j * (first + offset))
         for _ in range(3):  # roots of a polynomial have fewer correct digits
             value, rate = (
-                (waves[0] + 2 * waves[1] * turn + 2 * waves[2] * turn**2).real,
-                (2j * waves[1] * turn + 4j * waves[2] * turn**2).real,
+                (harmonics[0] + 2 * harmonics[1] * turn + 2 * harmonics[2] * turn**2).real,
+                (2j * harmonics[1] * turn + 4j * harmonics[2] * turn**2).real,
             )
             turn *= np.exp(-1j * value / rate) if abs(value) < abs(rate) else 1.0
         d = np.array([turn.real, turn.imag])
