@@ -42,10 +42,10 @@ def joined_modules(*names: str) -> str:
 
     for name in names:
         add(name)
-    return "\n".join(map(_bare, texts.values()))
+    return "\n".join(map(_without_comments, texts.values()))
 
 
-def _bare(source: str) -> str:
+def _without_comments(source: str) -> str:
     """Return a script without comments and indentation, which makes pages smaller."""
     kept, comment = [], False
     for line in map(str.strip, source.splitlines()):

@@ -293,7 +293,7 @@ def test_patches_change_the_key_or_leave_none(monkeypatch: pytest.MonkeyPatch) -
         patch.setattr("uqmbd_springs.spring.law_at", lambda *_: 0, raising=False)
         assert compute_model_key(cart(SpringDamper)) != known or "law_at" not in SpringDamper.terms.__code__.co_names
     with monkeypatch.context() as patch:
-        patch.setattr("uqmbd.dynamics.equations.block.settled_expression", lambda *_: 0, raising=False)
+        patch.setattr("uqmbd.dynamics.equations.block.localised_expression", lambda *_: 0, raising=False)
         assert compute_model_key(plain) is None
     with monkeypatch.context() as patch:
         patch.setattr(SpringDamper, "symbol", "coil" if SpringDamper.symbol != "coil" else "damper")

@@ -35,7 +35,7 @@ class Gradients(NamedTuple):
         """Return selected entries."""
         return Gradients(self.rows[which], self.columns[which], self.values[which], self.factors[which])
 
-    def beside(self, other: Gradients) -> Gradients:
+    def joined(self, other: Gradients) -> Gradients:
         """Return the entries of this object, then those of another."""
         return Gradients(
             np.concatenate([self.rows, other.rows]),

@@ -49,7 +49,7 @@ _SOURCES = source_digest(Path(__file__).parents[1] / name for name in ("compiled
 
 
 @cache
-def _surroundings() -> bytes:
+def _dependencies() -> bytes:
     """Describe the dependencies of kernels other than expressions: sources, versions, and the processor."""
     import llvmlite
     import symengine
@@ -70,7 +70,7 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
     picklable. A damaged entry, or an entry of another user, is replaced. Without a writable folder, each process calls
     `make`. If several processes need the same entry at once, such as starting workers, only one of them calls `make`.
     """
-    name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
+    name = hashlib.sha256(repr(key).encode() + _dependencies()).hexdigest()
     store = Store(cache_folder())
     for waited in (False, True):
         with store.alone(name) if waited else contextlib.nullcontext():

@@ -43,7 +43,7 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, tabl
     replacements, reduced = se.cse(rebuilt)
     kernel = _compiled(symbols, replacements, reduced, known)
     point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
-    expected = _plainly(expressions, dict(zip(symbols, point, strict=True)), known)
+    expected = _substituted_values(expressions, dict(zip(symbols, point, strict=True)), known)
     if expected is None or not np.allclose(kernel(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True):
         kernel = _compiled(symbols, [], rebuilt, known)
     return kernel
@@ -92,7 +92,7 @@ def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]
     return found
 
 
-def _plainly(expressions: Sequence[Any], point: dict[Any, float], tables: Tables) -> Array | None:
+def _substituted_values(expressions: Sequence[Any], point: dict[Any, float], tables: Tables) -> Array | None:
     """Evaluate expressions by substitution of numbers, once for common subexpressions; NaN if this fails.
 
     Return None if a substitution is impossible, such as a complex number in a comparison.

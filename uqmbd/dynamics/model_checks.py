@@ -226,7 +226,7 @@ def _units(a: Assembled) -> Iterator[Finding]:
         yield Finding(Severity.WARNING, sentence.partition(": ")[0], sentence.removesuffix("."), category=None)
 
 
-def _hidden_turns(a: Assembled) -> Iterator[Finding]:
+def _uncounted_turns(a: Assembled) -> Iterator[Finding]:
     """Yield drivers with initial angles that differ from counted angles by whole turns.
 
     Counted angles start within half a turn of the drawn pose.  A driver with an angle as a function of time starts at
@@ -375,7 +375,7 @@ CHECKS = (
     _redundant,
     _moved,
     _changed_coordinates,
-    _hidden_turns,
+    _uncounted_turns,
     _deep_contacts,
     lambda a: unused_commands(a.mechanism),
     _undetermined,

@@ -253,7 +253,7 @@ def test_single_impacts_are_those_of_the_general_law(falling, falls, name, seed,
             found = contacts.answer[row, :n] @ impulse[row]
             np.testing.assert_allclose(found, jump, atol=1e-9 * np.abs(jump).max())
             assert after[row] == pytest.approx((one.speed[0] + one.delassus[0] @ impulse[row])[0], abs=1e-9)
-        else:  # what slips in space, or would be fed with energy
+        else:  # what slips in space, or would be added_energy with energy
             assert mu > 0
 
 

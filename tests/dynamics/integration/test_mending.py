@@ -44,5 +44,5 @@ def test_what_is_mended_is_the_motion(kind):
     run.main.result[:, 1:] += 1e-3
     run.main.result[:, 1:3] = motion[:, 1:3]  # what is before is right
     run.main.poor[:, 1:3] = 0
-    run.mend()
+    run.recompute_poor()
     np.testing.assert_allclose(run.main.result, motion, rtol=0, atol=2e-7)

@@ -42,7 +42,7 @@ def met(
     messages = search.messages()
     failed = np.flatnonzero([bool(m) for m in messages])
     if len(failed) and model.turned and s.shape[1]:
-        found, closed = _wound(model, q[failed], s[failed], time, parameters[failed], search.rows)
+        found, closed = _search_twice(model, q[failed], s[failed], time, parameters[failed], search.rows)
         left = found.messages()
         for row, k in enumerate(failed.tolist()):
             if closed[row] and not left[row]:
@@ -50,7 +50,7 @@ def met(
     return search.q, search.s, messages
 
 
-def _wound(
+def _search_twice(
     model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index
 ) -> tuple[_ConditionSearch, Mask]:
     """Search without drivers, then with drivers from the resulting pose, so that turns behind a driver are included.

@@ -21,7 +21,7 @@ def solve_least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
     a, r = np.ascontiguousarray(a), np.ascontiguousarray(r)  # the memory layout determines the order of sums
     x = np.full((len(a), a.shape[2]), np.nan)
     if not truncate:
-        x = _lifted(a, _solved(a @ a.transpose(0, 2, 1), r[:, :, None]))[:, :, 0]
+        x = _least_norm_solution(a, _solved(a @ a.transpose(0, 2, 1), r[:, :, None]))[:, :, 0]
     left = np.flatnonzero(~np.isfinite(x).all(axis=1))
     usable = left[np.isfinite(a[left]).all(axis=(1, 2))]
     if len(usable):
@@ -30,7 +30,7 @@ def solve_least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
     return x
 
 
-def _lifted(a: Array, y: Array) -> Array:
+def _least_norm_solution(a: Array, y: Array) -> Array:
     return np.asarray(a.transpose(0, 2, 1) @ y)
 
 

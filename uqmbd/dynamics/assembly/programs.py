@@ -126,7 +126,7 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
     return EquationPrograms(
         program=writer.program(np.zeros(0, dtype=np.int64)),
         values=np.concatenate([values, given[:added]]),
-        gradients=gradients.beside(more),
+        gradients=gradients.joined(more),
         solved=np.concatenate([kept, np.arange(len(values), len(values) + added)]),
         certain=layout.rank,
         unknowns=n,

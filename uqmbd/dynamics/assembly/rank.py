@@ -193,11 +193,11 @@ def violated(
     return texts
 
 
-def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
-    """Return a message if a motion ends at dependent constraints; `sure`: whether a passage was attempted."""
+def dead_end(model: Model, time: float, rank: Rank, *, final: bool = True) -> str:
+    """Return a message if a motion ends at dependent constraints; `final` states that no method can continue it."""
     if min(rank.every, rank.kept) > 1e-3 and abs(rank.ahead) > 1e-6 * max(1.0, abs(time)):
         return ""
-    what, end = ("locks up", ", and no motion can continue") if sure else ("locks up, or is in a singular pose", "")
+    what, end = ("locks up", ", and no motion can continue") if final else ("locks up, or is in a singular pose", "")
     return (
         f"the integration stopped at t = {time:.6g} s: the mechanism {what}; there the equations "
         f"{named(model, rank.equations)} become dependent{end}. "

@@ -97,15 +97,15 @@ class Collision:
         """Return the speeds after impulses, m/s, shape (direction,)."""
         return np.asarray(self.before + self.matrix @ impulse)
 
-    def fed(self, impulse: Array) -> float:
+    def added_energy(self, impulse: Array) -> float:
         """Return the energy that impulses add, J."""
         return float(0.5 * impulse @ (self.before + self.after(impulse)))
 
-    def worked(self, impulse: Array) -> float:
+    def exchanged_energy(self, impulse: Array) -> float:
         """Return the size of the energies that impulses exchange, J."""
         return float(np.abs(impulse) @ np.abs(self.before))
 
-    def mended(self, impulse: Array) -> Array:
+    def required_impulses(self, impulse: Array) -> Array:
         """Compute the speeds after the given impulses, and return the impulses that the laws require at these speeds.
 
         A solution remains unchanged.
@@ -126,7 +126,7 @@ class Collision:
             return math.inf
         size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
         size = max(size, *(abs(float(self.before[x.normal])) for x in self.touches), 1e-300)
-        return float((np.abs(impulse - self.mended(impulse)) / self.units).max(initial=0.0)) / size
+        return float((np.abs(impulse - self.required_impulses(impulse)) / self.units).max(initial=0.0)) / size
 
 
 def solutions(collision: Collision) -> Iterator[Array]:
@@ -306,7 +306,7 @@ def _improved(collision: Collision, impulse: Array) -> Array:
     If a step gives no improvement, try shorter steps, and then a fixed-point step.
     """
     units = collision.units
-    rest = impulse - collision.mended(impulse)
+    rest = impulse - collision.required_impulses(impulse)
     for _ in range(NEWTON):
         if not np.isfinite(rest).all() or collision.violation(impulse) <= 1e-3 * EXACT:
             break
@@ -314,18 +314,18 @@ def _improved(collision: Collision, impulse: Array) -> Array:
         step = -units * (np.linalg.pinv(slope, rcond=SINGULAR) @ (rest / units))
         for length in (1.0, 0.5, 0.25, 0.1):
             new = impulse + length * step
-            new_rest = new - collision.mended(new)
+            new_rest = new - collision.required_impulses(new)
             if np.linalg.norm(new_rest / units) < (1 - 0.1 * length) * np.linalg.norm(rest / units):
                 break
         else:
             new = impulse - rest / len(collision.touches)
-            new_rest = new - collision.mended(new)
+            new_rest = new - collision.required_impulses(new)
         impulse, rest = new, new_rest
     return impulse
 
 
 def _slope(collision: Collision, impulse: Array) -> Array:
-    """Return the derivative of the difference ``impulse - mended(impulse)``, shape (direction, direction)."""
+    """Return the derivative of ``impulse - required_impulses(impulse)``, shape (direction, direction)."""
     found, after = np.eye(len(impulse)), collision.after(impulse)
     for touch, wanted, answer in zip(collision.touches, collision.wanted, collision.answers, strict=True):
         n, t = touch.normal, list(touch.tangents)

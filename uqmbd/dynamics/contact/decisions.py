@@ -146,7 +146,7 @@ class Decisions:
         """Record the persistent contacts that begin to stick or slip; several may change at once."""
         after = self._modes(member)
         for k, mode in before.items():
-            if k in after and after[k] != mode and contacts.rubs(k):
+            if k in after and after[k] != mode and contacts.has_friction(k):
                 self.records.add(member, time, k, after[k])
 
     def _slipping(self, member: int, time: float, z: Array, event: int, contacts: ContactQuantities) -> Array:
@@ -337,7 +337,7 @@ class Decisions:
         if lasting.internal is not None:
             e.internal[member] = lasting.internal
         for k, mode in lasting.modes.items():
-            if not contacts.rubs(k):
+            if not contacts.has_friction(k):
                 e.mode[member, k] = Touching.SMOOTH
                 continue
             e.mode[member, k] = Touching.STICK if mode == "stick" else Touching.SLIP

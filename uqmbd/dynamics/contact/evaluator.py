@@ -61,7 +61,7 @@ class ContactQuantities:
         """Return the largest of the forces (direction,) at the first state, N, without given limits of friction."""
         return float(np.abs(force)[~self.loads].max(initial=0.0))
 
-    def rubs(self, event: int) -> bool:
+    def has_friction(self, event: int) -> bool:
         """Return whether a contact has friction at the first state."""
         return bool(self.law[0, event, 1] > 0) and self.first[event + 1] > self.first[event] + 1
 

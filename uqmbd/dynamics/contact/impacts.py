@@ -43,7 +43,9 @@ def impact(contacts: ContactQuantities, closed: list[int], approach: float) -> t
         last = blow == BLOWS
         earlier = float(np.abs(total * np.diag(contacts.delassus[0])).max(initial=0.0))
         worked = float(np.abs(total) @ np.abs(contacts.speed[0]))
-        impulse = _blow(contacts, closed if last else active, before, (earlier, worked), restitution=not last)
+        impulse = _collision_impulses(
+            contacts, closed if last else active, before, (earlier, worked), restitution=not last
+        )
         if impulse is None:
             return None
         before = before + contacts.delassus[0] @ impulse
@@ -53,14 +55,14 @@ def impact(contacts: ContactQuantities, closed: list[int], approach: float) -> t
     return jump, hit
 
 
-def _blow(
+def _collision_impulses(
     contacts: ContactQuantities, active: list[int], before: Array, so_far: tuple[float, float], *, restitution: bool
 ) -> Array | None:
     """Return impulses of one collision of the `active` contacts, which never add energy."""
     law, (earlier, worked) = contacts.law[0], so_far
     touches = tuple(
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(law[k, 1]))
-        if contacts.rubs(k)
+        if contacts.has_friction(k)
         else Touch(contacts.normal(k))
         for k in active
     )
@@ -68,6 +70,6 @@ def _blow(
     for wanted in (back, np.zeros(len(active))) if restitution and back.any() else (np.zeros(len(active)),):
         collision = Collision(contacts.delassus[0], before, touches, wanted, earlier)
         for impulse in solutions(collision):
-            if collision.fed(impulse) <= FED * max(collision.worked(impulse), worked):
+            if collision.added_energy(impulse) <= FED * max(collision.exchanged_energy(impulse), worked):
                 return impulse
     return None

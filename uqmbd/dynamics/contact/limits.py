@@ -190,7 +190,7 @@ class _Rates(NamedTuple):
                     turning.append(k)
                     more.append(np.zeros(len(unit)))
                     more[-1][tangents] = -headings[k][1], headings[k][0]
-            elif mode == "stick" and contacts.rubs(k):
+            elif mode == "stick" and contacts.has_friction(k):
                 rows += list(unit[tangents])
         along = np.zeros((len(free), len(unit)))
         for row, k in enumerate(free):

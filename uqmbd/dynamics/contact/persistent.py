@@ -116,7 +116,7 @@ def contact_motion(contacts: ContactQuantities, lasting: ContactModes) -> Contac
     for k, mode in lasting.modes.items():
         n, tangents = contacts.normal(k), contacts.tangents(k)
         rows.append(n)
-        if not contacts.rubs(k):
+        if not contacts.has_friction(k):
             continue
         if mode == "stick":
             rows += tangents
@@ -150,12 +150,12 @@ def persistent_contacts(contacts: ContactQuantities, near: list[int], slow: floa
     headings: dict[int, Array] = {}
     for k in near:
         sliding = contacts.sliding(k)[0]
-        if contacts.rubs(k) and (fast := float(np.linalg.norm(sliding))) > slow:
+        if contacts.has_friction(k) and (fast := float(np.linalg.norm(sliding))) > slow:
             headings[k] = sliding / fast
     rows, columns, touches = list[int](), list[Array](), list[Touch]()
     unit = np.eye(contacts.speed.shape[1])
     for k in near:
-        held = contacts.tangents(k) if contacts.rubs(k) and k not in headings else []
+        held = contacts.tangents(k) if contacts.has_friction(k) and k not in headings else []
         mu, tangents = float(contacts.law[0, k, 1]), range(len(rows) + 1, len(rows) + 1 + len(held))
         touches.append(Touch(len(rows), tuple(tangents), mu, bool(contacts.loads[contacts.normal(k)])))
         column = unit[contacts.normal(k)].copy()
@@ -246,7 +246,7 @@ def persistent_touches(contacts: ContactQuantities, lasting: ContactModes) -> li
     """Return the persistent contacts at one state, with tangents for sticking contacts."""
     return [
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(contacts.law[0, k, 1]))
-        if mode == "stick" and contacts.rubs(k)
+        if mode == "stick" and contacts.has_friction(k)
         else Touch(contacts.normal(k))
         for k, mode in lasting.modes.items()
     ]
@@ -258,7 +258,7 @@ def spread_of(contacts: ContactQuantities, lasting: ContactModes) -> Array:
     for k, mode in lasting.modes.items():
         column = unit[contacts.normal(k)].copy()
         columns.append(column)
-        if not contacts.rubs(k):
+        if not contacts.has_friction(k):
             continue
         tangents = contacts.tangents(k)
         if mode == "stick":

@@ -63,7 +63,7 @@ class SingleContacts:
         lasting = d.encounters.mode[members] != Touching.OPEN
         own = lasting[rows, events]
         length = d.length[members]
-        alone = self._nothing_else(contacts, events, length)
+        alone = self._others_open(contacts, events, length)
         alone &= lasting.sum(axis=1) == own
         alone &= (np.diff(self.first)[events] > 0) & (friction <= own)
         alone &= ~contacts.loads[np.minimum(normals, self.first[-1] - 1)]
@@ -71,7 +71,7 @@ class SingleContacts:
         done = np.zeros(len(members), dtype=bool)
         for some, decide in (
             (alone & own & (friction == 0), self._lift_off),
-            (alone & ~own, self._land),
+            (alone & ~own, self._impact),
             (alone & own & (friction == 1), self._end_sliding),
         ):
             some = np.flatnonzero(some)
@@ -80,7 +80,7 @@ class SingleContacts:
                 z[some], done[some] = decide(*given)
         return z, done
 
-    def _nothing_else(self, contacts: ContactQuantities, events: Index, length: Array) -> Mask:
+    def _others_open(self, contacts: ContactQuantities, events: Index, length: Array) -> Mask:
         """Return a mask of states in which all other contacts are open."""
         closed = contacts.guard[:, self.bodies] <= CLOSED * length[:, None]
         found: Mask = closed.sum(axis=1) == (contacts.guard[np.arange(len(events)), events] <= CLOSED * length)
@@ -98,7 +98,7 @@ class SingleContacts:
             d.records.add(m, float(now[row]), int(events[row]), "lift-off")
         return z, done
 
-    def _land(
+    def _impact(
         self, members: Index, events: Index, now: Array, times: Array, z: Array, contacts: ContactQuantities
     ) -> tuple[Array, Mask]:
         d, rows, normals, before = self.decisions, np.arange(len(members)), self.first[events], z
@@ -115,7 +115,7 @@ class SingleContacts:
         z[:, self.velocities :] += np.sum(answer * impulse[:, None, :], axis=2)
         contacts = self.evaluator(times, z, d.batch.block[members])
         done &= contacts.guard[rows, events] <= CLOSED * d.length[members]
-        done &= self._nothing_else(contacts, events, d.length[members])
+        done &= self._others_open(contacts, events, d.length[members])
         found = [self._mode(contacts, row, int(events[row]), float(slow[row])) for row in rows.tolist()]
         done &= np.array([mode is not None for mode in found])
         for row in np.flatnonzero(done).tolist():

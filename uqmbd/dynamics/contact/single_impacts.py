@@ -101,10 +101,12 @@ def _holds(matrix: Array, before: Array, mu: Array, wanted: Array, impulse: Arra
     length = np.sqrt(np.sum(tried * tried, axis=1))
     most = mu * push
     factor = np.where(length <= most, 1.0, most / np.maximum(length, 1e-300))
-    mended = np.concatenate([push[:, None], tried * factor[:, None]], axis=1)
+    required_impulses = np.concatenate([push[:, None], tried * factor[:, None]], axis=1)
     size = np.maximum(np.abs(impulse).max(axis=1) / answer, np.maximum(np.abs(before[:, 0]), 1e-300))
-    violation = np.abs(impulse - mended).max(axis=1) / answer / size
-    fed = 0.5 * np.sum(impulse * (before + after), axis=1)
+    violation = np.abs(impulse - required_impulses).max(axis=1) / answer / size
+    added_energy = 0.5 * np.sum(impulse * (before + after), axis=1)
     worked = np.sum(np.abs(impulse) * np.abs(before), axis=1)
-    good: Mask = (violation <= EXACT) & (fed <= FED * worked) & np.isfinite(impulse).all(axis=1) & (impulse[:, 0] > 0)
+    good: Mask = (
+        (violation <= EXACT) & (added_energy <= FED * worked) & np.isfinite(impulse).all(axis=1) & (impulse[:, 0] > 0)
+    )
     return good

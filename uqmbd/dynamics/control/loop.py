@@ -370,12 +370,12 @@ def unused_commands(mechanism: Mechanism) -> tuple[Finding, ...]:
     used |= _held([x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)])
     found: list[Finding] = []
     for controller in mechanism.controllers.values():
-        idle = [name for name in controller.commands if controller.command(name) not in used]
-        if idle:
-            listed = " and ".join(map(repr, idle))
-            verb = "is" if len(idle) == 1 else "are"
-            message = f"{controller.where}: the command{'s' * (len(idle) > 1)} {listed} {verb} not used"
-            remedy = f"Pass controller.command({idle[0]!r}) to a component, e.g. as the torque of a Torque"
+        unused = [name for name in controller.commands if controller.command(name) not in used]
+        if unused:
+            listed = " and ".join(map(repr, unused))
+            verb = "is" if len(unused) == 1 else "are"
+            message = f"{controller.where}: the command{'s' * (len(unused) > 1)} {listed} {verb} not used"
+            remedy = f"Pass controller.command({unused[0]!r}) to a component, e.g. as the torque of a Torque"
             found.append(Finding(Severity.WARNING, controller.where, message, remedy))
     return tuple(found)
 

@@ -139,7 +139,9 @@ class Sampling:
         )
         direct = np.array([loop.delay <= self.near for loop in self.loops], dtype=np.int64)
         low, high = (
-            np.concatenate([_widened(bounds[side], len(loop.states)) for loop, bounds in self._limited()], axis=1)
+            np.concatenate(
+                [_with_state_columns(bounds[side], len(loop.states)) for loop, bounds in self._limited()], axis=1
+            )
             for side in (0, 1)
         )
         numbers = np.concatenate([self.batch.block, self.batch.values], axis=1)
@@ -318,7 +320,7 @@ def _functions(
     return found, entry
 
 
-def _widened(bounds: Array, states: int) -> Array:
+def _with_state_columns(bounds: Array, states: int) -> Array:
     """Append columns for controller states, which have no limits."""
     return np.concatenate([bounds, np.zeros((len(bounds), states))], axis=1)
 

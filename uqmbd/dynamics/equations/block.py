@@ -18,9 +18,9 @@ from uqmbd.dynamics.equations.counted_angles import count
 from uqmbd.dynamics.equations.events import EventType, friction_event, local_event
 from uqmbd.dynamics.equations.expressions import (
     TIME,
+    localised_expression,
     require_derivatives,
     require_velocities,
-    settled_expression,
 )
 from uqmbd.dynamics.equations.local_values import LocalValues, bodies_of, foreign_states, localise, symbols_of
 from uqmbd.errors import StudyError
@@ -247,7 +247,7 @@ def _build_block(
     }
 
     def settled(expression: Any) -> sympy.Expr:
-        return settled_expression(where, component, expression, named, known)
+        return localised_expression(where, component, expression, named, known)
 
     quantities = tuple((named[symbol], kind, settled(e)) for symbol, (kind, e) in local.quantities.items())
 

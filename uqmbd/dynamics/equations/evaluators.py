@@ -138,7 +138,7 @@ class Evaluators(Mapping[Kind, Evaluator]):
 def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
     """Return the global indices of all local variables of blocks; `order`: the first coordinate of each owner."""
     rows = states = cosines = parameters = events = directions = 0
-    holders, owners = _holders(instances), _owners(instances)
+    holders, owners = _first_controller_states(instances), _owners(instances)
     excitations = excitations_of(instances)
     placements = []
     for instance in instances:
@@ -185,7 +185,7 @@ def excitations_of(instances: Sequence[Instance]) -> list[ExcitationSymbol]:
     return sorted(found, key=lambda c: (c.source.source.name, str(c.argument), c.order))
 
 
-def _holders(instances: list[Instance]) -> dict[Controller, int]:
+def _first_controller_states(instances: list[Instance]) -> dict[Controller, int]:
     """Return the index of the first auxiliary state of each controller."""
     found: dict[Controller, int] = {}
     states = 0

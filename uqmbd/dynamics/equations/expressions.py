@@ -25,7 +25,7 @@ from uqmbd.mechanism import (
 )
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["TIME", "plain", "require_derivatives", "require_velocities", "settled_expression"]
+__all__ = ["TIME", "plain", "require_derivatives", "require_velocities", "localised_expression"]
 
 TIME = sympy.Symbol("_t", real=True)
 """Time in blocks."""
@@ -85,7 +85,7 @@ def _piecewise(e: sympy.Expr) -> sympy.Expr:
     return best
 
 
-def settled_expression(
+def localised_expression(
     where: str,
     component: Component,
     expression: Any,
@@ -115,11 +115,11 @@ def settled_expression(
         raise StudyError(f"{where}: terms() is invalid: {describe_foreign_part(foreign)}")
     strangers = sorted(value.free_symbols - known, key=str)
     if strangers:
-        raise StudyError(f"{where}: {_stranger(component, strangers[0])}")
+        raise StudyError(f"{where}: {_advice_on_symbol(component, strangers[0])}")
     return value
 
 
-def _stranger(component: Component, symbol: sympy.Symbol) -> str:
+def _advice_on_symbol(component: Component, symbol: sympy.Symbol) -> str:
     """Return a message with the replacement for a symbol that is invalid in terms."""
     if symbol == t:
         return "terms() uses uqmbd.t; use p.time instead."

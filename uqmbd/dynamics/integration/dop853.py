@@ -224,7 +224,7 @@ class Integration:
             self._stop(every[[not message for message in self.messages]], end)
         for pool in self._pools:
             pool.project()
-        self.mend()
+        self.recompute_poor()
 
     def solved(self) -> Solved:
         """Return the integrated realisations."""
@@ -262,7 +262,7 @@ class Integration:
         other = self.others.get(member)
         return (self.main, member) if other is None else (other, 0)
 
-    def _parted(self, members: Index) -> Iterator[tuple[IntegrationState, Index, Index]]:
+    def _by_state(self, members: Index) -> Iterator[tuple[IntegrationState, Index, Index]]:
         """Yield the integration states of members, their rows in it, and their indices in `members`."""
         apart = [row for row, m in enumerate(members.tolist()) if m in self.others] if self.others else []
         rest = np.arange(len(members))
@@ -282,7 +282,7 @@ class Integration:
         if not len(members) or not (self.jumping or self.sampled) or self.control is not None:
             return
         before = np.empty((len(members), self.model.layout.width))
-        for pool, k, rows in self._parted(members):
+        for pool, k, rows in self._by_state(members):
             before[rows] = pool.z[k]
         after = before.copy()
         if self.jumping:
@@ -298,7 +298,7 @@ class Integration:
             after[going] = states
             self._record_reasons(some, more | reasons)
         changed, at = np.any(after != before, axis=1), np.flatnonzero(self.times == time)
-        for pool, k, rows in self._parted(members):
+        for pool, k, rows in self._by_state(members):
             pool.status[k] = np.where(pool.status[k] == ExplicitStatus.JUMP, ExplicitStatus.RUNNING, pool.status[k])
             pool.stiff[k] = 0
             k, rows = k[changed[rows]], rows[changed[rows]]
@@ -324,7 +324,7 @@ class Integration:
         time = float(now.min())
         members = members[now == time]
         assert self.sampling is not None and self.control is not None
-        states, parts = np.empty((len(members), self.model.layout.width)), list(self._parted(members))
+        states, parts = np.empty((len(members), self.model.layout.width)), list(self._by_state(members))
         measured = np.empty((len(members), self.control.measured.shape[1]))
         for pool, k, rows in parts:
             assert pool.control is not None
@@ -394,7 +394,9 @@ class Integration:
             self._fail(member, f"stiff at t = {now:.6g} s")
         elif status in (ExplicitStatus.MANY, ExplicitStatus.SMALL):
             self._fail(
-                member, self._reason(member, now, size, many=status == ExplicitStatus.MANY), final=self._sure(member)
+                member,
+                self._reason(member, now, size, many=status == ExplicitStatus.MANY),
+                final=self._is_final(member),
             )
         elif status in (ExplicitStatus.REFUSED, ExplicitStatus.STRAYED, ExplicitStatus.STEPPED):
             pool.status[k] = ExplicitStatus.RUNNING
@@ -451,7 +453,7 @@ class Integration:
             self.watchers[member] = SingularPoseWatcher(self.model, self.batch.block[member], self.rtol)
         return self.watchers[member]
 
-    def _sure(self, member: int) -> bool:
+    def _is_final(self, member: int) -> bool:
         return member in self.watchers and self.watchers[member].final
 
     def _check_rank(self, member: int, size: float) -> bool:
@@ -462,7 +464,7 @@ class Integration:
         while True:
             now = float(pool.now[k])
             course = watcher.look(now, pool.last_nodes(k), size, end)
-            pool.limit[k], pool.told[k] = watcher.limit, watcher.alert
+            pool.limit[k], pool.told[k] = watcher.limit, watcher.approaching
             if course is None:
                 return back
             if course.reason:
@@ -486,7 +488,7 @@ class Integration:
                 ends, curve = np.array([[now, course.time]]), course.curve(now + (course.time - now) * PLACES)
                 pool.recorder.passed(k, ends, settled(self.batch, np.array([member]), ends, curve[None]))
                 pool.go_on_from(k, course.time, course.state)
-            elif calm and watcher.alert:
+            elif calm and watcher.approaching:
                 self._settle(member)
             else:
                 return back or watcher.limit < size
@@ -511,7 +513,7 @@ class Integration:
         return stopped(now, size, many=many, most=self.most)
 
     # -- poor interpolation ------------------------------------------------------------------------------------------
-    def mend(self) -> None:
+    def recompute_poor(self) -> None:
         """Recompute interpolated states far off the constraints by integration, for example near a singular pose."""
         result = self.main.result
         for member in np.flatnonzero(self.main.poor.any(axis=1)).tolist():

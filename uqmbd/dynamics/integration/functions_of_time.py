@@ -191,7 +191,7 @@ def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol:
                 def value(at: Array, which: int = which, row: Array = values[k]) -> Array:
                     return seen.value(which, np.repeat(row[None], len(at), axis=0), at)
 
-                known = seen.known[key] = _look(value, breaks[k], begin, end, leaves, max(rtol, LEAST))
+                known = seen.known[key] = _sample_function(value, breaks[k], begin, end, leaves, max(rtol, LEAST))
             found.append(known)
     cells = np.concatenate([s.cells for s in found]) if found else np.zeros((0, 2))
     jumps = np.concatenate([s.jumps for s in found]) if found else np.zeros(0)
@@ -214,7 +214,7 @@ class _Window:
     few: bool = False
 
 
-def _look(
+def _sample_function(
     value: Callable[[Array], Array], breaks: Array, begin: float, end: float, leaves: int, rtol: float
 ) -> TimeCells:
     """Sample one function of one realisation."""
@@ -232,7 +232,7 @@ def _look(
         with np.errstate(invalid="ignore"):
             number = np.abs(sampled) < HUGE
         blind = ~number[:, points].any(axis=2)
-        sampled = _filled(at, sampled, number)
+        sampled = _interpolated(at, sampled, number)
         scale = max(scale, float(np.abs(sampled).max()))
         edges = at[:, ::CELL]
         broken = ((breaks > edges[:, :-1, None]) & (breaks < edges[:, 1:, None])).any(axis=2)
@@ -275,7 +275,7 @@ def _look(
     return TimeCells(np.array(cells).reshape(-1, 2), np.array(jumps))
 
 
-def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
+def _interpolated(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
     """Return values (W, T) at times, with linear interpolation over missing values; 0 in rows without values."""
     if number.all():
         return values

@@ -83,7 +83,7 @@ def integrate_by_ida(
     If the cost exceeds `most`, by counts, the remaining realisations have a message.  With `recording`, the motion
     between the output times is also returned.
     """
-    purse = None if most is None else _Purse(most)
+    budget = None if most is None else _CostBudget(most)
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
     messages, final = [""] * len(members), [False] * len(members)
     counters, paths = Counters(), dict[int, RecordedSteps]()
@@ -91,7 +91,7 @@ def integrate_by_ida(
     while todo:
         part = todo.pop(0)
         try:
-            run = _integrate_stack(ensemble.select(members[part]), times, rtol, purse, recording=recording)
+            run = _integrate_stack(ensemble.select(members[part]), times, rtol, budget, recording=recording)
         except _TooExpensiveError:
             for k in np.concatenate([part, *todo]).tolist():
                 messages[k] = "implicit steps cost more than explicit ones"
@@ -113,50 +113,50 @@ def integrate_by_ida(
             hard = part[rough > OUTLIER * np.sqrt(np.mean(rough**2))]
             todo = [*(np.array([k]) for k in hard), *todo]
             counters = counters + Counters(alone=len(hard))
-    if purse is not None:
-        counters = replace(counters, residuals=purse.residuals, jacobians=purse.jacobians)
+    if budget is not None:
+        counters = replace(counters, residuals=budget.residuals, jacobians=budget.jacobians)
     return Solved(states, tuple(messages), counters, tuple(final), path=RecordedSteps.joined(paths.values()))
 
 
 def can_finish_with_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
     """Return whether IDA integrates the only realisation of a batch to the last time within a given cost."""
-    purse = _Purse(most)
+    budget = _CostBudget(most)
     try:
-        reached = not _integrate_stack(ensemble, times, rtol, purse).message
+        reached = not _integrate_stack(ensemble, times, rtol, budget).message
     except _TooExpensiveError:
         reached = False
-    return reached, Counters(purse.residuals, purse.jacobians, 1)
+    return reached, Counters(budget.residuals, budget.jacobians, 1)
 
 
 class _TooExpensiveError(Exception):
     """The cost of an integration exceeds its limit."""
 
 
-class _Purse:
+class _CostBudget:
     """Budget of residuals and Jacobians, by counts."""
 
     def __init__(self, most: float) -> None:
         self.left, self.residuals, self.jacobians = most, 0, 0
 
-    def paying(self, ensemble: Batch, callbacks: Callbacks) -> Callbacks:
+    def limited(self, ensemble: Batch, callbacks: Callbacks) -> Callbacks:
         """Return callbacks of a stack that consume the budget."""
         count, (residual, jacobian) = len(ensemble), callbacks
         sparse = count * ensemble.model.layout.unknowns >= SPARSE_FROM
         residual_cost, jacobian_cost = implicit_costs(ensemble.model, count, sparse=sparse)
 
-        def paid_residual(t: float, y: Array, yp: Array, res: Array) -> None:
+        def counted_residual(t: float, y: Array, yp: Array, res: Array) -> None:
             self.residuals += 1
-            self._pay(residual_cost)
+            self._spend(residual_cost)
             residual(t, y, yp, res)
 
-        def paid_jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+        def counted_jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
             self.jacobians += 1
-            self._pay(jacobian_cost)
+            self._spend(jacobian_cost)
             jacobian(t, y, yp, res, c, jac)
 
-        return paid_residual, paid_jacobian
+        return counted_residual, counted_jacobian
 
-    def _pay(self, cost: float) -> None:
+    def _spend(self, cost: float) -> None:
         self.left -= cost
         if self.left < 0:
             raise _TooExpensiveError
@@ -192,7 +192,7 @@ def step_tolerance(rtol: float, unknowns: int) -> float:
 
 
 def _integrate_stack(
-    ensemble: Batch, times: Array, rtol: float, purse: _Purse | None = None, *, recording: bool = False
+    ensemble: Batch, times: Array, rtol: float, budget: _CostBudget | None = None, *, recording: bool = False
 ) -> _StackIntegration:
     """Integrate a stack through all its break times."""
     start = ensemble.start
@@ -209,8 +209,8 @@ def _integrate_stack(
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
     callbacks = _watched(ensemble, stack_callbacks(ensemble), Pace(ensemble.model, float(times[0]), float(times[-1])))
-    if purse is not None:
-        callbacks = purse.paying(ensemble, callbacks)
+    if budget is not None:
+        callbacks = budget.limited(ensemble, callbacks)
     now, paths = float(times[0]), list[RecordedSteps]()
     for stop, longest, _ in pace(ensemble, times, rtol):
         inside, grid = times_between(times, now, stop)
@@ -231,7 +231,7 @@ def _integrate_stack(
         if not solution.success or reached < len(grid):
             last = float(solution.t[-1]) if len(solution.t) else now
             dead = _dead_end(ensemble, found, last)
-            reason = dead or _no_number(ensemble, found, last, float(times[-1])) or diagnosis(solution, last, rtol)
+            reason = dead or _undefined_term(ensemble, found, last, float(times[-1])) or diagnosis(solution, last, rtol)
             return _StackIntegration(result, reason, counters, bool(dead))
         if solution.steps is not None:
             paths.append(_path(ensemble, *solution.steps))
@@ -260,10 +260,10 @@ def _dead_end(ensemble: Batch, found: Array, time: float) -> str:
     (q, s, v), model = ensemble.expand(found[-1]), ensemble.model
     if not np.isfinite(found[-1]).all():
         return ""
-    return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), sure=False)
+    return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), final=False)
 
 
-def _no_number(ensemble: Batch, found: Array, time: float, stop: float) -> str:
+def _undefined_term(ensemble: Batch, found: Array, time: float, stop: float) -> str:
     """Return the name of the term that becomes undefined at the stop of one realisation."""
     if len(ensemble) > 1 or not len(found) or not np.isfinite(found[-1]).all():
         return ""

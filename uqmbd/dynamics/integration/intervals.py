@@ -66,14 +66,14 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
     With `knots`, intervals also end at knots of tables over time. Only a third derivative jumps there, so that a method
     of variable order need not restart.
     """
-    found = _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
+    found = _intervals_with_knots(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
     if ensemble.paths is None:
         return found
     longest = float(ensemble.paths.longest_steps(rtol).min(initial=np.inf))
     return tuple(interval._replace(longest=min(interval.longest, longest)) for interval in found)
 
 
-def _laid(
+def _intervals_with_knots(
     model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool
 ) -> tuple[Interval, ...]:
     """Return the intervals for realisations with given inputs (K, input) and breaks (K, break)."""
@@ -159,7 +159,7 @@ def intervals_of_members(
     _, first, which = np.unique(np.nan_to_num(alike, nan=np.inf), axis=0, return_index=True, return_inverse=True)
     own = [
         laid(
-            _laid(model, batch.values[k : k + 1], batch.breaks[k : k + 1], times, rtol, knots=True),
+            _intervals_with_knots(model, batch.values[k : k + 1], batch.breaks[k : k + 1], times, rtol, knots=True),
             float(longest_steps[k]),
         )
         for k in first.tolist()

@@ -170,7 +170,7 @@ class SingularPoseWatcher:
         self.least, self.distance = np.inf, np.inf
 
     @property
-    def alert(self) -> bool:
+    def approaching(self) -> bool:
         """Whether a singular pose is being approached."""
         return self.looks > 0
 
@@ -191,19 +191,19 @@ class SingularPoseWatcher:
         apart = abs(rank.ahead) > 2 * abs(rank.kept_ahead)
         if apart and rank.kept < DEPENDENT * rank.every and abs(rank.kept_ahead) < REACH * max(size, step):
             return self._others(now, z, rank)
-        if not self.alert:
+        if not self.approaching:
             if abs(rank.ahead) > REACH * max(size, step):
                 return Continuation(others=True) if self.reorder(now, z, size) else None
             if abs(rank.ahead) < FOOTING * step and len(times) > 1:
                 return Continuation(back=True)
         if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
-            return self._calm()
+            return self._continue_unchanged()
         self.looks += 1
         self.limit = APPROACH * rank.ahead
         if rank.ahead < END * max(1.0, abs(now)) or self.looks > LOOKS:
             # after many checks, rounding may prevent the passage: another method may succeed
-            self.final = sure = self.looks <= LOOKS
-            return Continuation(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
+            self.final = self.looks <= LOOKS
+            return Continuation(reason=dead_end(self.model, now, replace(rank, every=0.0), final=self.final))
         return self._over(now, times, states, rank, end) or Continuation()
 
     def reason(self, now: float, z: Array) -> str:
@@ -219,7 +219,7 @@ class SingularPoseWatcher:
     def _speed(self, z: Array) -> float:
         return float(np.abs(z[self.model.layout.velocities :]).max(initial=0.0))
 
-    def _calm(self) -> Continuation | None:
+    def _continue_unchanged(self) -> Continuation | None:
         """Continue as before."""
         before, self.looks, self.limit = self.looks, 0, np.inf
         self.best, self.least, self.distance = None, np.inf, np.inf
@@ -248,7 +248,7 @@ class SingularPoseWatcher:
         self.reordered += 1
         self.model = model
         self.models.append((now, model))
-        self._calm()
+        self._continue_unchanged()
         return True
 
     def _others(self, now: float, z: Array, rank: Rank) -> Continuation | None:
@@ -257,7 +257,7 @@ class SingularPoseWatcher:
         model = repivoted(self.model, z[:n], z[n : n + k], now, self.parameters)
         new = np.setdiff1d(model.layout.kept, self.model.layout.kept)
         if not len(new) or model.system.programs is None:
-            return self._calm()
+            return self._continue_unchanged()
         old = np.setdiff1d(self.model.layout.kept, model.layout.kept)
         self.notes.append(
             f"at t = {now:.6g} s the equations {named(model, rank.kept_equations)} become dependent; "
@@ -265,7 +265,7 @@ class SingularPoseWatcher:
         )
         self.model = model
         self.models.append((now, model))
-        self._calm()
+        self._continue_unchanged()
         return Continuation(others=True)
 
     def _over(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> Continuation | None:
@@ -277,7 +277,7 @@ class SingularPoseWatcher:
             return None
         course = self.best
         self.passed += 1
-        self._calm()
+        self._continue_unchanged()
         return course
 
     def _continue(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> None:

@@ -122,7 +122,7 @@ def solve(
     options = dict(options)
     if "jacfn" in options:
         options["jacfn"] = callbacks.jacobian(options["jacfn"])
-    with _heard(output), _interrupted_by_instances():
+    with _redirected_output(output), _interrupted_by_instances():
         # all threads share the filters: one thread at a time changes them
         with _lock, warnings.catch_warnings():
             # scikit-sundae uses the pattern for an approximate Jacobian, which the exact Jacobian replaces
@@ -241,7 +241,7 @@ _lock = threading.Lock()
 
 
 @contextmanager
-def _heard(place: io.StringIO) -> Iterator[None]:
+def _redirected_output(place: io.StringIO) -> Iterator[None]:
     """Redirect the standard output of this thread; other threads print as before."""
     me = threading.get_ident()
     with _lock:

@@ -156,11 +156,11 @@ def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]
 def _divided(stretches: tuple[_TimeSpan, ...], wrong: list[Array], short: float) -> tuple[_TimeSpan, ...]:
     """Return finer spans where `_smooth` reports unresolved intervals."""
     found = list[_TimeSpan]()
-    for stretch, (bad, surprise) in zip(stretches, wrong, strict=True):
+    for stretch, (bad, unpredicted) in zip(stretches, wrong, strict=True):
         if not bad.any():
             found.append(stretch)
             continue
-        jumps, times = _jumps(surprise), stretch.times
+        jumps, times = _jumps(unpredicted), stretch.times
         if not len(jumps):
             found.append(stretch._replace(intervals=2 * stretch.intervals))
             continue
@@ -174,13 +174,13 @@ def _pairs(edges: list[int]) -> list[tuple[int, int]]:
     return [(low, high) for low, high in zip(edges[:-1], edges[1:], strict=True) if low < high]
 
 
-def _jumps(surprise: Array) -> Index:
+def _jumps(unpredicted: Array) -> Index:
     """Return intervals with changes not predicted from left or right, without neighbours of such intervals."""
-    beside = np.maximum(np.append(surprise[1:], 0.0), np.insert(surprise[:-1], 0, 0.0))
-    return np.flatnonzero((surprise > 1.0) & (surprise > ALONE * np.maximum(beside, np.median(surprise))))
+    beside = np.maximum(np.append(unpredicted[1:], 0.0), np.insert(unpredicted[:-1], 0, 0.0))
+    return np.flatnonzero((unpredicted > 1.0) & (unpredicted > ALONE * np.maximum(beside, np.median(unpredicted))))
 
 
-def _surprise(states: Array) -> Array:
+def _unpredicted_change(states: Array) -> Array:
     """Return differences of states (M, S, width) at even times from one-sided predictions: (M, S - 1, width).
 
     Predictions use cubic polynomials, with lower degree near the ends; the better of the two sides counts.
@@ -215,9 +215,9 @@ def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[Reco
         spread[:, :-k] |= bad[:, k:]
     straight = states[:, :-1, None] + PLACES[:, None] * (states[:, 1:] - states[:, :-1])[:, :, None]
     values = np.where(spread[:, :, None, None], straight, path.states.reshape(shape))
-    surprise = (_surprise(states) / scale).max(axis=2)
+    unpredicted = (_unpredicted_change(states) / scale).max(axis=2)
     unresolved = bad & (np.diff(grid) > short)
-    return path._replace(states=values.reshape(path.states.shape)), np.stack([unresolved, surprise], axis=1)
+    return path._replace(states=values.reshape(path.states.shape)), np.stack([unresolved, unpredicted], axis=1)
 
 
 def _interpolate(states: Array, part: float) -> Array:

@@ -27,7 +27,7 @@ __all__ = ["built_in_names", "integrate", "integrator_class", "integrators", "re
 
 
 @cache
-def _offered() -> dict[str, type]:
+def _integrators_by_name() -> dict[str, type]:
     return core_offers(BuiltInIntegrators(), "integrators")
 
 
@@ -37,17 +37,17 @@ def built_in_names() -> tuple[str, ...]:
     >>> built_in_names()
     ('auto', 'ida', 'dop853', 'radau')
     """
-    return tuple(_offered())
+    return tuple(_integrators_by_name())
 
 
 def integrators() -> dict[str, type[Integrator]]:
     """Return all available integrators by name; integrators of the core come first."""
-    return {**_offered(), **integrators_of_plugins()}
+    return {**_integrators_by_name(), **integrators_of_plugins()}
 
 
 def integrator_class(name: str) -> type[Integrator]:
     """Return the integrator class with this name; a `uqmbd.StudyError` lists installed integrators."""
-    found = _offered().get(name)
+    found = _integrators_by_name().get(name)
     return cast(type[Integrator], found if found is not None else integrator_of_plugin(name))
 
 

@@ -190,8 +190,8 @@ def capabilities_of(cls: type) -> Capabilities:
     """
     found = getattr(cls, "capabilities", None)
     if found is None:
-        found = _declared_before(cls)
-    elif former := _stated_before(cls):
+        found = _old_capabilities(cls)
+    elif former := _old_attributes(cls):
         raise StudyError(
             f"integrator {getattr(cls, 'name', cls.__name__)!r}: the class attributes {', '.join(former)} have no "
             "effect next to `capabilities`; move them into uqmbd.extend.Capabilities(...)."
@@ -204,16 +204,16 @@ def capabilities_of(cls: type) -> Capabilities:
     return found
 
 
-def _stated_before(cls: type) -> list[str]:
+def _old_attributes(cls: type) -> list[str]:
     """Return the names of class attributes for capabilities before 0.1."""
     former = [old for old in FORMER if getattr(cls, old, False) is True]
     return former + (["linear_solvers"] if getattr(cls, "linear_solvers", ()) else [])
 
 
 @cache
-def _declared_before(cls: type) -> Capabilities:
+def _old_capabilities(cls: type) -> Capabilities:
     """Return the capabilities from class attributes of versions before 0.1."""
-    own = {FORMER[old]: True for old in _stated_before(cls) if old in FORMER}
+    own = {FORMER[old]: True for old in _old_attributes(cls) if old in FORMER}
     named = getattr(cls, "linear_solvers", ())
     solvers = (named,) if isinstance(named, str) else tuple(named)
     if "projected" not in own:  # options of a missing method

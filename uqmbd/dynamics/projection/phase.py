@@ -131,7 +131,7 @@ class PhaseMotion:
         bound, self._faster = self._intervals.pop(0)
         paces = self._paces(*self._nodal(whole))
         if not np.isfinite(paces).all():
-            raise self._standing(whole, phase)
+            raise self._stopped_error(whole, phase)
         absolute, relative = np.full((2, *self._shape), self._rtol)
         absolute *= self._size
         absolute[:, -1], relative[:, -1] = self._rtol * float(paces.mean()), OWN
@@ -177,7 +177,7 @@ class PhaseMotion:
             nodal = self._nodal(whole)
             slowest = np.nanmin(self._rates(*nodal) / self._mean(nodal[0], solver.t))
             if slowest < 10 * STEADY:
-                raise self._standing(whole, solver.t)
+                raise self._stopped_error(whole, solver.t)
             raise IntegrationError(
                 f"mechanism {self.projected.model.name!r}: the projected equations cannot be integrated beyond the "
                 f"phase {solver.t:.6g} rad, t = {whole[0, -1]:.6g} s in the mean: the step size became too small. "
@@ -194,7 +194,7 @@ class PhaseMotion:
         share = self._rates(times, states) / self._mean(times, solver.t)
         # in this form NaN counts as a stopped clock
         if solver.t > SETTLED and not (share >= STEADY).all():
-            raise self._standing(whole, solver.t)
+            raise self._stopped_error(whole, solver.t)
         if solver.status == "finished":
             self._solver = self._start_interval(solver.t, whole)
         else:
@@ -265,7 +265,7 @@ class PhaseMotion:
         found[:, self._layout.velocities : -1] -= v
         return found
 
-    def _standing(self, whole: Array, phase: float) -> IntegrationError:
+    def _stopped_error(self, whole: Array, phase: float) -> IntegrationError:
         times, states = self._nodal(whole)
         rates = self._rates(times, states)
         # near the start only the rate is known

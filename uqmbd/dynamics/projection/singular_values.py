@@ -67,7 +67,7 @@ def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weigh
             pass
     for k, jacobian in enumerate(jacobians):
         if not settled[k] or not _bounded(jacobian, psi, adjoint, BOUND * found[k] ** 2):
-            found[k] = _of_the_whole(jacobian, psi, adjoint)
+            found[k] = _from_full_matrix(jacobian, psi, adjoint)
     return found, nodal
 
 
@@ -123,7 +123,7 @@ def _iterated(jacobians: Array, psi: Array, adjoint: Array, inverse: Array) -> t
     return np.sqrt(np.maximum(value, 0.0)), residual <= TOLERANCE * value
 
 
-def _of_the_whole(jacobians: Array, psi: Array, adjoint: Array) -> float:
+def _from_full_matrix(jacobians: Array, psi: Array, adjoint: Array) -> float:
     """Return the smallest singular value of one projected Jacobian, from its entries."""
     # the square root halves the number of correct digits, which still suffices to detect a singularity
     least = scipy.linalg.eigh(_gram(jacobians, psi, adjoint), eigvals_only=True, subset_by_index=[0, 0])[0]

@@ -14,7 +14,7 @@ from uqmbd.dynamics.assembly import statement_rows
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array
 
-__all__ = ["ORDERS", "flow", "solve_steady_speeds", "twists"]
+__all__ = ["ORDERS", "flow", "solve_steady_speeds", "velocity_maps"]
 
 
 ORDERS = (("bodies", "ground"), ("ground", "bodies"))
@@ -24,7 +24,7 @@ RANK = 1e-9
 """Relative size below which a singular value counts as zero."""
 
 
-def twists(model: Model, q: Array) -> Array:
+def velocity_maps(model: Model, q: Array) -> Array:
     """Return matrices from rates of body coordinates to velocity and angular velocity, (K, body, 6, size).
 
     Vectors are in world axes; motions in a space of fewer dimensions are embedded in three dimensions.
@@ -48,7 +48,7 @@ def twists(model: Model, q: Array) -> Array:
 def _relative(model: Model, q: Array, *, ground: bool) -> Array:
     """Return rows of the relative motions of connected bodies as functions of velocities, shape (K, row, n)."""
     count, n = q.shape
-    turned = twists(model, q)
+    turned = velocity_maps(model, q)
     places = np.zeros((count, len(model.bodies), 3))
     places[:, :, : model.dimension] = q.reshape(count, -1, model.size)[:, :, : model.dimension]
     blocks = []

@@ -201,11 +201,11 @@ def scalar_map(
             tuple(k for k, s in enumerate(every) if isinstance(s, EventTime | FirstTime) and o.expression.has(s))
             for o in outputs
         ),
-        tuple(_late(o.expression) for o in outputs),
+        tuple(_missing_event(o.expression) for o in outputs),
     )
 
 
-def _late(expression: sympy.Expr) -> str:
+def _missing_event(expression: sympy.Expr) -> str:
     """Return a message on the missing event of an output."""
     events = sorted(map(str, expression.atoms(EventTime)))
     one = len(events) == 1 and not expression.atoms(FirstTime)
@@ -276,7 +276,7 @@ def scalars_of(
             stable = going.select(good)
             modes, reasons = linearise_steady(some, stable)
             fail(good, reasons)
-            seen_at = [_on_the_way(some, screws) for screws in stable.screws]
+            seen_at = [_examined_states(some, screws) for screws in stable.screws]
         else:
             q, s = (x[good] for x in poses[pose])
             modes, reasons = linearise(some, q, s)
@@ -352,7 +352,7 @@ def _at_rest(ensemble: Batch, resting: OutputMap, q: Array, s: Array) -> Array:
     return observe_along(ensemble, resting, np.array([ensemble.model.time]), states[:, None, :])[:, :, 0]
 
 
-def _on_the_way(ensemble: Batch, screws: Screws | None) -> tuple[Array, Array]:
+def _examined_states(ensemble: Batch, screws: Screws | None) -> tuple[Array, Array]:
     """Return states of a steady motion (S, width) at the examined times, and these times, s after the start."""
     if screws is None:
         return np.zeros((0, ensemble.model.layout.width)), np.zeros(0)
@@ -367,7 +367,7 @@ def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tu
     for k, screws in enumerate(motions.screws):
         if screws is None:
             continue
-        states, after = _on_the_way(ensemble, screws)
+        states, after = _examined_states(ensemble, screws)
         seen = observe(
             ensemble.select(np.array([k])), steady, states, ensemble.model.time + after, np.zeros(len(after), dtype=int)
         )
