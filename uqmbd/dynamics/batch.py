@@ -28,7 +28,7 @@ class Sampler(Protocol):
         """Call the functions of controllers; return their commands and states."""
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
-        """Take a sample that the driver left; return the state (width,), and the reason of a failure."""
+        """Take a sample that the driver has skipped; return the state (width,), and the reason of a failure."""
 
     def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
         """Return the jumps of velocities due to commanded speeds, and reasons of failures."""

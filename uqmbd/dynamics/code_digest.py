@@ -39,7 +39,7 @@ IMPURE = frozenset(
         "vars",
     }
 )  # fmt: skip
-"""Names of functions that do not depend on their arguments only."""
+"""Names of functions whose results depend on more than their arguments."""
 
 REGISTRY = "uqmbd.plugins.registry"
 """Module with functions that return objects registered by plugins: code outside the version of the core."""
@@ -106,7 +106,7 @@ def code_of(value: Any) -> Content | None:
             raise NoDigest
         return ("compiled", module, value.__qualname__), ()
     if isinstance(value, ModuleType):
-        raise NoDigest  # the used parts of it are unknown
+        raise NoDigest  # the code may use any part of the module
     return None
 
 
@@ -116,7 +116,7 @@ def _function(value: FunctionType) -> Content:
     if is_library(scope.get("__name__")):
         if value.__name__ in IMPURE:
             raise NoDigest
-        # in the core, closures contain functions, and otherwise their names and signatures
+        # the version of the core determines closures, except for the functions in them
         cells = wrapped if scope["__name__"].startswith("uqmbd.") else [_held(x) for x in value.__closure__ or ()]
         cells = [*cells, *_looked_up(value)]
         return ("library", scope["__name__"], value.__qualname__, _head(code) if cells else ()), cells

@@ -29,10 +29,10 @@ class Move:
     """Displacement of a body from its drawn pose by the assembly, at the means of the inputs."""
 
     body: str
-    distance: float  # of the frame's origin, m
+    distance: float  # displacement of the frame's origin, in `units`
     turn: float  # angle of the rotation, rad, from 0 to pi
-    units: str = "m"  # of the distance
-    coordinate: bool = False  # whether it is a coordinate of a component, and the distance the change of its value
+    units: str = "m"  # units of `distance`
+    coordinate: bool = False  # whether `body` is a coordinate of a component, and `distance` its change
 
     def __str__(self) -> str:
         parts = [f"by {self.distance:.3g} {self.units}"] if self.distance > 0 else []

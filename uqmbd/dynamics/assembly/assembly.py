@@ -49,14 +49,14 @@ POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200
 
 ROUNDED = 2e-7
-"""Allowed contradiction of given velocities, relative to the largest: the accuracy of data with seven digits.
-Given velocities are adjusted; the constraints are satisfied to rounding."""
+"""Allowed contradiction of given velocities, relative to the largest velocity: the accuracy of seven digits. Given
+velocities are adjusted; the constraints are satisfied to rounding."""
 SLOW = 1e-4
 """Lower bound of given speeds, m/s or rad/s, in the check of amplification near a dead centre."""
 AMPLIFIED = 1e6
 """Speed relative to given speeds above which the sensitivity to the pose is checked."""
 DIGITS = 1e-6
-"""Allowed relative change of a speed with the pose, within the closure of the pose."""
+"""Allowed relative change of a speed if the pose changes by its closure error."""
 BLOCK = 1 << 20
 """Number of gradient entries that are evaluated together."""
 SHIFT = 1e-6
@@ -108,7 +108,7 @@ def placed(
 
 
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of drawn poses: of bodies, and of own coordinates if necessary."""
+    """Close all constraints by the smallest change of bodies; change coordinates of components only if necessary."""
     own = np.arange(model.of_bodies, model.layout.coordinates)
     if not len(own) or not model.bodies:
         return _moved_least(model, drawn, time, parameters, rows)
@@ -140,7 +140,7 @@ def _moved_least(
 def iterate_poses(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of drawn poses, also through singular poses; return messages."""
+    """Close all constraints by the smallest change of drawn poses, even if singular; return poses and messages."""
     n = drawn.shape[1]
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
@@ -159,7 +159,7 @@ def iterate_poses(
         r = residual[todo][:, used]
         move = np.zeros((len(todo), n))
         move[:, free] = -solve_least_norm(a, r, truncate=rows is None)
-        # limit rotations in one iteration to about 0.6 rad: beyond, the linearisation is invalid
+        # limit rotations in one iteration to about 0.6 rad, because the linearisation is invalid for larger rotations
         largest = (
             np.abs(move[:, quaternions.ravel()]).max(axis=1, initial=0.0) if quaternions.size else np.zeros(len(todo))
         )
@@ -194,7 +194,7 @@ def iterate_poses(
 
 
 def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array:
-    """Normalise quaternions after a long step."""
+    """Return coordinates with normalised quaternions after a long step."""
     if not quaternions.size:
         return q
     e = q[:, quaternions]

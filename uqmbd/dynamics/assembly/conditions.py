@@ -53,7 +53,7 @@ def met(
 def _search_twice(
     model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index
 ) -> tuple[_ConditionSearch, Mask]:
-    """Search without drivers, then with drivers from the resulting pose, so that turns behind a driver are included.
+    """Search without drivers, then with drivers from the resulting pose, to reach turns that drivers prevent.
 
     Also return a mask of realisations with closed constraints.
     """
@@ -86,7 +86,7 @@ class _ConditionSearch:
         self.follows = self._following()
 
     def run(self) -> None:
-        """Iterate until the conditions are satisfied, or no step improves them."""
+        """Iterate until the conditions are satisfied, or no step decreases their residuals."""
         active = np.arange(len(self.q))
         for _ in range(STEPS):
             gap, slope, _ = self._gaps(active, self.q[active], self.s[active])
@@ -183,7 +183,7 @@ class _ConditionSearch:
         return np.where(self.follows & np.isfinite(turns), s + turns, s)
 
     def _following(self) -> Mask:
-        """Return a mask of auxiliary states with the same change as their initial values, up to whole turns."""
+        """Return a mask of auxiliary states that change as their initial values do, up to whole turns."""
         follows: Mask = np.ones(self.s.shape[1], dtype=bool)
         if not len(follows) or not len(self.q):
             return follows

@@ -26,19 +26,19 @@ __all__ = [
 
 
 UNFELT = 0.3
-"""Part of the residual, independent of all coordinates to first order, that indicates the nearest pose."""
+"""Least share of a dead centre's residual that no motion changes to first order."""
 
 VANISHING = 1e-3
 """Singular value, relative to the largest, below which motions count as possible."""
 
 CURVED = 0.02
-"""Curvature of the residual, relative to the size of the mechanism, that indicates a dead centre."""
+"""Least curvature of the residual at a dead centre, relative to the size of the mechanism."""
 
 BENT = 4.0
 """Least curvature, relative to the residual, for which a neighbouring pose can close the constraints."""
 
 ASIDE = 1e-2
-"""Distance of the poses for comparison."""
+"""Distance to the neighbouring poses at which a contradiction is evaluated again."""
 
 BETTER = 0.1
 """Largest remaining part of a contradiction next to a dead centre."""
@@ -50,13 +50,13 @@ DIRECTIONS = 12
 """Largest number of examined motions."""
 
 ROUNDED_LENGTH = 1e-3
-"""Largest gap from rounded numbers, relative to the size of the mechanism."""
+"""Largest gap that rounded input values may cause, relative to the size of the mechanism."""
 
 Close = Callable[[Array], tuple[Array, list[str]]]
 
 
 def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, residual: Array) -> str:
-    """Return a message if the nearest pose (coordinate,) cannot be closed because it is a dead centre; else empty.
+    """Return a message if the pose nearest to closure (coordinate,) is a dead centre; else an empty text.
 
     Residuals (equation,) are divided by the lengths of their gradients, m or rad.
     """

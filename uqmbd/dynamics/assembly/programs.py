@@ -19,8 +19,8 @@ BODY_RATE = {
     2: (((1, -1), (0, 1)),),
     4: (((1, -1), (0, 1), (3, 1), (2, -1)), ((2, -1), (3, -1), (0, 1), (1, 1)), ((3, -1), (2, 1), (1, -1), (0, 1))),
 }
-"""Half the matrix from quaternion rates to the angular velocity in body axes, ``G(e)``, by the quaternion's length:
-index of the entry of the quaternion, and sign, for each entry of the matrix."""
+"""Matrix ``G(e)``, half the matrix from quaternion rates to the angular velocity in body axes, by the length of the
+quaternion. Each entry of the matrix is an entry of the quaternion, given by its index, with a sign."""
 
 
 class _Closing(NamedTuple):
@@ -75,7 +75,7 @@ def _conditions(model: Model, q: Array, s: Array, time: float, parameters: Array
 
 
 def _rest(model: Model, given: int, time: float, parameters: Array) -> tuple[Array, Array, Array]:
-    """Return arguments at rest after the coordinates (`given` 1), or coordinates and auxiliary states (2)."""
+    """Return the arguments at rest that follow coordinates (`given` 1), or coordinates and auxiliary states (2)."""
     layout = model.layout
     zeros = layout.width - (layout.coordinates if given == 1 else layout.velocities)
     return np.zeros((1, zeros)), np.array([[time, 0.0]]), parameters[:, : model.block_parameters]
@@ -110,7 +110,7 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
     stated, n = sum(len(x.parameters) for x in model.statements), layout.coordinates
     added = stated + conditions
     writer, arguments, parameters = _begun(model, added + conditions * n + 1)
-    given = np.arange(len(arguments) + len(parameters), writer.inputs)  # given values, residuals, slopes, one
+    given = np.arange(len(arguments) + len(parameters), writer.inputs)  # given velocities, residuals, slopes, and 1
     results = evaluator.write(writer, arguments, parameters)
     gradients = _gradients(evaluator.index, "d", results)
     values, kept = _values(evaluator.index, "phi_t", results, layout.constraints), layout.kept
@@ -135,9 +135,8 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
 
 
 def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]:
-    """Return gradients of statements on a body: rows of values, factors, and differentiated velocities.
-
-    Row `one` contains a one.
+    """Return the gradients of a statement on a body: rows of values, factors, and velocities. Row `one` contains the
+    number one.
     """
     coordinates = statement.coordinates.tolist()
     if statement.quantity == "velocity":

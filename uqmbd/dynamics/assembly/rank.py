@@ -30,7 +30,7 @@ WATCHED = 6
 """Largest number of singular values in the search for zeros."""
 
 SMALL = 0.3
-"""Relative size of a singular value below which the search includes its zero."""
+"""Relative size of a singular value below which its zero is computed."""
 
 VIOLATION = 100.0
 """Allowed residual of an omitted redundant equation, in tolerances, relative to the size of the mechanism."""

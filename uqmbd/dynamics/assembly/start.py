@@ -29,7 +29,7 @@ class Start:
     rates: Array  # rates of the auxiliary states (K, state)
     multipliers: Array  # multipliers of the kept equations (K, kept)
     messages: tuple[str, ...]  # empty if the realisation was assembled, else the reason
-    outside: NDArray[np.bool_]  # (K,): whether the reason is a number outside its range
+    outside: NDArray[np.bool_]  # (K,): whether a number outside its range is the reason
 
     def select(self, members: Index) -> Start:
         """Return the initial states of some realisations."""

@@ -290,7 +290,7 @@ class Decisions:
             and abs(contacts.speed[0, contacts.normal(k)]) <= slow
         ]
         if (found := persistent_contacts(contacts, near, slow)) is None:
-            # normal speeds that count as zero disturb the sliding of bodies that stay together
+            # normal speeds that count as zero would change the sliding of bodies that stay together
             z = self._onto(member, time, z, dict.fromkeys(near, "slip"))
             contacts = self.contacts(member, time, z)
             found = persistent_contacts(contacts, near, slow)
@@ -305,7 +305,7 @@ class Decisions:
         modes, headings, _ = found.lasting
         if found.several and member not in self.several:
             names = ", ".join(repr(self.model.events[k][0]) for k in near)
-            # the time of a start is a little after the first time
+            # contacts at the start are evaluated slightly after the first time
             when = self.duration * round(time / self.duration, 9)
             self.several[member] = (
                 f"at t = {when:.6g} s, two motions satisfy the laws of contact and friction at {names}"
@@ -316,7 +316,7 @@ class Decisions:
         for k in modes:
             if k not in before:
                 self.records.add(member, time, k, "rest")
-        # a sliding that counts as zero is removed if the contact starts to slide in the opposite direction
+        # remove a sliding speed that counts as zero if the contact starts to slide in the opposite direction
         held: dict[int, Mode] = {
             k: "stick" if k in headings and contacts.sliding(k)[0] @ headings[k] < 0 else mode
             for k, mode in modes.items()

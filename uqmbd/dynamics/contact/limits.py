@@ -176,7 +176,7 @@ class _Rates(NamedTuple):
     def of(
         cls, contacts: ContactQuantities, lasting: ContactModes, headings: dict[int, Array], free: Sequence[int]
     ) -> _Rates:
-        """Solve, for the contacts `free`, at one state."""
+        """Compute the accelerations along the headings of the contacts `free`, at one state."""
         slipping = ContactModes({**lasting.modes, **dict.fromkeys(headings, "slip")}, {**lasting.headings, **headings})
         matrix, unit = contacts.delassus[0], np.eye(contacts.speed.shape[1])
         columns = list(spread_of(contacts, slipping).T)

@@ -35,7 +35,7 @@ class Records:
         np.add.at(self.count, members, 1)
 
     def sorted(self) -> tuple[Index, Array, Index, Index]:
-        """Return members, times, events, labels, sorted by member and time; simultaneous events in recorded order."""
+        """Return members, times, events, labels, sorted by member and time; ties keep the recorded order."""
         if not self._parts:
             none = np.zeros(0, dtype=np.int64)
             return none, np.zeros(0), none, none

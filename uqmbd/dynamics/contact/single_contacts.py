@@ -23,7 +23,7 @@ __all__ = ["SingleContacts"]
 
 
 CLEAR = 1e-6
-"""Distance from the limit of friction, and smallest eigenvalue, both relative, for a decision without other laws."""
+"""Least relative distance from the limit of friction, and least relative eigenvalue, for a decision in this module."""
 
 
 MODES: tuple[Mode, ...] = ("stick", "slip")
@@ -31,7 +31,7 @@ HOLDS = {"": 0, "stick": 1, "slip": 2}
 
 
 class _SingleMode(NamedTuple):
-    """Mode of a contact, heading (tangent,) of slip, and the speeds that a projection removes: those of a `Mode`."""
+    """Mode of a contact, heading (tangent,) of slip, and the `Mode` by which a projection removes speeds."""
 
     touching: Touching
     heading: Array | None
@@ -146,7 +146,8 @@ class SingleContacts:
             m, k = int(members[row]), int(events[row])
             tangents = slice(int(self.first[k]) + 1, int(self.first[k + 1]))
             fast = np.linalg.norm(contacts.speed[row, tangents])
-            # other modes, and a direction that turns although the contact slides, need the history of the contact
+            # in all other cases, such as a turning direction of sliding, the decision depends on the history of the
+            # contact
             done[row] = mode is not None and (
                 (mode.touching == Touching.STICK and fast <= slow[row])
                 or (mode.touching == Touching.SLIP and fast <= still[row])

@@ -17,7 +17,7 @@ __all__ = ["called", "failures", "require_same"]
 
 
 SAME = 1e-9
-"""Difference of results for a part of a group, relative to the largest value, that counts as rounding."""
+"""Allowed difference between results of a whole group and of a part of it, relative to the largest value."""
 
 
 def called(
@@ -69,7 +69,7 @@ def failures(
     high: Array,
     reasons: Mapping[int, str],
 ) -> dict[int, str]:
-    """Return messages for realisations (rows) that cannot continue after a call, some with reasons of the function."""
+    """Return messages for realisations (rows) that cannot continue after a call, some with the function's reasons."""
     found: dict[int, str] = {}
     for what, names, values in (("state", loop.states, state), ("command", loop.commands, commands)):
         for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():

@@ -175,18 +175,18 @@ class Sampling:
             found[:, commands], found[:, kept], reasons = self._called(
                 self.loops[k], sampled[k], time, measured[:, seen], state, members
             )
-            # the driver leaves a sample without a value to `alone`, which states the reason
+            # the driver skips a sample without a value; `alone` takes it and states the reason
             for row in reasons:
                 found[row, commands] = np.nan
         return found
 
     def alone(self, control: SampledControl, row: int, member: int, state: Array) -> tuple[Array, str]:
-        """Take a sample that the driver left; return the state and the reason of a failure.
+        """Take a sample that the driver has skipped; return the state and the reason of a failure.
 
         Parameters
         ----------
         control : SampledControl
-            Samples of the driver.
+            Samples that the driver takes.
         row : int
             Row of the realisation in `control`.
         member : int
@@ -304,8 +304,8 @@ def _functions(
 ) -> tuple[list[tuple[int, slice, Index, slice, slice]], int]:
     """Return each function, its measured values, states, commands and new states; and the number of entries.
 
-    Measured values are columns of those of all functions, and states are indices in a state. Commands and new states
-    are columns of the entries of all loops.
+    Measured values are given as columns of the measured values of all functions, and states as indices in a state.
+    Commands and new states are given as columns of the entries of all loops.
     """
     found: list[tuple[int, slice, Index, slice, slice]] = []
     first, entry = 0, 0
@@ -326,7 +326,7 @@ def _with_state_columns(bounds: Array, states: int) -> Array:
 
 
 def _parts(sample: int, measured: Array) -> list[slice]:
-    """Return rows for a second call of a function, which test the independence of its results from other rows.
+    """Return rows for second calls of a function, which test that the results of a row do not depend on other rows.
 
     The samples 0, 1, 2, 4, 8, ... use every second row. Every sample also uses, one by one, the rows with the least and
     the greatest value of a measurement. A condition on any or all rows of a group has a different result for one of
@@ -343,7 +343,7 @@ def _parts(sample: int, measured: Array) -> list[slice]:
 def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> tuple[Array, Index, Index]:
     """Return the times (N,) of all instants, s, and numbers of samples (N, loop): acting, and taken; -1: none.
 
-    The commands of an acting sample change at the instant; they are those of an earlier sample after its delay.
+    The commands of an acting sample take effect at the instant, after the delay; the sample was taken earlier.
     """
     begin, end = float(times[0]), float(times[-1])
     found: list[tuple[Array, Index, Mask, Index]] = []

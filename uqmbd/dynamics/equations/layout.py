@@ -31,7 +31,7 @@ ARGUMENTS: Mapping[Kind, tuple[str, ...]] = {
     "linear": (*STATE, "l", "dv", "t"),
     "tangent": (*STATE, "l", "dv", "t"),
 }
-"""Arguments in order, by letter; all other kinds have a state and the time."""
+"""Arguments of each kind as letters, in order. The arguments of all other kinds are a state and the time."""
 
 RESULTS: Mapping[Kind, Mapping[str, tuple[str, ...]]] = {
     "position": {"phi": ("row",), "phi_q": ("row", "q"), "cos": ("cos",)},

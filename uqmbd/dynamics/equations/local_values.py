@@ -57,7 +57,7 @@ def bodies_of(component: Component) -> tuple[list[Body], list[CoordinateSet]]:
 
 
 def foreign_states(component: Component) -> tuple[HeldSymbol | AuxiliarySymbol, ...]:
-    """Return foreign states in parameters, each once: controller values, then auxiliary states."""
+    """Return the states of controllers and other components in parameters, each once; controller values come first."""
     found: dict[HeldSymbol | AuxiliarySymbol, None] = {}
     for value in component.values.values():
         for part in flatten(value):
@@ -149,7 +149,8 @@ def localise(
 def _identity(option: Any) -> Any:
     """Return the identity of an option: only equal options share the terms of a component.
 
-    Objects other than plain data compare by identity, because their texts may agree, and 1 equals True.
+    The identity contains the type, because 1 equals True. Objects other than plain data compare by address, because
+    different objects may have the same text.
     """
     if isinstance(option, (list, tuple)):
         return type(option), *map(_identity, option)

@@ -130,7 +130,7 @@ class Model:
         return len(self.bodies) * self.size
 
     def by_body(self, values: Array) -> Array:
-        """Return the part of the bodies of values by coordinate (..., coordinate), shape (..., body, size)."""
+        """Return the values of bodies among values of all coordinates (..., coordinate), shape (..., body, size)."""
         return values[..., : self.of_bodies].reshape(*values.shape[:-1], len(self.bodies), self.size)
 
     def beyond(self, times: Array, states: Array) -> str:

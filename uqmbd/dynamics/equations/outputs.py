@@ -55,12 +55,12 @@ class AngleCounter(Component):
     bodies = ("body",)
     offered = True
     counts: AngleSymbol
-    cosine = Parameter("1", "cosine of the angle, or of half of it")
-    sine = Parameter("1", "sine of the angle, or of half of it")
-    rate = Parameter("rad/s", "its rate")
-    near = Parameter("rad", "angle near which it starts")
-    half = Parameter("", "whether they are cosine and sine of half the angle", kind="option")
-    signed = Parameter("", "whether their sign has a meaning", kind="option")
+    cosine = Parameter("1", "cosine of the angle, or of half the angle")
+    sine = Parameter("1", "sine of the angle, or of half the angle")
+    rate = Parameter("rad/s", "rate of the angle")
+    near = Parameter("rad", "angle near which the counter starts")
+    half = Parameter("", "whether cosine and sine are those of half the angle", kind="option")
+    signed = Parameter("", "whether the common sign of cosine and sine matters", kind="option")
 
     def terms(self, p: Local) -> list[Auxiliary]:
         """Return the state; its initial value is the angle of the assembled pose nearest to the drawn angle."""
@@ -106,7 +106,7 @@ class OutputMap:
 
     @property
     def places(self) -> tuple[None, ...]:
-        """Places in series of scalar outputs: none."""
+        """Places in a series of outputs along an axis, which only scalar outputs have: None for each output."""
         return (None,) * len(self.names)
 
     def __call__(self, state: Array, inputs: Array, parameters: Array, forces: Array | None = None) -> Array:
@@ -121,12 +121,11 @@ class OutputMap:
         return self.kernel(np.ascontiguousarray(arguments))
 
     def unwrap(self, response: Array) -> Array:
-        """Add whole turns to angles in outputs (..., output, T): make them continuous in time from near the reference.
-
-        Other outputs do not change, and realisations are independent of each other.  Each time may be on a different
-        branch; outputs observed in pieces must be joined first.  The output times begin at the initial time and are
-        dense: no angle moves by half a turn between them.  Values that are not finite remain unchanged and count no
-        turns.
+        """Add whole turns to angles in outputs (..., output, T), so that they start near the reference and are
+        continuous. Other outputs do not change, and realisations are independent of each other.  Each time may be on a
+        different branch; outputs observed in pieces must be joined first.  The output times begin at the initial time
+        and are dense: no angle moves by half a turn between them.  Values that are not finite remain unchanged and
+        count no turns.
         """
         which = np.flatnonzero(self.turns)
         if not len(which):
@@ -271,7 +270,7 @@ def _excited(symbol: ExcitationSymbol, coefficients: dict[ExcitationSymbol, list
 
 
 def _path(symbol: PathSymbol, instances: list[Instance], places: list[Placement]) -> int:
-    """Return a parameter that is the address of a sampled path; `_excited` has refused paths that act nowhere."""
+    """Return a parameter that is the address of a sampled path; `_excited` has rejected unused paths."""
     return next(
         int(place.parameters[k])
         for instance, place in zip(instances, places, strict=True)

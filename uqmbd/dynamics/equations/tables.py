@@ -81,7 +81,7 @@ class Tables:
 
 
 def _outermost(expression: sympy.Expr) -> list[Spline | SampledPath]:
-    """Return the splines and sampled paths outside others, in a fixed order."""
+    """Return the splines and sampled paths that are not inside another one, in a fixed order."""
     found: dict[Spline | SampledPath, None] = {}
     seen: set[Any] = set()
     waiting: list[Any] = [expression]

@@ -336,7 +336,7 @@ class Integration:
             pool.status[k] = ExplicitStatus.RUNNING
 
     def _sample(self, member: int) -> None:
-        """Take a sample that the driver left, because it fails or needs other equations."""
+        """Take a sample that the driver has skipped, because it fails or needs other equations."""
         pool, k = self._place(member)
         assert self.sampling is not None and pool.control is not None
         state, reason = self.sampling.alone(pool.control, k, member, pool.z[k])
