@@ -135,8 +135,9 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
 
 
 def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]:
-    """Return the gradients of a statement on a body: rows of values, factors, and velocities. Row `one` contains the
-    number one.
+    """Return the gradients of a statement on a body: rows of values, factors, and velocities.
+
+    Row `one` contains the number one.
     """
     coordinates = statement.coordinates.tolist()
     if statement.quantity == "velocity":

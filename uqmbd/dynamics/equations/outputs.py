@@ -121,11 +121,12 @@ class OutputMap:
         return self.kernel(np.ascontiguousarray(arguments))
 
     def unwrap(self, response: Array) -> Array:
-        """Add whole turns to angles in outputs (..., output, T), so that they start near the reference and are
-        continuous. Other outputs do not change, and realisations are independent of each other.  Each time may be on a
-        different branch; outputs observed in pieces must be joined first.  The output times begin at the initial time
-        and are dense: no angle moves by half a turn between them.  Values that are not finite remain unchanged and
-        count no turns.
+        """Add whole turns to angles in outputs (..., output, T): they start near the reference and are continuous.
+
+        Other outputs do not change, and realisations are independent of each other.  Each time may be on a different
+        branch; outputs observed in pieces must be joined first.  The output times begin at the initial time and are
+        dense: no angle moves by half a turn between them.  Values that are not finite remain unchanged and count no
+        turns.
         """
         which = np.flatnonzero(self.turns)
         if not len(which):
