@@ -131,7 +131,7 @@ class RedundantConstraintWarning(UserWarning):
 
 
 class StudyWarning(UserWarning):
-    """A part of a study is often a mistake, but may be intended; the results store the text (attribute ``warnings``).
+    """A part of a study is probably a mistake, but may be intended; results store the text (attribute ``warnings``).
 
     Examples
     --------

@@ -324,8 +324,8 @@ def format_probability(value: float, width: float = 0.0, largest: float = 0.0) -
     """Return a probability as text, with at least two digits.
 
     More digits distinguish the probability from 1, or resolve `width`: the width of an interval whose ends must differ
-    in the text. `largest` is the upper end of the interval; the text uses the same power of ten, or per cent, as for
-    the upper end.
+    in the text. `largest` is the upper end of the interval; the text uses the power of ten, or per cent, of the upper
+    end's text.
 
     >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 0.999995, 1.0, float("nan"))]
     ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '99.9995 %', '100 %', 'not known']

@@ -70,8 +70,8 @@ class EquationPrograms(Addressed):
     program: Program  # program; its first arguments are the unknowns
     values: Index  # (equation,): row of each value; -1: zero
     gradients: Gradients
-    solved: Index  # indices of solved equations; the others are only evaluated
-    certain: int  # number of independent equations; the others may depend on these
+    solved: Index  # indices of equations to solve; the other equations are only evaluated
+    certain: int  # number of certainly independent equations, which come first
     unknowns: int  # number of unknowns
     shortest: float  # minimum length of a gradient that is scaled to one
 

@@ -202,7 +202,7 @@ def _parts(e: Any) -> list[Any]:
 
 
 def _multiplied(exponent: Any) -> bool:
-    """Return whether multiplications and a square root compute a power."""
+    """Return whether a power is computed by multiplications and a square root."""
     return bool(exponent.is_Number) and (2 * _real(exponent)).is_integer() and abs(_real(exponent)) <= POWERS
 
 

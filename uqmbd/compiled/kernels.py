@@ -19,8 +19,8 @@ __all__ = ["compilations", "compile_kernel", "compile_operations", "replaced"]
 
 
 LIBRARY = 150
-"""Cost of a function of the C library, in operations; it is called for each of eight realisations. Measured with sines:
-60 to 100 ns, compared with sums and products: 0.3 to 0.7 ns."""
+"""Cost of a function of the C library, in operations; the function is called for each of eight realisations. Measured:
+sines take 60 to 100 ns, sums and products 0.3 to 0.7 ns."""
 
 compilations = [0]
 """Number of kernels compiled by this process, for tests and provenance."""

@@ -34,8 +34,9 @@ LIBRARY = (
 )  # fmt: skip
 """Symbols that compiled code may call.
 
-Kernels call the functions, the driver copies and fills, and processors without the instructions need the rest. macOS
-has a symbol that fills with zeros, and Windows one that probes large stack frames."""
+Kernels call mathematical functions. The driver calls functions that copy and fill memory. Processors without some
+instructions need the other symbols. macOS has a function that fills with zeros, and Windows one that probes large stack
+frames."""
 
 _LOCK = threading.RLock()
 

@@ -1,8 +1,8 @@
 """Evaluate samples of segment-wise expansions, between event or phase markers, and of harmonics, at given times.
 
 NumPy takes ten times as long for segments, because it gathers the coefficients of the segment separately for each
-value. For harmonics, with products of harmonics at few times, it takes five times as long. The compiled loop uses the
-even and odd parts about a time for two times, and makes no copies.
+value. For harmonics, even with products of harmonics at few times, it takes five times as long. The compiled loop
+computes the values at two times, symmetric about a third one, from the same even and odd parts. It makes no copies.
 """
 
 from __future__ import annotations

@@ -27,7 +27,8 @@ __all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of", "undetermine
 class MarginValues:
     """Margins of K realisations."""
 
-    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: unknown before the end
+    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: known only at the end of the
+    # motion
     running: Array
     status: Index  # (K,): `Status` of the motion and the margins
     messages: tuple[str, ...]  # reasons
@@ -116,7 +117,7 @@ def undetermined_margins(model: Model, q: Array, time: float, parameters: Array)
 
 
 def _unknown(seen: MarginMap, number: int) -> str:
-    """Return a message that it is unknown whether requirement `number`, among those without a time, is met."""
+    """Return a message that it is unknown whether a requirement is met; `number` counts requirements without a time."""
     name = [one.name for one in seen.requirements if not one.over_time][number]
     what = "an event" if seen.still is not None and seen.still.of_events(number) else "a first time"
     return (

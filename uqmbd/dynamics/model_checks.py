@@ -52,7 +52,7 @@ LEAST = 1.0
 """Least assumed size of a mechanism, m."""
 
 SPREAD = 10.0
-"""Largest plausible radius of gyration of a body, in its extents; a dumb-bell has half its extent."""
+"""Largest plausible radius of gyration of a body, in extents of the body; a dumb-bell has 0.5."""
 
 SCALES = 1e4
 """Largest plausible ratio of two lengths of a mechanism."""
@@ -275,7 +275,7 @@ def _followed(component: Component) -> list[AngleSymbol]:
 
 
 def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) -> list[tuple[Array, Array]]:
-    """Return angles at which drivers start and are drawn, rad, in the checked realisations."""
+    """Return the initial and the drawn angles of drivers, rad, in the checked realisations."""
     if not drivers:
         return []
     rows = inputs_of_notices(mechanism)
@@ -284,7 +284,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
     symbols, known = list(mechanism.inputs.variables), rows
     if any(start.free_symbols & set(places) for start, _ in expressions):
         parameters = model.parameters(rows)
-        # start conditions move followed joints and their followers together, and the assembly counts turns
+        # omit start conditions: they move followed joints and their followers together, with counted turns
         drawn, free = parameters[:, model.drawn], replace(model, conditions=None)
         q, messages = positions(free, drawn, model.time, parameters, model.layout.independent_holonomic)
         assembled = np.flatnonzero([not message for message in messages])
@@ -304,9 +304,9 @@ def _angle_at_start(component: Component, time: float) -> sympy.Expr:
 
 
 def inputs_of_notices(mechanism: Mechanism) -> Array:
-    """Return input values for notices, shape (K, input): the means, and points with larger angles of drivers.
+    """Return the input values for checks of the mechanism, shape (K, input): the means, and further points.
 
-    If an angle is prescribed, further points are spread over the inputs.
+    Further points, spread over the inputs, are included only if a component prescribes an angle.
     """
     inputs = mechanism.inputs
     means = inputs.means[None, :]
@@ -364,7 +364,7 @@ def _undetermined(a: Assembled) -> Iterable[Finding]:
 
 
 def _number(value: sympy.Expr) -> float:
-    """Return a number; NaN if it has no value, for example a gap with separate auxiliary states."""
+    """Return the value of an expression; NaN if it has none, for example for a gap with separate auxiliary states."""
     try:
         return float(value.doit())
     except TypeError:

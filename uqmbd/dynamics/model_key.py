@@ -1,8 +1,8 @@
 """Keys of models: digests of all data of a model, without evaluation of the terms of its components.
 
-The code of its class and its values determine the terms of a component, also for classes of users.  A mechanism with a
-part of unknown code or value has no key, and its model is not stored.  A mechanism with controllers also has no key,
-because the functions are the user's.
+The terms of a component, also of a user's class, are determined by the code of its class and by its values.  A
+mechanism with a part of unknown code or value has no key, and its model is not stored.  A mechanism with controllers
+also has no key, because the functions are the user's.
 
 SymPy's text (`sympy.srepr`) takes ten times as long, and omits the meaning of random variables and angles.
 """

@@ -105,7 +105,7 @@ def output_program(model: Model, outputs: OutputMap, *, open_contacts: bool = Fa
 
 
 def prepare(model: Model) -> None:
-    """Compile the other kernels of an observation, so that samples need no compilation."""
+    """Compile all further kernels of an observation before the computation of samples."""
     if _compiled(model) and model.quaternions().size:
         _unit(model.quaternions().shape[1])
 
@@ -217,7 +217,7 @@ def _changes(
     weights = np.random.default_rng(0).uniform(0.5, 1.5, (2, free.forces.shape[1])) * [[1.0], [-0.7]]
     changed = np.zeros(len(outputs.names), dtype=bool)
     for force, multiplier in zip(weights @ free.forces.T, weights @ free.multipliers, strict=True):
-        # all forces at once, then each of them alone: forces that cancel leave rounding errors
+        # first all forces at once, then each force alone, because cancelling forces leave rounding errors
         pushes = np.concatenate([[0 * force, force], np.diag(force), np.zeros((len(multiplier), len(force)))])
         steps = np.zeros((len(pushes), len(state)))
         steps[1, free.columns] = multiplier

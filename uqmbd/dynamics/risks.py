@@ -61,7 +61,7 @@ class Risk:
 def find_risks(mechanism: Mechanism) -> tuple[Risk, ...]:
     """Find the numbers of a mechanism with a probability above zero of leaving their range.
 
-    Numbers without a random variable have no cost; numbers that depend on time or motion are not examined.
+    Only numbers with random variables are evaluated. Numbers that depend on time or motion are not examined.
     """
     expressions: list[sympy.Expr] = []
     limits, tensors = limits_of(mechanism, expressions)
@@ -126,7 +126,7 @@ def _finding(found: list[Risk], effect: str) -> Finding:
 
 
 def _exact(limit: Limit, expression: sympy.Expr) -> float | None:
-    """Return the probability that an affine expression of one independent variable is outside; None for others."""
+    """Return the probability that an affine expression of one independent variable is out of range; None for others."""
     variables = expression.free_symbols
     if len(variables) != 1:
         return None

@@ -24,7 +24,7 @@ DEVIATION = 5e-4
 The path has eight knots in its shortest wavelength, and little power at this wavelength."""
 
 COUNTS = 100.0
-"""Deviation, relative to the tolerance, that matters to a step over a knot, as for tables over time."""
+"""Least deviation, relative to the tolerance, that affects a step over a knot, as for tables over time."""
 
 
 class SampledPaths:
@@ -35,8 +35,8 @@ class SampledPaths:
         self.values = values
         self.steps = np.zeros(len(families))  # distance of knots of each family, in units of its argument
         self._memory = np.zeros((len(values), sum(len(x.sources) for x in families)), dtype=PATH)
-        self._interval: tuple[float, float] | None = None  # times, s, that the paths reach
-        self._coefficients: list[Array] = []  # must not move while their addresses are in use
+        self._interval: tuple[float, float] | None = None  # times, s, between which the paths are sampled
+        self._coefficients: list[Array] = []  # arrays that must not move while their addresses are in use
         self.failed: dict[int, str] = {}  # reasons of realisations without a path
 
     def insert(self, parameters: Array) -> None:
@@ -52,7 +52,7 @@ class SampledPaths:
                 source += 1
 
     def reach(self, begin: float, end: float) -> None:
-        """Sample the paths between two times, s, unless they reach that far already.
+        """Sample the paths between two times, s, unless they already contain this interval.
 
         Each realisation has a separate interval, so that its path, and the failure of its path, do not depend on
         others.  Equal keys with equal intervals share a path.  Raise the error of the source if no path can be sampled.

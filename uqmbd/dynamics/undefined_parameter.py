@@ -32,7 +32,7 @@ def not_finite(
     ``body 'rod': its drawn pose is nan at the means: angle = asin(x); x = 2``.
     """
     wrong = np.flatnonzero(~np.isfinite(values))
-    # report a pose first, because counters of angles depend on it
+    # report an undefined pose first, because counters of angles depend on it
     k = int(next(iter(np.intersect1d(wrong, model.drawn)), wrong[0]))
     owner, what, expression = _origin(mechanism, model, instances, k, expressions[k])
     inputs = mechanism.inputs

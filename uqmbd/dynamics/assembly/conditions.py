@@ -104,7 +104,7 @@ class _ConditionSearch:
             active = active[self._advance(active, move, np.linalg.norm(gap, axis=1))]
 
     def _advance(self, active: Index, move: Array, before: Array) -> Mask:
-        """Take steps, shortened if needed; return a mask of steps with an improvement."""
+        """Take steps, shortened if needed; return a mask of the steps that decrease the residuals."""
         moved: Mask = np.zeros(len(active), dtype=bool)
         pending = np.arange(len(active))
         for halving in range(16):

@@ -56,7 +56,7 @@ def _chosen(model: Model, time: float, parameters: Array) -> Index:
     which: Index = conditions.positions
     if not len(which) or not model.turned:
         return which
-    # initial angles of components with bodies held by drivers, without the conditions
+    # the assembly without conditions gives the initial angles of bodies held by drivers
     q, s, _ = placed(
         replace(model, conditions=None),
         parameters[:, model.drawn],

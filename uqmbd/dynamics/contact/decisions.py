@@ -38,7 +38,8 @@ AT_ONCE = 1e-14
 TOGETHER = 1e-9
 """Time between decisions on friction at its limit, relative to the duration of the motion, that counts as zero.
 
-Reserves below `AT_LIMIT` are used up in this time: feet of one body that come to their limits together differ by it."""
+Feet of one body that reach their limits together differ by less than this time, in which a reserve below `AT_LIMIT`
+vanishes."""
 START = 10.0
 """Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant."""
 HELD = 1e-6

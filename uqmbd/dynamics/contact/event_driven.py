@@ -285,7 +285,7 @@ class EventDrivenMotion:
             self.decisions.turned(member)
 
     def _bounced(self, members: Index, contacts: ContactQuantities) -> Mask:
-        """Return a mask of members with an impact in flight at one contact and a fast rebound; apply the rebound."""
+        """Apply fast rebounds from single contacts if no contact is persistent; return a mask of rebounding members."""
         run, e, rows = self.run, self.encounters, np.arange(len(members))
         events, length = e.happened[members] // 2, self.length[members]
         normal = self.first[events]

@@ -35,7 +35,7 @@ SINGULAR = 1e-9
 LARGEST = 1e3
 """Largest ratio of internal forces to the least forces."""
 LONGEST = 10.0
-"""Longest time of admissible forces, relative to the time in which they change by their size."""
+"""Longest time of admissible forces, relative to the time in which the forces change by their size."""
 NEARLY = 1e3
 """Least ratio of the time of admissible forces to its loss, the optimality gap."""
 CENTRED = 1e-3

@@ -1,8 +1,8 @@
 """Forces of persistent contacts that the laws of motion, contact and friction do not determine.
 
-The bodies of a table on four legs have one motion, but the forces of the legs have one free number: forces without a
-resultant may be added while all contacts are pressed and friction suffices. The forces are determined if the laws allow
-only one set of forces, as for a wedge at the limit of friction.
+The motion of a table on four legs is unique, but the forces on the legs are not: forces without a resultant may be
+added while all contacts are pressed and friction suffices. The forces are determined if the laws allow only one set of
+forces, as for a wedge at the limit of friction.
 """
 
 from __future__ import annotations

@@ -25,8 +25,9 @@ def called(
 ) -> tuple[Array, Array, dict[int, str]]:
     """Call the function of a controller at a time, s; return commands (M, command), states (M, state) and reasons.
 
-    The arguments are measurements (M, measured) and states (M, state).  The reasons are those of failed rows.  Raises
-    `uqmbd.StudyError` if the function raises, or its result has a wrong shape; `about` is appended to the message.
+    The arguments are measurements (M, measured) and states (M, state).  The third result contains the reason of each
+    failed row.  Raises `uqmbd.StudyError` if the function raises, or its result has a wrong shape; `about` is appended
+    to the message.
     """
     count, where = len(measured), f"Controller {loop.name!r}"
     given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())

@@ -51,10 +51,10 @@ def fingerprint(function: Callable[..., Any]) -> str:
     """Return a hash of the content of a callable.
 
     The hash includes the code with constants, defaults and closures, and the source of the module. It also includes
-    named objects of this and other modules, such as functions and numbers.  For a ``functools.partial`` it includes
-    functions and arguments; for objects, classes and attributes.  Libraries (standard library and installed packages)
-    are included by name.  For an object that cannot be copied, the hash includes its text without the address, and its
-    attributes.
+    named objects of this and other modules, such as functions and numbers.  For a ``functools.partial``, the hash
+    includes functions and arguments; for an object, its class and attributes.  Libraries (standard library and
+    installed packages) are included by name.  For an object that cannot be copied, the hash includes its text without
+    the address, and its attributes.
     """
     return _Hashing().of(function).hex()
 

@@ -219,7 +219,7 @@ class BlockSymbols:
         return _nonzero(e, targets)
 
     def linear(self) -> DerivedEquations:
-        """Return derivatives of the equations of motion, and those of the constraints by excitations and states.
+        """Return derivatives of the equations of motion, and derivatives of the constraints by excitations and states.
 
         The rows are ``M a - Q + h + D^T lambda``, and the rates of the auxiliary states.
         """

@@ -91,7 +91,7 @@ class Evaluator:
 
     @cached_property
     def index(self) -> dict[str, tuple[Index, tuple[Index, ...]]]:
-        """Columns of the results, and indices after the letter, for each letter of the targets."""
+        """For each letter of the targets: the columns of its results, and the indices of its targets."""
         found: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
         for column, target in enumerate(self.targets):
             found.setdefault(target[0], []).append((column, target[1:]))

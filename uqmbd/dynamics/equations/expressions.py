@@ -32,7 +32,7 @@ TIME = sympy.Symbol("_t", real=True)
 
 
 SMALLEST = 1e-290
-"""Smallest size of numbers with full precision; the inverse is the largest size."""
+"""Smallest size of a number that counts as regular; the inverse is the largest size."""
 
 
 def plain(expression: Any) -> sympy.Expr:
@@ -54,7 +54,7 @@ def plain(expression: Any) -> sympy.Expr:
 
 
 def _extreme(value: sympy.Basic) -> bool:
-    """Return whether a number is not finite, or almost not finite, in double precision."""
+    """Return whether a number, other than zero, is near or beyond the limits of double precision."""
     return isinstance(value, sympy.Float) and value != 0 and not SMALLEST < abs(value) < 1 / SMALLEST
 
 

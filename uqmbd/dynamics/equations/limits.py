@@ -144,9 +144,9 @@ def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit
 def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
     """Return factors of masses, inertias and ranged numbers with even powers, which hide a change of sign.
 
-    A moment of inertia ``m length**2 / 12`` is also positive for negative lengths.  A sum, for example with an offset
-    between axes, does not vanish with its square: such an offset may have either sign.  Missing expressions are
-    appended to `expressions`, as in `limits_of`.
+    A moment of inertia ``m length**2 / 12`` is also positive for negative lengths.  A sum with other terms, for example
+    with an offset between axes, is omitted, because the offset may have either sign.  Missing expressions are appended
+    to `expressions`, as in `limits_of`.
     """
     entries: list[tuple[str, sympy.Expr]] = []
     for body in mechanism.bodies.values():

@@ -75,7 +75,7 @@ class LocalValues(NamedTuple):
     counted: list[CountedAngle]
     parameters: list[sympy.Expr]
     pattern: tuple[Any, ...]
-    """Key of the values among components of the same class."""
+    """Key that is equal for components of one class with the same terms."""
 
 
 def localise(

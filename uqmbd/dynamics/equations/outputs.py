@@ -281,7 +281,7 @@ def _path(symbol: PathSymbol, instances: list[Instance], places: list[Placement]
 
 
 def _gradient(expression: Any, groups: list[list[Any]]) -> list[Any]:
-    """Differentiate an expression by groups of equal symbols, with constant numbers of turns (`floor`)."""
+    """Differentiate an expression by groups of symbols for one variable; numbers of turns (`floor`) are constant."""
     import symengine as se
 
     held = {e: se.Symbol(f"_turns{k}") for k, e in enumerate(se.sympify(expression).atoms(se.floor))}

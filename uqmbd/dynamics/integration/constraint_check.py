@@ -78,7 +78,7 @@ def _largest(ensemble: Batch, times: Array, states: Array, known: Array | None) 
 
 
 def _evaluated(ensemble: Batch, times: Array, states: Array) -> Array:
-    """Evaluate the largest residuals, first those in position, and the largest speeds: shape (K, residual + 1)."""
+    """Evaluate the largest residuals, in position, then in velocity, and the largest speeds: (K, residual + 1)."""
     layout, drift = ensemble.model.layout, ensemble.model.evaluators["drift"]
     program = drift.program(layout.width + 2, ensemble.block.shape[1], range(layout.velocities, layout.width))
     count = len(times)
@@ -106,7 +106,10 @@ def described(model: Model, ratios: Array, time: float, allowed: float, rtol: fl
 def off_states(
     ratios: Callable[[Array, Index | slice], Array], times: Array, breaks: Array
 ) -> Iterator[tuple[int, int, Array]]:
-    """Yield row, time index, ratios (equation,) of states off the constraints; at breaks, off those of both sides."""
+    """Yield row, time index and ratios (equation,) of states off the constraints.
+
+    At a break, only a state off the constraints of both sides counts.
+    """
     found = ratios(times, slice(None))
     for row, k in np.argwhere((found > 1.0).any(axis=2)).tolist():
         delta = instant(float(times[k]))

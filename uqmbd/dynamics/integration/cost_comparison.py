@@ -26,7 +26,7 @@ from uqmbd.typing import Array
 __all__ = ["FIRST", "Comparison", "Rival"]
 
 Rival = Callable[[Batch, Array, float, float], tuple[bool, Counters]]
-"""Returns whether a method integrates the only realisation to the last time within a cost, and its counters."""
+"""Function that returns whether a method integrates the only realisation to the end within a cost, and its counters."""
 
 
 FIRST = 2000
@@ -34,7 +34,7 @@ FIRST = 2000
 LOOKS = 500
 """Number of checks of the rank before the first comparison of costs."""
 LATER = 8
-"""Factor on these numbers before the next comparison of costs."""
+"""Factor on the number of steps or checks before the next comparison of costs."""
 WORTH = 2e7
 """Least cost, in operations, for a comparison: about 20 ms."""
 

@@ -60,7 +60,7 @@ FARTHEST = 3e-3
 RUNNING, DONE, JUMP, ASKED = (
     int(status) for status in (ExplicitStatus.RUNNING, ExplicitStatus.DONE, ExplicitStatus.JUMP, ExplicitStatus.ASKED)
 )
-"""Plain integers, whose attributes need no look-up in each step."""
+"""Statuses as plain integers, because the look-up of attributes of an enumeration takes time in each step."""
 POOR = 50
 """Largest number of states of a realisation that are computed by integration instead of interpolation."""
 
@@ -147,7 +147,7 @@ class Integration:
         self.sampling = batch.sampling(times)
         samples = np.zeros(0) if self.sampling is None else self.sampling.times
         self.sampled = {time: k for k, time in enumerate(samples.tolist())}
-        # jumps of prescribed speeds precede samples, so that Python takes both
+        # jumps of prescribed speeds precede samples, so Python handles both
         self.control = None if self.sampling is None or self.jumping else self.sampling.control()
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
         if patient:

@@ -48,7 +48,7 @@ EVERYWHERE = 0.25
 """Largest share of cells without a polynomial; above it, the function counts as fast everywhere and is not refined."""
 FEW = 2
 FADES = 0.5
-"""A cell has a corner, not a jump, if its few deviating parts each span at most this share of its range of values."""
+"""If a cell has at most `FEW` deviating parts, each over at most this share of its range of values, it has a corner."""
 LEAST = 1e-9
 """Deviation, relative to the largest value, that counts as rounding for every tolerance."""
 POWER = 4
@@ -68,9 +68,9 @@ class TimeCells(NamedTuple):
 
 @dataclass(frozen=True)
 class TimedFunctions:
-    """Functions of time that a long step might miss."""
+    """Functions of time with short changes that a long step may miss."""
 
-    functions: ParameterMap  # from inputs and time to their values
+    functions: ParameterMap  # values of the functions, from inputs and time
     uses: tuple[Index, ...]  # inputs of each function
     known: dict[tuple[object, ...], TimeCells] = field(default_factory=dict, repr=False, compare=False)
 
@@ -88,7 +88,7 @@ class TimedFunctions:
 
 
 def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> TimedFunctions | None:
-    """Find the functions of time in the equations of motion that an integration step may miss."""
+    """Find the functions of time in the equations of motion whose short changes an integration step may miss."""
     found: dict[sympy.Expr, None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
@@ -264,7 +264,7 @@ def _sample_function(
                 ]
         if not inner:
             break
-        if len(inner) > MOST_WINDOWS:  # with kinks everywhere, no step can miss them
+        if len(inner) > MOST_WINDOWS:  # no step can miss kinks that occur everywhere
             for window in inner:
                 window.cells.append((window.begin, window.end))
             every += inner

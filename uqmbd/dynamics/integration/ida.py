@@ -39,11 +39,11 @@ __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "can_finish_with
 Callbacks = tuple[Callable[..., None], Callable[..., None]]
 
 RELAXED = 1e8
-"""Absolute tolerance of multipliers: the error test must ignore them, and the Newton iteration almost so."""
+"""Absolute tolerance of multipliers: the error test ignores them, and the Newton iteration nearly ignores them."""
 
 STEP_SHARE = 0.02
 """Part of the tolerance for one unknown in a step.  In tests with rotors, pendulums, a governor and a slider-crank, the
-errors of ten turns are then ten to a hundred tolerances.  The number of steps is twice that without this factor."""
+errors of ten turns are then ten to a hundred tolerances.  This factor doubles the number of steps."""
 
 LEAST_TOLERANCE = 1e-13
 """Smallest tolerance of a step; below it, rounding dominates the errors."""
@@ -133,7 +133,7 @@ class _TooExpensiveError(Exception):
 
 
 class _CostBudget:
-    """Budget of residuals and Jacobians, by counts."""
+    """Budget for evaluations of residuals and Jacobians, in operations."""
 
     def __init__(self, most: float) -> None:
         self.left, self.residuals, self.jacobians = most, 0, 0

@@ -189,13 +189,13 @@ def times_between(times: Array, now: float, stop: float) -> tuple[Index, Array]:
     """Return the indices of output times after `now` up to `stop`, s, and these times with both ends."""
     inside = np.flatnonzero((times > now) & (times <= stop))
     grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
-    if len(grid) == 2:  # with two times the integrator returns its own steps instead
+    if len(grid) == 2:  # with only two times, the integrator would return all its steps
         grid = np.array([now, 0.5 * (now + stop), stop])
     return inside, grid
 
 
 def longest_step(rough: bool, times: Array) -> float:
-    """Return the longest step for forces with corners, s: the distance of output times."""
+    """Return the longest step for forces with corners, s: the largest distance of output times."""
     return float(np.diff(times).max()) if rough else np.inf
 
 
@@ -211,7 +211,7 @@ def _sizes(cells: Array, begin: float, end: float) -> tuple[Array, Array]:
 
 
 def _bands(edges: Array, sizes: Array) -> tuple[Array, Array]:
-    """Join pieces of similar sizes; return ends (B,) and longest steps (B,), s."""
+    """Join pieces with similar sizes of cells; return ends (B,) and longest steps (B,), s."""
     whole = edges[-1] - edges[0]
     band = np.floor(np.log(whole / sizes) / np.log(BAND) + 1e-9).astype(int)
     for level in range(int(band.max(initial=0)), 0, -1):

@@ -24,7 +24,7 @@ __all__ = ["KnotInterval", "TimedTable", "TimedTables", "timed_tables"]
 
 
 COUNTS = 100.0
-"""Deviation from a cubic on an interval, relative to the tolerance and the size of the table, that is relevant."""
+"""Least relevant deviation from a cubic on an interval, relative to the tolerance and the size of the table."""
 
 
 class KnotInterval(NamedTuple):

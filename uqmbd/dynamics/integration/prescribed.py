@@ -24,7 +24,7 @@ __all__ = ["Prescribed", "instant", "jumped", "position_jumps", "prescribed_by"]
 INSTANT = 1e-12
 """Offset of the instants right before and right after a time, relative to the larger of 1 s and the time."""
 NEXT = 1e3
-"""Distance from a jump, in these offsets, at which an equation must be finite on both sides."""
+"""Distance from a jump, in offsets `INSTANT`, at which an equation must be finite on both sides."""
 POSES = 3
 """Number of poses at which an equation is evaluated before and after; at a single pose, values may agree by chance."""
 LEAST = 1e-9
@@ -40,7 +40,7 @@ class Prescribed:
     owners: tuple[str, ...]  # component of each parameter
     names: tuple[str, ...]  # name of each parameter
     units: tuple[str, ...]  # units of each parameter
-    functions: ParameterMap  # from inputs and time to their values
+    functions: ParameterMap  # values of the parameters, from inputs and time
 
     def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
         """Return a message on parameters of a component that jump between two times, s, for inputs (input,)."""

@@ -43,9 +43,9 @@ APPROACH = 0.4
 FEWEST = 4
 """Number of states for a continuation; one state fewer yields the error estimate."""
 PAST = 0.2
-"""Distance relative to the best continuation so far at which the best is used, because rounding dominates."""
+"""Time to the pose, relative to that of the best continuation, from which on its error may be up to `ROUNDING`."""
 ROUNDING = 1e-7
-"""Largest relative error of a continuation if rounding prevents the tolerance."""
+"""Largest relative error of a continuation if rounding makes the tolerance unattainable."""
 LOOKS = 60
 """Number of checks of the same pose after which the attempt ends."""
 END = 1e-10
@@ -72,7 +72,7 @@ class Continuation:
 
     reason: str = ""  # reason why it cannot continue; empty if it can
     back: bool = False  # whether to continue from the previous node
-    others: bool = False  # whether to use other equations, from the watcher's model
+    others: bool = False  # whether to use other independent equations, those of the watcher's model
     time: float = 0.0
     state: Array | None = None  # (width,): continue from this state at `time`; until then the motion is ``curve(time)``
     curve: Callable[[Any], Array] | None = None
@@ -226,7 +226,7 @@ class SingularPoseWatcher:
         return Continuation() if before else None
 
     def reorder(self, now: float, z: Array, size: float) -> bool:
-        """Choose a new order of elimination if pivots are poor within a step of size, s; return whether it changed."""
+        """Choose a new order of elimination if pivots are poor within a step of `size` s; return whether it changed."""
         layout = self.model.layout
         with np.errstate(all="ignore"):
             states, at, off = _residuals_ahead(

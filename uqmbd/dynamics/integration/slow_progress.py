@@ -55,7 +55,7 @@ class Pace:
     def look(self, time: float, state: Array, steps: int, which: object = None) -> None:
         """Check the slowest realisation by its time, s, state (q, s, v), steps so far, and number.
 
-        A rate needs two checks of the same realisation.
+        The rate follows from two checks of the same realisation.
         """
         instant = self._now()
         spent, lasted = instant - self._since, instant - self._last
@@ -97,7 +97,7 @@ class Pace:
 
 
 def fastest_body(model: Model, state: Array) -> tuple[str, str]:
-    """Return name and speed of the fastest body in a state (q, s, v) as text; empty if there is none."""
+    """Return name and speed of the fastest body in a state (q, s, v) as text; empty if no speed is finite."""
     first, size, dimension = model.layout.velocities, model.size, model.dimension
     count = len(model.bodies)
     speeds = np.asarray(state[first : first + count * size], dtype=float)

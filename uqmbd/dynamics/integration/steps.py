@@ -17,10 +17,10 @@ __all__ = ["interpolate_steps", "settled"]
 
 
 ALONE = 8
-"""Number of neighbouring states for a polynomial without rates; with rates, four states suffice."""
+"""Number of neighbouring states that determine a polynomial without rates; with rates, four states suffice."""
 
 APART = 0.5
-"""Least distance of further times relative to a step; short steps amplify noise in states."""
+"""Least distance between the times of a polynomial, relative to its step; short steps amplify noise in states."""
 
 
 INSIDE = 1e-12
@@ -77,9 +77,9 @@ def _even_windows(count: int) -> list[tuple[Index, Index]]:
 
 
 def _separated_windows(times: Array) -> list[tuple[Index, Index]]:
-    """Return intervals between the times of steps, with their ends and sufficiently distant further times.
+    """Return intervals between the times of steps, with the times of their polynomials: ends and distant further times.
 
-    Intervals with the same number of such times are returned together.
+    Intervals with the same number of times are returned together.
     """
     number, far = np.arange(len(times) - 1), APART * np.diff(times)
 

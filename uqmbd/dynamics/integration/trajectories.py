@@ -135,11 +135,11 @@ class Solved:
 
     states: Array  # (M, T, 2 coordinate + state), as in `Trajectories`
     messages: tuple[str, ...]  # reason of failure of each realisation, or empty
-    counters: Counters  # cost
+    counters: Counters  # operations of the integration
     # for each: whether the mechanism itself cannot continue, so that all other integrators would fail; empty: unknown
     final: tuple[bool, ...] = ()
-    notes: tuple[str, ...] = ()  # changes during the integration
-    # for each: estimated cost here, in counts, if another integrator has lower cost, else zero; empty: none
+    notes: tuple[str, ...] = ()  # events that a user should know, as in `Trajectories`
+    # for each: estimated cost by this integrator, in operations, if another one costs less, else zero; empty: none
     explicit_cost: tuple[float, ...] = ()
     off: Array | None = None  # (M, residual + 1), as in `Trajectories`
     path: RecordedSteps | None = None  # as in `Trajectories`

@@ -34,13 +34,13 @@ ROUNDS = 64
 """Largest number of integrations of a realisation."""
 
 SHORT, SHORTEST = 0.1, 1e-9
-"""Interval, relative to the whole time, that is not divided: per tolerance, and for every tolerance."""
+"""Shortest interval that is divided, relative to the whole time: per unit of tolerance, and for every tolerance."""
 
 ENOUGH = 25.0
-"""Allowed difference, in tolerances, of polynomials through every second state; 2^8 times the error with all."""
+"""Allowed error of polynomials through every second state, in tolerances: 2^8 times the error with all states."""
 
 BESIDE = 4
-"""Number of neighbours on each side with polynomials that depend on an unresolved interval."""
+"""Number of neighbours on each side of an unresolved interval whose polynomials depend on it."""
 
 ALONE = 8.0
 """Ratio of the unpredicted change of states in a jump to the change next to it."""
@@ -175,7 +175,7 @@ def _pairs(edges: list[int]) -> list[tuple[int, int]]:
 
 
 def _jumps(unpredicted: Array) -> Index:
-    """Return intervals with changes not predicted from left or right, without neighbours of such intervals."""
+    """Return the intervals in which states change unpredictably and far more than in the neighbouring intervals."""
     beside = np.maximum(np.append(unpredicted[1:], 0.0), np.insert(unpredicted[:-1], 0, 0.0))
     return np.flatnonzero((unpredicted > 1.0) & (unpredicted > ALONE * np.maximum(beside, np.median(unpredicted))))
 

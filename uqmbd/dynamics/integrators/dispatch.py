@@ -63,8 +63,9 @@ WORDS: Mapping[Capability, str] = {
 def require(name: str, needed: Capability, where: str, why: str = "", remedy: str = "") -> None:
     """Raise `uqmbd.StudyError`, which lists capable integrators, if an integrator lacks a capability.
 
-    `needed` is the name of a field of `Capabilities`; `where` requires it, such as ``study 'drop'``, and `why` is the
-    purpose.  The `remedy` describes how to choose another integrator; default: by the option ``integrator``.
+    `needed` is the name of a field of `Capabilities`; `where` is the object that requires it, such as ``study 'drop'``,
+    and `why` the purpose.  The `remedy` describes how to choose another integrator; default: by the option
+    ``integrator``.
 
     >>> require("ida", "events", "study 'drop'", "floor: impact")
     Traceback (most recent call last):

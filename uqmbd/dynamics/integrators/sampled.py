@@ -49,7 +49,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
-        # jumps of prescribed motions precede samples, and controllers measure the new values
+        # jumps of prescribed motions precede samples, so that controllers measure the new values
         change, reasons = speed_jumps(ensemble.model, now, begin, ensemble.block[alive], rtol)
         now[:, velocities:] += change
         alive, now = _active(messages, alive, now, reasons)

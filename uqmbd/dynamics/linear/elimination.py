@@ -1,7 +1,7 @@
 """Elimination order for sparse systems with the same pattern, chosen once from typical systems.
 
-The modules `uqmbd.dynamics.linear.unrolled` and `fronts` compile the elimination.  LAPACK solves systems with poor
-fixed pivots again, which have a large residual.
+The modules `uqmbd.dynamics.linear.unrolled` and `fronts` compile the elimination.  If the fixed pivots are poor, the
+residual is large, and LAPACK solves the system again.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class Fronts:
 
 @dataclass(frozen=True)
 class FrontalSolver:
-    """Solver for right-hand sides among the given values, with the interface of an elimination's kernel."""
+    """Solver for right-hand sides among the given values; it is called like the kernel of an elimination."""
 
     fronts: Fronts
     rights: Index  # (R, size): index of each entry of a right-hand side among the given values; -1: zero
@@ -87,7 +87,7 @@ class FrontalSolver:
 
     @cached_property
     def _programs(self) -> dict[int, Program]:
-        """Programs so far, by number of values."""
+        """Cached programs, by number of values."""
         return {}
 
     def write(self, writer: ProgramWriter, given: Index) -> Index:

@@ -112,14 +112,15 @@ class _ContactUnknowns:
 
     @classmethod
     def of(cls, model: Model, first: int) -> _ContactUnknowns:
-        """Return the structure for a model, by the derivatives of its contacts' speeds."""
+        """Return the structure for a model, from the derivatives of the speeds of its contacts."""
         ends = np.cumsum([0, *(count for *_, count in model.events)])
         used = np.zeros((int(ends[-1]), model.layout.coordinates))
         if len(used):
             _, places = model.evaluators["contact"].index["slope"]
             used[places] = 1.0
         random = np.random.default_rng(0)
-        for begin, end in itertools.pairwise(ends.tolist()):  # by friction, all directions of a contact act on the same
+        # because of friction, all directions of a contact act on the same coordinates
+        for begin, end in itertools.pairwise(ends.tolist()):
             used[begin:end] = used[begin:end].any(axis=0) * random.uniform(0.5, 1.0, used[begin:end].shape)
         return cls(len(used), model.layout.coordinates, first, used)
 

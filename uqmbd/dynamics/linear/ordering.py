@@ -34,11 +34,11 @@ LARGEST = 24
 
 @dataclass(frozen=True)
 class Front:
-    """A unit during its elimination."""
+    """Unit of a mechanism at its elimination."""
 
-    unknowns: tuple[int, ...]  # eliminated here
-    neighbours: tuple[int, ...]  # unknowns of the adjacent units
-    block: Array  # (S, s, s): matrix to invert, for typical systems
+    unknowns: tuple[int, ...]  # unknowns of the unit
+    neighbours: tuple[int, ...]  # unknowns of its remaining neighbours
+    block: Array  # (S, s, s): block of its unknowns in typical systems, which is inverted
 
 
 def units_of(rows: Index, columns: Index, coordinates: int, body: int, owners: list[str]) -> list[tuple[int, ...]]:

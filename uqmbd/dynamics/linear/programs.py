@@ -35,12 +35,12 @@ def _solution(solver: Solver, writer: ProgramWriter, given: Index) -> Index:
 class Programs:
     """Programs whose arguments are a state (q, s, v), the time, zero, and the parameters of the blocks."""
 
-    dynamics: Dynamics  # for the explicit integrator
+    dynamics: Dynamics  # equations of motion for the explicit integrator
     # returns accelerations, kept multipliers, rates of auxiliary states, and the residual of the index-1 system
     motion: Program
     excess: Program  # returns corrections of coordinates and velocities, of least norm in the metric of the masses
     solve: Solver  # maps results of the ``acceleration`` evaluator to accelerations and multipliers
-    residual: Residual  # maps these results and the solution to the residual of the system
+    residual: Residual  # maps ``acceleration`` results and the solution to the residual of the system
 
     def __getstate__(self) -> dict[str, Any]:
         """Omit data that can be derived again."""
@@ -79,8 +79,8 @@ def _turning(model: Model) -> Index:
     """Return the coordinates (body, 2 or 4) of the quaternions of rotating bodies that are not in a loop.
 
     Constraints of a tree are independent in every pose. Constraints of a loop are dependent in singular poses. An
-    integration passes these poses only if the steps violate the constraints little. This condition requires steps of
-    the quaternion rates, the velocities of the equations.
+    integration passes these poses only if its steps violate the constraints little. In a loop, quaternions are
+    therefore stepped by their own rates, which satisfy the constraints.
     """
     found = model.quaternions()
     if not found.size:
@@ -95,9 +95,10 @@ def _turning(model: Model) -> Index:
 
 
 def bodies_in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
-    """Return a mask (bodies,) of the bodies outside loops of links, and not between loops and the ground (-1).
+    """Return a mask (bodies,) of bodies that are neither in a loop of links nor between loops and the ground (-1).
 
-    The search removes ends of the tree until none remains.  It never removes a link of three bodies.
+    The search removes bodies with at most one link until none remains. It never removes a body at a link of three
+    bodies.
     """
     at: list[set[int]] = [set() for _ in range(bodies)]
     for number, link in enumerate(links):

@@ -167,7 +167,7 @@ def _number(value: float) -> str:
 
 
 def _text(value: str) -> str:
-    """Return a string in C; other characters than those of ASCII are octal sequences of UTF-8."""
+    """Return a string literal in C; characters outside ASCII are octal sequences of UTF-8."""
     plain = {34: '\\"', 92: "\\\\", 63: "\\?"}
     return '"' + "".join(plain.get(b) or (chr(b) if 32 <= b < 127 else f"\\{b:03o}") for b in value.encode()) + '"'
 

@@ -11,7 +11,7 @@ from uqmbd.mechanism import Mechanism
 __all__ = ["MOST_MEASURED", "MotionCommand", "commands_of", "measured_expressions"]
 
 MOST_MEASURED = 1 << 12
-"""Larger than the number of measured values of any controller, to number them all."""
+"""Distance between the numbers of two controllers' first measured values: larger than any number of measured values."""
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ def motion_source(
 
 
 def _obstacle(model: Model) -> str:
-    """Return why the driver alone does not integrate a model, or an empty text."""
+    """Return why the driver cannot integrate a model without Python, or an empty text."""
     if why := impact_obstacle(model):
         return why
     if model.speeds_commanded:
@@ -226,7 +226,7 @@ def _written(
     w, layout, programs = SourceWriter(), model.layout, model.system.programs
     touching = contacts_of(model)
     d = programs.dynamics if touching is None else touching[0]
-    # as in simulations with events, refused steps are not decided on
+    # with events, rejected steps need no decision, as in simulations
     method = explicit_method(rtol, guarded=bool(layout.rank) and touching is None, attempts=200_000)
     k = d.constraints
     empty = "{NULL, 0, 0}"

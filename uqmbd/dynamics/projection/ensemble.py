@@ -31,7 +31,7 @@ from uqmbd.typing import Array
 __all__ = ["ProjectedSystem", "ProjectedStart", "ProjectedEquations"]
 
 DRIFT = 1e-3
-"""Relative accuracy of the violation of constraints by a step."""
+"""Relative accuracy of the computed constraint violation after a step."""
 
 
 class ProjectedSystem:

@@ -184,7 +184,7 @@ class PhaseMotion:
                 "The expansion may be invalid; raise the order, or use collocation."
             )
         self._steps += 1
-        # before the projection of the state onto the constraints
+        # the interpolant belongs to the state before its projection onto the constraints
         self._dense = solver.dense_output()
         if self._layout.rank:
             whole = self._constrained(whole)
@@ -192,7 +192,7 @@ class PhaseMotion:
             solver.f = self._rate(solver.t, solver.y)
         times, states = self._nodal(whole)
         share = self._rates(times, states) / self._mean(times, solver.t)
-        # in this form NaN counts as a stopped clock
+        # the negated comparison counts NaN as a stopped clock
         if solver.t > SETTLED and not (share >= STEADY).all():
             raise self._stopped_error(whole, solver.t)
         if solver.status == "finished":
@@ -268,7 +268,7 @@ class PhaseMotion:
     def _stopped_error(self, whole: Array, phase: float) -> IntegrationError:
         times, states = self._nodal(whole)
         rates = self._rates(times, states)
-        # near the start only the rate is known
+        # near the start there is no mean rate for comparison
         share = rates / self._mean(times, phase) if phase > SETTLED else rates
         worst = int(np.argmin(np.where(np.isfinite(share), share, -np.inf)))
         ensemble = self.projected.ensemble

@@ -26,7 +26,7 @@ TOLERANCE = 1e-2
 """Ratio of the residual of an eigenvector of ``A A^T`` to its eigenvalue, below which the iteration has converged."""
 
 BOUND = 0.99
-"""Ratio of the verified lower bound of all eigenvalues to the computed one: 0.5 % of the singular value."""
+"""Ratio of the verified lower bound of all eigenvalues to the computed eigenvalue: 0.5 % of a singular value."""
 
 SINGLE = 1e-3
 """Single precision verifies a bound that exceeds this ratio of the largest absolute column sum of ``A A^T``.

@@ -269,7 +269,7 @@ class _EquilibriumSearch:
         return np.where(near, stated, s)
 
     def _follows_pose(self) -> Mask:
-        """Return a mask of auxiliary states with the same change as their initial values, up to whole turns."""
+        """Return a mask of auxiliary states that change as their initial values do, up to whole turns."""
         count, number = self.s.shape
         if not number:
             return np.zeros((count, 0), dtype=bool)

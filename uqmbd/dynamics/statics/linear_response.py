@@ -187,9 +187,9 @@ class LinearMap:
     """Compiled outputs of the linearised mechanism."""
 
     wanted: tuple[tuple[Any, int, str, tuple[float, ...]], ...]
-    """Of each value: the declared function, the number of its expression, the pose, and further numbers."""
+    """For each value: the declared function, the number of its expression, the pose, and further numbers."""
     seen: OutputMap
-    """Expressions, with all derivatives."""
+    """Expressions of the values, with all derivatives."""
     sources: tuple[Any, ...]
     arguments: ParameterMap
     """Speeds, then offsets, of the channels."""
@@ -202,7 +202,7 @@ class LinearMap:
     def evaluate(self, ensemble: Batch, pose: str, q: Array, s: Array) -> tuple[list[int], Array, list[str]]:
         """Evaluate the values of a pose (K, coordinate), (K, state) at rest.
 
-        Return the numbers of the values, the values (K, value), and reasons for missing ones of each realisation.
+        Return the numbers of the values, the values (K, value), and for each realisation the reason for missing values.
         """
         columns = [k for k, (_, _, at, _) in enumerate(self.wanted) if at == pose]
         values, reasons = np.full((len(q), len(columns)), np.nan), [""] * len(q)
@@ -225,7 +225,7 @@ class LinearMap:
         return columns, values, reasons
 
     def _systems(self, ensemble: Batch, q: Array, s: Array) -> Callable[[int], LinearSystem] | list[str]:
-        """Return the function that makes the system of an expression, or reasons without one."""
+        """Return a function from the number of an expression to its linear system, or the reasons why there is none."""
         model, count = ensemble.model, len(self.sources)
         speed, offset = np.split(self.arguments(ensemble.values), 2, axis=1)
         channels = tuple(Channel(x, speed[:, k], offset[:, k]) for k, x in enumerate(self.sources))
@@ -243,7 +243,7 @@ class LinearMap:
         mass, d = base["mass"], base["d"][:, layout.kept]
 
         def of_time(derivatives: Array) -> list[Array]:
-            """Return derivatives (K, row, channel) by excitations and their rates from those by the coefficients."""
+            """Convert derivatives by coefficients to derivatives (K, row, channel) by excitations and their rates."""
             zero, one, two = np.moveaxis(derivatives.reshape(*derivatives.shape[:2], count, ORDERS), 3, 0)
             x, rate = place[:, None], speed[:, None]
             return [zero, (one - x * zero) / rate, (two - x * one + x**2 * zero / 2) / rate**2]

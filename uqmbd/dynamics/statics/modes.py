@@ -184,6 +184,6 @@ def zeros_of(static: Array, first: Array, noise: float) -> tuple[int, int]:
 
 def sorted_pairs(values: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> Pairs:
     """Sort eigenvalues and eigenvectors (columns) by the absolute value of the eigenvalues."""
-    size = np.round(np.abs(values), 12)  # a growing mode comes after the decaying mode of the same size
+    size = np.round(np.abs(values), 12)  # of eigenvalues of equal size, the decaying mode precedes the growing mode
     order = np.lexsort((values.real, size))
     return np.asarray(values[order], dtype=complex), np.asarray(vectors[:, order], dtype=complex)

@@ -61,8 +61,8 @@ class Screws:
     quaternions: Array  # (body, 4): at the initial time
     velocities: Array  # (body, 3): at the initial time
     turning: Array  # (body, 3): angular velocities W of frames, world axes
-    spin: Array  # (body, 3): body axes
-    moving: Array  # (body, 3): U
+    spin: Array  # (body, 3): spins, body axes
+    moving: Array  # (body, 3): angular velocities U of frames, world axes
     s: Array  # (state,): auxiliary states
     rates: Array  # (state,): constant rates of the auxiliary states
 
@@ -98,7 +98,7 @@ class Screws:
         return found
 
     def _spins(self) -> Array:
-        """Spins in world axes of bodies that spin about the axis of their frame; other spins belong to no frame."""
+        """Return spins, in world axes, of bodies that spin about the axis of their frame; zero for other bodies."""
         found = np.zeros_like(self.spin)
         for b, (e, w, x) in enumerate(zip(self.quaternions, self.turning, self.spin, strict=True)):
             spin = _rotation(e) @ x

@@ -43,7 +43,7 @@ NOISE = 1e-7
 """Stiffness, relative to the largest stiffness, that counts as rounding."""
 
 ROUNDING = 1e-12
-"""Size of a sum, relative to its terms, below which it counts as rounding."""
+"""Size of a sum, relative to its terms, below which the sum counts as rounding."""
 
 CHOICES = 300
 """Largest number of combinations of frames to test."""

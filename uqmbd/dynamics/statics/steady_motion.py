@@ -36,7 +36,7 @@ TURNS = 3.0
 """Least duration of the examination in turns of the fastest body."""
 
 SAMPLES = 16
-"""Number of examined times in this window; their spacing grows, so that no period is missed."""
+"""Number of examined times; their spacing grows, so that no period is missed."""
 
 EVEN = 1e-7
 """Allowed deviation of a prescribed function from a straight line, relative to its change."""

@@ -88,7 +88,7 @@ class ScalarMap:
 
     names: tuple[str, ...]  # in the user's spelling
     units: tuple[str, ...]  # in the user's spelling
-    places: tuple[SeriesPlace | None, ...]  # in series of outputs
+    places: tuple[SeriesPlace | None, ...]  # place of each output in a series along an axis; None: not in a series
     modal: ModeMap  # required quantities of modes: frequencies (Hz), damping ratios, shapes
     motion: tuple[str, ...]  # names of the required results of an integration
     resting: OutputMap  # expressions at static equilibrium
@@ -206,7 +206,7 @@ def scalar_map(
 
 
 def _missing_event(expression: sympy.Expr) -> str:
-    """Return a message on the missing event of an output."""
+    """Return a message on an event that an output needs and that does not occur."""
     events = sorted(map(str, expression.atoms(EventTime)))
     one = len(events) == 1 and not expression.atoms(FirstTime)
     return f"the event {repr(events[0]) if one else 'of this output'} does not occur by the last output time"

@@ -72,7 +72,7 @@ def _growth(e: sympy.Expr) -> tuple[list[sympy.Expr], sympy.Expr] | None:
 
 
 INTEGRAL = 3
-"""Kind of uniformly resolved parts (`Need.kind`)."""
+"""Kind (`Need.kind`) of expressions that are resolved equally well at all times."""
 
 ROUNDS = 20
 """Largest number of rounds to locate a zero to rounding."""
@@ -81,7 +81,7 @@ OCTAVES = 36
 """Number of halvings of the distance to the zero of a part, at which an expression is evaluated."""
 
 GROWING = 10
-"""Number of consecutive halvings without decreasing changes that indicates a missing limit."""
+"""Number of consecutive halvings without decreasing changes from which on a limit counts as missing."""
 
 STEADY = 0.99
 """Least ratio of the changes in consecutive halvings without a limit: 1 for a logarithm, larger for a pole.
@@ -210,7 +210,7 @@ def _fine(parts: StepParts, column: int, which: Index) -> Array:
 
 @dataclass(frozen=True)
 class _Zeros:
-    """Zeros of a part, (Z,) each: realisation, step, place in the step, s, and its accuracy."""
+    """Zeros of a part, (Z,) each: realisation, step, place in the step, time, s, and length of its part of the step."""
 
     number: Index
     step: Index

@@ -15,7 +15,7 @@ EQUAL = 1e-14
 
 
 SAME = 10.0
-"""Difference of peaks that count as equal, in tolerances of the integration relative to the largest value: errors of
+"""Largest difference of equal peaks, in tolerances of the integration relative to the largest value. Errors of
 consecutive peaks differ by several tolerances."""
 
 

@@ -47,8 +47,8 @@ LONGEST = 1 / 64
 
 
 SLOW = 4 / LONGEST
-"""Rate times whole time up to which such an output is not sampled. No part then exceeds four radians, which the
-coefficients of its polynomial resolve."""
+"""Rate times whole time up to which an output of time alone is not sampled. No part then exceeds four radians, which
+the coefficients of its polynomial resolve."""
 
 VALUES_AT_ONCE = 1 << 18
 """Number of values in one evaluation, which limits the memory."""
@@ -74,7 +74,7 @@ def values_at(coefficients: Array, places: Array) -> Array:
 class StepParts:
     """Parts of the steps of a motion, in order, with values of outputs."""
 
-    table: PartTable  # their data; reused for other parts
+    table: PartTable  # data of the parts; the same table is used for later parts
 
     @cached_property
     def order(self) -> Index:

@@ -223,18 +223,17 @@ class MissingReason(NamedTuple):
 
     status: Status
     number: int  # index among the required values
-    fault: str  # its error: the end of a sentence, without a full stop
-    text: str  # error of its expression, also the end of a sentence
+    fault: str  # error of the value, as the end of a sentence without a full stop
+    text: str  # error of its expression, in the same form
 
 
 def summarised(
     batch: Batch, seen: SummaryMap, trajectories: Trajectories, members: Index
 ) -> tuple[Array, list[MissingReason | None]]:
-    """Summarise the motions of realisations (M,) that were integrated to the last time.
+    """Summarise the motions of the realisations `members` (M,), which were integrated to the last time.
 
-    Return values (M, summary), NaN if a value is not reached or undefined. Also return for each member the reason if
-    one of the values is undefined, else None. The trajectories hold the motion between output times where that is
-    needed.
+    Return values (M, summary), NaN if a value is not reached or undefined. Also return, for each member, the reason for
+    an undefined value, or None. The trajectories contain the motion between output times if a summary needs it.
     """
     found, reasons = np.full((len(members), len(seen.names)), np.nan), list[MissingReason | None]([None] * len(members))
     if seen.ending.names and len(members):
@@ -260,7 +259,7 @@ def summarised(
                 values = find_extremes(parts, allowed, column, sign)[which]
             elif kind == "first_time":
                 values = first_times(parts, column)
-                lost = np.where(values < lost, np.inf, lost)  # later values do not count
+                lost = np.where(values < lost, np.inf, lost)  # the expression may be undefined after the first time
             elif k in computed:
                 values = computed[k][0]
             elif (custom := seen.functions[k]) is not None:
@@ -351,9 +350,9 @@ def running_minimum(
 ) -> tuple[Array, list[MissingReason | None]]:
     """Find the running minima of outputs (K, output, T), at the output times and between them, on both sides of jumps.
 
-    Values are NaN where a realisation failed, and where the output is not a finite real number.  Return also for each
-    realisation the reason if one of the outputs is undefined, else None.  The trajectories hold the motion between
-    output times (``integrate(..., between=True)``).
+    Values are NaN where a realisation failed, and where the output is not a finite real number.  Also return, for each
+    realisation, the reason for an undefined output, or None.  The trajectories contain the motion between output times
+    (``integrate(..., between=True)``).
     """
     times = np.asarray(trajectories.times, dtype=float)
     found = np.full((len(batch), len(outputs.names), len(times)), np.nan)
