@@ -60,7 +60,7 @@ class Collision:
     matrix: Array  # (direction, direction): jumps of the speeds, m/s, per impulse, N s
     before: Array  # (direction,): speeds, m/s
     touches: tuple[Touch, ...]
-    wanted: Array  # (touch,): least normal speeds after the collision, m/s
+    rebound: Array  # (touch,): least normal speeds after the collision, m/s
     # largest jump of a speed, m/s, in earlier collisions at the same instant; its rounding error remains in
     # the speeds
     earlier: float = 0.0
@@ -111,9 +111,9 @@ class Collision:
         A solution remains unchanged.
         """
         after, found = self.after(impulse), np.zeros_like(impulse)
-        for touch, wanted, answer in zip(self.touches, self.wanted, self.answers, strict=True):
+        for touch, rebound, answer in zip(self.touches, self.rebound, self.answers, strict=True):
             n, t = touch.normal, list(touch.tangents)
-            found[n] = max(0.0, impulse[n] - answer * (after[n] - wanted))
+            found[n] = max(0.0, impulse[n] - answer * (after[n] - rebound))
             if t:
                 tried = impulse[t] - answer * after[t]
                 size, most = float(np.linalg.norm(tried)), touch.friction * found[n]
@@ -170,13 +170,13 @@ def _in_plane(collision: Collision) -> Iterator[Array]:
     modes = [("stick", "on", "back", "open") if x.tangents else ("push", "open") for x in collision.touches]
     for chosen in itertools.product(*modes):
         held, right, columns = list[int](), list[float](), list[Array]()
-        for touch, wanted, mode in zip(collision.touches, collision.wanted, chosen, strict=True):
+        for touch, rebound, mode in zip(collision.touches, collision.rebound, chosen, strict=True):
             if mode == "open":
                 continue
             column = np.zeros(size)
             column[touch.normal] = 1.0
             held.append(touch.normal)
-            right.append(wanted - collision.before[touch.normal])
+            right.append(rebound - collision.before[touch.normal])
             columns.append(column)
             if mode == "stick":
                 along = np.zeros(size)
@@ -201,7 +201,7 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
     """
     (touch,), size = collision.touches, len(collision.before)
     n, t = touch.normal, list(touch.tangents)
-    needed = float(collision.wanted[0] - collision.before[n])
+    needed = float(collision.rebound[0] - collision.before[n])
     directions = [n, *t]
     stick = np.zeros(size)
     right = np.array([needed, *(-collision.before[t])])
@@ -257,7 +257,7 @@ def _all_hit(collision: Collision) -> Array:
     found = np.zeros(len(collision.before))
     held = [j for x in collision.touches for j in (x.normal, *x.tangents)]
     jump = -collision.before
-    jump[[x.normal for x in collision.touches]] += collision.wanted
+    jump[[x.normal for x in collision.touches]] += collision.rebound
     found[held] = scaled_solution(collision.matrix[np.ix_(held, held)], jump[held], np.sqrt(collision.units[held]))
     return found
 
@@ -265,19 +265,19 @@ def _all_hit(collision: Collision) -> Array:
 def _on_pyramids(collision: Collision, facets: int) -> Array | None:
     """Return impulses for friction pyramids, from a linear complementarity problem; exact in planar space."""
     size, count = len(collision.before), len(collision.touches)
-    columns, owner, wanted = list[Array](), list[int](), list[float]()
-    for k, (touch, least) in enumerate(zip(collision.touches, collision.wanted, strict=True)):
+    columns, owner, rebound = list[Array](), list[int](), list[float]()
+    for k, (touch, least) in enumerate(zip(collision.touches, collision.rebound, strict=True)):
         column = np.zeros(size)
         column[touch.normal] = 1.0
         columns.append(column)
         owner.append(-1)
-        wanted.append(least)
+        rebound.append(least)
         for direction in _facets(collision.before[list(touch.tangents)], facets):
             column = np.zeros(size)
             column[list(touch.tangents)] = direction
             columns.append(column)
             owner.append(k)
-            wanted.append(0.0)
+            rebound.append(0.0)
     spread, owners = np.column_stack(columns), np.array(owner)
     share = (owners[:, None] == np.arange(count)).astype(float)
     normals = np.flatnonzero(owners < 0)
@@ -286,7 +286,7 @@ def _on_pyramids(collision: Collision, facets: int) -> Array | None:
     # units of impulses for which the matrix has a size of about one
     unit = 1 / float(collision.answers.mean())
     inner = np.block([[spread.T @ collision.matrix @ spread / unit, share], [limit, np.zeros((count, count))]])
-    offset = np.concatenate([spread.T @ collision.before - wanted, np.zeros(count)])
+    offset = np.concatenate([spread.T @ collision.before - rebound, np.zeros(count)])
     fast = float(np.abs(offset).max(initial=0.0))
     found = lemke(inner, offset / fast) if fast > 0 else np.zeros(len(offset))
     return None if found is None else np.asarray(spread @ found[: len(owners)]) * (fast / unit)
@@ -327,9 +327,9 @@ def _improved(collision: Collision, impulse: Array) -> Array:
 def _slope(collision: Collision, impulse: Array) -> Array:
     """Return the derivative of ``impulse - required_impulses(impulse)``, shape (direction, direction)."""
     found, after = np.eye(len(impulse)), collision.after(impulse)
-    for touch, wanted, answer in zip(collision.touches, collision.wanted, collision.answers, strict=True):
+    for touch, rebound, answer in zip(collision.touches, collision.rebound, collision.answers, strict=True):
         n, t = touch.normal, list(touch.tangents)
-        tried = impulse[n] - answer * (after[n] - wanted)
+        tried = impulse[n] - answer * (after[n] - rebound)
         if tried <= 0:
             continue
         found[n] = answer * collision.matrix[n]

@@ -67,8 +67,8 @@ def _collision_impulses(
         for k in active
     )
     back = np.maximum(0.0, [-law[k, 0] * before[contacts.normal(k)] for k in active])
-    for wanted in (back, np.zeros(len(active))) if restitution and back.any() else (np.zeros(len(active)),):
-        collision = Collision(contacts.delassus[0], before, touches, wanted, earlier)
+    for rebound in (back, np.zeros(len(active))) if restitution and back.any() else (np.zeros(len(active)),):
+        collision = Collision(contacts.delassus[0], before, touches, rebound, earlier)
         for impulse in solutions(collision):
             if collision.added_energy(impulse) <= FED * max(collision.exchanged_energy(impulse), worked):
                 return impulse

@@ -63,15 +63,15 @@ def _with_restitution(matrix: Array, before: Array, law: Array) -> tuple[Array, 
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     normal, along = before.T
     mu, sense = law[:, 1], np.copysign(1.0, before[:, 1])
-    wanted = np.maximum(0.0, -law[:, 0] * normal)
-    jump, determinant = wanted - normal, a * d - b * c
+    rebound = np.maximum(0.0, -law[:, 0] * normal)
+    jump, determinant = rebound - normal, a * d - b * c
     candidates = [np.stack([(d * jump + b * along) / determinant, (-c * jump - a * along) / determinant], axis=1)]
     for share in (-mu * sense, mu * sense):
         push = jump / (a + b * share)
         candidates.append(np.stack([push, share * push], axis=1))
     found, solved = np.zeros_like(before), np.zeros(len(before), dtype=bool)
     for impulse in candidates:
-        good = ~solved & _holds(matrix, before, mu, wanted, impulse)
+        good = ~solved & _holds(matrix, before, mu, rebound, impulse)
         found[good], solved[good] = impulse[good], True
         if solved.all():
             break
@@ -80,23 +80,23 @@ def _with_restitution(matrix: Array, before: Array, law: Array) -> tuple[Array, 
 
 def _sticking(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
     """Return the impulses (T, 3) of sticking contacts with friction in three dimensions."""
-    wanted = np.maximum(0.0, -law[:, 0] * before[:, 0])
+    rebound = np.maximum(0.0, -law[:, 0] * before[:, 0])
     right = -before
-    right[:, 0] += wanted
+    right[:, 0] += rebound
     impulse = np.full_like(right, np.nan)
     regular = np.abs(np.linalg.det(matrix)) > 1e-9 * np.abs(np.prod(np.diagonal(matrix, axis1=1, axis2=2), axis=1))
     if regular.any():
         impulse[regular] = np.linalg.solve(matrix[regular], right[regular][:, :, None])[:, :, 0]
-    solved = _holds(matrix, before, law[:, 1], wanted, impulse)
+    solved = _holds(matrix, before, law[:, 1], rebound, impulse)
     impulse[~solved] = 0.0
     return impulse, solved
 
 
-def _holds(matrix: Array, before: Array, mu: Array, wanted: Array, impulse: Array) -> Mask:
+def _holds(matrix: Array, before: Array, mu: Array, rebound: Array, impulse: Array) -> Mask:
     """Return whether impulses satisfy the laws and add no energy, see `Collision`."""
     after = before + np.sum(matrix * impulse[:, None, :], axis=2)
     answer = 1 / np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)).max(axis=1), 1e-300)
-    push = np.maximum(0.0, impulse[:, 0] - answer * (after[:, 0] - wanted))
+    push = np.maximum(0.0, impulse[:, 0] - answer * (after[:, 0] - rebound))
     tried = impulse[:, 1:] - answer[:, None] * after[:, 1:]
     length = np.sqrt(np.sum(tried * tried, axis=1))
     most = mu * push

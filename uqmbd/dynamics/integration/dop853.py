@@ -208,11 +208,11 @@ class Integration:
             if not len(members):
                 break
             status, now = status[members], now[members]
-            wanted = status == ASKED
-            if wanted.all():
+            waiting = status == ASKED
+            if waiting.all():
                 self._answer(members, now)
                 continue
-            members, status, now = members[~wanted], status[~wanted], now[~wanted]
+            members, status, now = members[~waiting], status[~waiting], now[~waiting]
             jump = status == JUMP
             stops = np.unique(now[jump]).tolist()
             # controllers are called when all members without failure have reached the sample

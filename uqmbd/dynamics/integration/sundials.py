@@ -158,19 +158,19 @@ def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, o
     known, path, rates = [now], [np.array(y, dtype=float)], [np.array(yp, dtype=float)]
     reached, states = [now], [path[0]]
     found = None
-    for wanted in times[1:].tolist():
+    for target in times[1:].tolist():
         steps = 0
-        while now < wanted:
-            found, steps = solver.step(wanted, "onestep", end), steps + 1
-            if not found.success or (steps > most and now < wanted):
+        while now < target:
+            found, steps = solver.step(target, "onestep", end), steps + 1
+            if not found.success or (steps > most and now < target):
                 break
             if found.t > now:
                 now = float(found.t)
                 known.append(now)
                 path.append(np.array(found.y, dtype=float))
                 rates.append(np.array(found.yp, dtype=float))
-        if found is not None and found.success and steps <= most and found.t != wanted:
-            found = solver.step(wanted, "normal", end)
+        if found is not None and found.success and steps <= most and found.t != target:
+            found = solver.step(target, "normal", end)
         assert found is not None
         reached.append(float(found.t))
         states.append(np.array(found.y, dtype=float))

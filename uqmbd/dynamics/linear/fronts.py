@@ -75,10 +75,10 @@ class FrontalSolver:
 
     fronts: Fronts
     rights: Index  # (R, size): index of each entry of a right-hand side among the given values; -1: zero
-    wanted: int  # number of returned leading unknowns
+    returned: int  # number of returned leading unknowns
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
-        """Solve systems (K, value); return solutions (K, R wanted), one right-hand side after the other."""
+        """Solve systems (K, value); return solutions (K, R returned), one right-hand side after the other."""
         width = given.shape[1]
         if width not in self._programs:
             writer = ProgramWriter(width)
@@ -91,10 +91,10 @@ class FrontalSolver:
         return {}
 
     def write(self, writer: ProgramWriter, given: Index) -> Index:
-        """Write the solutions for the `given` rows; return rows of the wanted unknowns."""
+        """Write the solutions for the `given` rows; return rows of the returned unknowns."""
         zero = writer.sums([[]])[0]
         sides = [np.where(side < 0, zero, given[side]) for side in self.rights]
-        return np.concatenate([self.fronts.write(writer, given, side)[: self.wanted] for side in sides])
+        return np.concatenate([self.fronts.write(writer, given, side)[: self.returned] for side in sides])
 
 
 @dataclass(frozen=True)

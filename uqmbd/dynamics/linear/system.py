@@ -243,10 +243,10 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
     given, n = len(model.evaluators["acceleration"].targets), model.layout.coordinates
     motion, place, move = _rights(system, given)
 
-    def code(rights: Index, values: int, wanted: int) -> Kernel | None:
+    def code(rights: Index, values: int, returned: int) -> Kernel | None:
         order = system.elimination
         assert order is not None
-        return unroll(order, system.rows, system.columns, system.source, rights, values, wanted)
+        return unroll(order, system.rows, system.columns, system.source, rights, values, returned)
 
     solve, accelerate = code(motion, given, system.size), code(motion, given, n)
     both = given + len(model.evaluators["drift"].targets)
@@ -272,8 +272,8 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
         return system
     motion, place, move = _rights(system, given)
     solve, accelerate, *back = (
-        FrontalSolver(fronts, rights, wanted)
-        for rights, wanted in ((motion, system.size), (motion, n), (place, n), (move, n))
+        FrontalSolver(fronts, rights, returned)
+        for rights, returned in ((motion, system.size), (motion, n), (place, n), (move, n))
     )
     residual = RowResiduals(system.rows, system.columns, system.source, system.motion)
     compiled = programs_of(model, solve, accelerate, (back[0], back[1]), residual)

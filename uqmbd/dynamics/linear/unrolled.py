@@ -27,18 +27,18 @@ TINY = 1e-150
 
 
 def unroll(
-    elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
+    elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, returned: int
 ) -> Kernel | None:
     """Compile an elimination, or return None if it has too many operations.
 
-    From `given` values the kernel computes the first `wanted` unknowns, for one right-hand side after the other.  The
+    From `given` values the kernel computes the first `returned` unknowns, for one right-hand side after the other.  The
     unknowns are infinite or NaN if a pivot vanishes.  The arrays `entries` (entry,) and `rights` (R, size) are the
     indices of matrix entries and right-hand sides among the given values; -1 means zero.
     """
-    operations, solution = eliminated(elimination, rows, columns, entries, rights, given, wanted)
+    operations, solution = eliminated(elimination, rows, columns, entries, rights, given, returned)
     if not is_compilable(operations):
         return None
-    key = ("elimination", given, wanted, *(x.tolist() for x in (rows, columns, entries, rights)), elimination.steps)
+    key = ("elimination", given, returned, *(x.tolist() for x in (rows, columns, entries, rights)), elimination.steps)
     kernel: Kernel = cached(key, lambda: compile_operations(operations, range(given), solution, given))
     return kernel
 
@@ -73,9 +73,9 @@ def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, g
 
 
 def eliminated(
-    elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
+    elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, returned: int
 ) -> tuple[list[Operation], list[int]]:
-    """Return the operations of an elimination, and the indices of the wanted unknowns.
+    """Return the operations of an elimination, and the indices of the returned unknowns.
 
     The parameters are the same as in `unroll`.  Each operation computes one value, with an index after the given
     values.  The indices of the unknowns are ordered by right-hand side.
@@ -114,8 +114,8 @@ def eliminated(
                     total = made("difference", total, value[row, j], found[j])
             if total >= 0:
                 found[column] = made("product", total, inverses[row])
-        missing = [j for j in range(wanted) if j not in found]
+        missing = [j for j in range(returned) if j not in found]
         for j in missing:
             found[j] = made("zero", -1)
-        solution += [found[j] for j in range(wanted)]
+        solution += [found[j] for j in range(returned)]
     return operations, solution

@@ -186,7 +186,7 @@ class LinearSystem:
 class LinearMap:
     """Compiled outputs of the linearised mechanism."""
 
-    wanted: tuple[tuple[Any, int, str, tuple[float, ...]], ...]
+    requests: tuple[tuple[Any, int, str, tuple[float, ...]], ...]
     """For each value: the declared function, the number of its expression, the pose, and further numbers."""
     seen: OutputMap
     """Expressions of the values, with all derivatives."""
@@ -197,20 +197,20 @@ class LinearMap:
     @property
     def poses(self) -> frozenset[str]:
         """Poses of the linearisations."""
-        return frozenset(pose for _, _, pose, _ in self.wanted)
+        return frozenset(pose for _, _, pose, _ in self.requests)
 
     def evaluate(self, ensemble: Batch, pose: str, q: Array, s: Array) -> tuple[list[int], Array, list[str]]:
         """Evaluate the values of a pose (K, coordinate), (K, state) at rest.
 
         Return the numbers of the values, the values (K, value), and for each realisation the reason for missing values.
         """
-        columns = [k for k, (_, _, at, _) in enumerate(self.wanted) if at == pose]
+        columns = [k for k, (_, _, at, _) in enumerate(self.requests) if at == pose]
         values, reasons = np.full((len(q), len(columns)), np.nan), [""] * len(q)
         for first in range(0, len(q), CHUNK):
             part = np.arange(first, min(first + CHUNK, len(q)))
             systems = self._systems(ensemble.select(part), q[part], s[part])
             for column, k in enumerate(columns):
-                declared, number, _, numbers = self.wanted[k]
+                declared, number, _, numbers = self.requests[k]
                 system = systems if isinstance(systems, list) else systems(number)
                 if isinstance(system, list):
                     found: tuple[Array, Sequence[str]] = np.full(len(part), np.nan), system
@@ -336,10 +336,10 @@ def linear_map(
             "one; use a process in a force, a driver or a road."
         )
     seen = sorted({x.seen for x in found}, key=str)
-    wanted = tuple((x.declared, seen.index(x.seen), x.at, x.numbers) for x in found)
+    requests = tuple((x.declared, seen.index(x.seen), x.at, x.numbers) for x in found)
     arguments = [*(c.argument.diff(t) for c in channels), *(c.argument.subs(t, 0) for c in channels)]
     return LinearMap(
-        wanted,
+        requests,
         compiled([Output(str(e), e, "") for e in seen]),
         tuple(c.source.source for c in channels),
         ParameterMap.of(arguments, inputs),

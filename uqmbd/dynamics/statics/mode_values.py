@@ -86,14 +86,14 @@ class ModeMap:
         return np.asarray(found.reshape(len(states), count, 2, n)[:, :, 0])
 
 
-def mode_map(wanted: Sequence[ScalarSymbol | ModeShape], compiled: Callable[[Sequence[Output]], OutputMap]) -> ModeMap:
+def mode_map(symbols: Sequence[ScalarSymbol | ModeShape], compiled: Callable[[Sequence[Output]], OutputMap]) -> ModeMap:
     """Compile frequencies, damping ratios and shapes of modes.
 
     The function `compiled` compiles outputs with their derivatives.
     """
-    moving = sorted({e for x in wanted if isinstance(x, ModeShape) for e in x.moved}, key=str)
+    moving = sorted({e for x in symbols if isinstance(x, ModeShape) for e in x.moved}, key=str)
     values = []
-    for x in wanted:
+    for x in symbols:
         if isinstance(x, ModeShape):
             quantity, over = (moving.index(e) for e in x.moved)
             values.append(ModeValue("shape", x.number, x.at, (quantity, over), x.part, str(x)))

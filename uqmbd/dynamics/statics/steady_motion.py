@@ -300,9 +300,9 @@ def _unbalanced(model: Model, q: Array, s: Array, parameters: Array, order: tupl
     for part in (-2, -1, 1, 2):
         x, y = flow(model, q, s, time, parameters, order, part * h)
         ends.append(solve_steady_speeds(model, x, y, time + part * h, parameters, order))
-    wanted = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
+    required = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
     found = model.evaluate("acceleration", state_arguments(time, q, s, v), parameters)
-    inertia = apply(found["mass"], wanted)
+    inertia = apply(found["mass"], required)
     kept = found["d"][:, model.layout.kept]
     force = apply(_tangents(kept), found["force"] - inertia)
     scale = np.maximum(np.abs(found["force"]).max(axis=1), np.abs(inertia).max(axis=1))

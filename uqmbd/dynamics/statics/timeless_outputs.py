@@ -231,7 +231,7 @@ def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequ
 def scalars_of(
     ensemble: Batch,
     trajectories: Trajectories | None = None,
-    wanted: ScalarMap | None = None,
+    scalars: ScalarMap | None = None,
     never: float | None = None,
 ) -> ScalarValues:
     """Evaluate scalar outputs of K realisations; by default the scalar outputs of the model.
@@ -242,14 +242,14 @@ def scalars_of(
     value of a realisation is missing, all its values are missing.
     """
     model = ensemble.model
-    seen: ScalarMap = wanted or model.scalars
+    seen: ScalarMap = scalars or model.scalars
     count = len(ensemble)
     still = ensemble.without_paths()
     start = ensemble.start
     messages = list(start.messages)
     status = start.status
     blocks = (seen.modal.values, seen.motion, seen.resting.names, seen.steady.names, seen.summed.names)
-    responses = 0 if seen.responses is None else len(seen.responses.wanted)
+    responses = 0 if seen.responses is None else len(seen.responses.requests)
     ends = np.cumsum([*(len(block) for block in blocks), responses])
     columns = np.full((count, int(ends[-1])), np.nan)
 
