@@ -41,7 +41,7 @@ def test_who_gets_on_says_nothing():
     for instant in range(1, 100):
         clock[0] = float(instant)
         if pace.due:
-            pace.look(instant / 10, STATE, instant)
+            pace.check(instant / 10, STATE, instant)
     assert not said
 
 
@@ -52,7 +52,7 @@ def test_who_does_not_says_it_first_after_a_few_seconds_then_ever_more_seldom():
         clock[0] = float(instant)
         if pace.due:
             looked.append(instant)
-            pace.look(1e-6 * instant, STATE, 1000 * instant)
+            pace.check(1e-6 * instant, STATE, 1000 * instant)
     assert looked == [5, 20, 80, 320] and len(said) == 4
     # 1e-6 s of the motion in each second of the clock
     assert "t = 5e-06 s of 10 s" in said[0] and "after 5 s" in said[0] and "5000 steps" in said[0]
@@ -62,7 +62,7 @@ def test_who_does_not_says_it_first_after_a_few_seconds_then_ever_more_seldom():
 def test_who_stands_still_says_it():
     pace, clock, said = watched()
     clock[0] = 6.0
-    pace.look(0.0, STATE, 10**6)
+    pace.check(0.0, STATE, 10**6)
     assert "it makes no progress" in said[0] and "0 %" in said[0]
 
 
@@ -105,8 +105,8 @@ def test_two_looks_at_different_realisations_are_no_pace():
     pace, clock, said = watched()
     for instant, which in ((6.0, 8), (12.0, 0), (18.0, 5)):
         clock[0] = instant
-        pace.look(0.0, STATE, 10, which)
+        pace.check(0.0, STATE, 10, which)
     assert not said
     clock[0] = 40.0
-    pace.look(0.0, STATE, 20, 5)
+    pace.check(0.0, STATE, 20, 5)
     assert len(said) == 1

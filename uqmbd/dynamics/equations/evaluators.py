@@ -27,7 +27,7 @@ from uqmbd.mechanism import AuxiliarySymbol, Controller, ExcitationSymbol, HeldS
 __all__ = ["FUSED_LENGTH", "FUSED_LIMIT", "Blocks", "Evaluators", "Later", "excitations_of", "place"]
 
 FUSED_LIMIT = 130
-"""Largest number of unknowns for one kernel of residual or Jacobian; compiling more costs more than it saves."""
+"""Largest number of unknowns for one kernel of residual or Jacobian; above it, compiling takes longer than it saves."""
 
 FUSED_LENGTH = 6000
 """Largest number of operations with named quantities for one Jacobian kernel; a longer one takes seconds to compile."""

@@ -19,7 +19,7 @@ from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_
 from uqmbd.dynamics.integration.radau import COSTLY, RADAU_STAGES, allowed_attempts, integrate_by_radau, is_implicit
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
-from uqmbd.dynamics.integration.steps import interpolate_steps, settled
+from uqmbd.dynamics.integration.steps import interpolate_steps, projected_steps
 from uqmbd.dynamics.integration.sundials import import_sundials, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
 
@@ -55,7 +55,7 @@ __all__ = [
     "position_jumps",
     "prescribed_by",
     "residuals",
-    "settled",
+    "projected_steps",
     "solve",
     "speed_jumps",
     "step_limits",

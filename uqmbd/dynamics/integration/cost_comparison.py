@@ -19,7 +19,7 @@ import numpy as np
 
 from uqmbd.compiled import LANES, Dynamics
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.integration.costs import LOOK, attempt_cost
+from uqmbd.dynamics.integration.costs import RANK_CHECK, attempt_cost
 from uqmbd.dynamics.integration.trajectories import Counters
 from uqmbd.typing import Array
 
@@ -31,7 +31,7 @@ Rival = Callable[[Batch, Array, float, float], tuple[bool, Counters]]
 
 FIRST = 2000
 """Number of attempted steps of an interval before the first comparison of costs."""
-LOOKS = 500
+CHECKS = 500
 """Number of checks of the rank before the first comparison of costs."""
 LATER = 8
 """Factor on the number of steps or checks before the next comparison of costs."""
@@ -49,7 +49,7 @@ class Comparison:
         self.batch, self.times, self.rtol, self.dynamics, self.rival = batch, times, rtol, dynamics, rival
         self.counters = Counters()
         self.allowed: dict[int, tuple[int, int]] = {}
-        self.looks: dict[int, int] = {}
+        self.checks: dict[int, int] = {}
 
     @cached_property
     def attempt(self) -> float:
@@ -66,22 +66,22 @@ class Comparison:
         self.allowed[member] = interval, allowed + more
         return more
 
-    def looked(self, member: int, steps: int, now: float) -> bool:
+    def rank_checked(self, member: int, steps: int, now: float) -> bool:
         """Count a check of the rank, and return whether the implicit method costs less."""
-        looks = self.looks[member] = self.looks.get(member, 0) + 1
-        due = LOOKS
-        while due < looks:
+        checks = self.checks[member] = self.checks.get(member, 0) + 1
+        due = CHECKS
+        while due < checks:
             due *= LATER
-        return looks == due and self._cheaper(member, now, steps)
+        return checks == due and self._cheaper(member, now, steps)
 
     def expected(self, member: int, steps: int, now: float) -> float:
         """Return the cost of the whole motion by the explicit method at the present rate, in operations."""
         begin, end = float(self.times[0]), float(self.times[-1])
-        spent = LANES * steps * self.attempt + self.looks.get(member, 0) * LOOK
+        spent = LANES * steps * self.attempt + self.checks.get(member, 0) * RANK_CHECK
         return spent * (end - begin) / (now - begin)
 
     def _cheaper(self, member: int, now: float, steps: int) -> bool:
-        spent = steps * self.attempt + self.looks.get(member, 0) * LOOK
+        spent = steps * self.attempt + self.checks.get(member, 0) * RANK_CHECK
         if spent < WORTH or now <= self.times[0]:
             return False
         times = np.append(self.times[self.times < now], now)

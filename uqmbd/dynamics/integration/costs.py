@@ -10,7 +10,7 @@ from __future__ import annotations
 from uqmbd.compiled import LANES, Dynamics
 from uqmbd.dynamics.equations import Model
 
-__all__ = ["LOOK", "attempt_cost", "implicit_attempt_cost", "implicit_costs"]
+__all__ = ["RANK_CHECK", "attempt_cost", "implicit_attempt_cost", "implicit_costs"]
 
 STAGES = 12
 ENTRY = 25
@@ -25,7 +25,7 @@ SOLUTION, FACTORISATION = 1.0, 0.2
 """Costs of the dense solver per n^2 and n^3, with n unknowns."""
 SPARSE_SOLUTION, SPARSE_FACTORISATION = 20, 400
 """Costs of the sparse solver per entry of the matrix."""
-LOOK = 1_000_000
+RANK_CHECK = 1_000_000
 """Cost of a check of the rank of one realisation, which runs in Python."""
 
 

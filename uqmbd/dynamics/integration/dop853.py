@@ -29,7 +29,7 @@ from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher, regular
 from uqmbd.dynamics.integration.slow_progress import Pace
-from uqmbd.dynamics.integration.steps import settled
+from uqmbd.dynamics.integration.steps import projected_steps
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import RADAU_STAGES, excess, implicit_dynamics
 from uqmbd.typing import Array, Index
@@ -436,7 +436,7 @@ class Integration:
             more = comparison.attempts(member, int(pool.interval[k]), steps, now, self.most)
         elif status == ExplicitStatus.STIFF:
             more = None
-        elif status != ExplicitStatus.SMALL and comparison.looked(member, steps, now):
+        elif status != ExplicitStatus.SMALL and comparison.rank_checked(member, steps, now):
             more = None
         if more is None:
             self.stiff += 1
@@ -463,31 +463,32 @@ class Integration:
         end, back = float(pool.interval_ends[pool.interval[k]]), False
         while True:
             now = float(pool.now[k])
-            course = watcher.look(now, pool.last_nodes(k), size, end)
+            continuation = watcher.check(now, pool.last_nodes(k), size, end)
             pool.limit[k], pool.told[k] = watcher.limit, watcher.approaching
-            if course is None:
+            if continuation is None:
                 return back
-            if course.reason:
-                self._fail(member, course.reason, final=watcher.final)
+            if continuation.reason:
+                self._fail(member, continuation.reason, final=watcher.final)
                 return True
-            if course.others:
+            if continuation.others:
                 if member in self.others:
                     self.retired.append(pool)
                 self.others[member] = pool.moved(k, self._dynamics_of(watcher.model))
                 self._settle(member)
-            elif course.back and pool.known[k] > 1:
+            elif continuation.back and pool.known[k] > 1:
                 pool.step_back(k)
                 back = True
                 continue
-            elif course.state is not None and course.curve is not None:
-                inside = np.flatnonzero((self.times > now) & (self.times <= course.time))
+            elif continuation.state is not None and continuation.curve is not None:
+                inside = np.flatnonzero((self.times > now) & (self.times <= continuation.time))
                 inside = inside[inside >= pool.column[k]]
                 if len(inside):
-                    pool.result[k, inside] = course.curve(self.times[inside])
+                    pool.result[k, inside] = continuation.curve(self.times[inside])
                     pool.column[k] = inside[-1] + 1
-                ends, curve = np.array([[now, course.time]]), course.curve(now + (course.time - now) * PLACES)
-                pool.recorder.passed(k, ends, settled(self.batch, np.array([member]), ends, curve[None]))
-                pool.go_on_from(k, course.time, course.state)
+                ends = np.array([[now, continuation.time]])
+                curve = continuation.curve(now + (continuation.time - now) * PLACES)
+                pool.recorder.passed(k, ends, projected_steps(self.batch, np.array([member]), ends, curve[None]))
+                pool.go_on_from(k, continuation.time, continuation.state)
             elif calm and watcher.approaching:
                 self._settle(member)
             else:

@@ -25,7 +25,7 @@ from uqmbd.mechanism import Spline, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
-__all__ = ["TimeCells", "TimedFunctions", "look", "timed"]
+__all__ = ["TimeCells", "TimedFunctions", "sample_functions", "timed"]
 
 
 CELL = 16
@@ -48,7 +48,7 @@ EVERYWHERE = 0.25
 """Largest share of cells without a polynomial; above it, the function counts as fast everywhere and is not refined."""
 FEW = 2
 FADES = 0.5
-"""If a cell has at most `FEW` deviating parts, each over at most this share of its range of values, it has a corner."""
+"""A cell has a corner, not a jump, if at most `FEW` parts deviate, and each spans at most this share of its values."""
 LEAST = 1e-9
 """Deviation, relative to the largest value, that counts as rounding for every tolerance."""
 POWER = 4
@@ -166,7 +166,7 @@ def _linear(e: sympy.Expr, degree: int = 1) -> bool:
 
 
 # -- looking ----------------------------------------------------------------------------------------------------------
-def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol: float) -> TimeCells:
+def sample_functions(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol: float) -> TimeCells:
     """Sample all functions for realisations with inputs (K, input), between the output times (T,), s.
 
     The functions may jump or have corners at `breaks` (K, break), s.  Deviations up to `rtol` times the largest value

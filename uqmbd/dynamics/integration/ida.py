@@ -28,7 +28,7 @@ from uqmbd.dynamics.integration.intervals import pace, times_between
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
-from uqmbd.dynamics.integration.steps import interpolate_steps, settled
+from uqmbd.dynamics.integration.steps import interpolate_steps, projected_steps
 from uqmbd.dynamics.integration.sundials import SundialsSolution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import accelerations
@@ -173,7 +173,7 @@ def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
             states = np.concatenate(ensemble.expand(np.reshape(y, (len(ensemble), -1))), axis=1)
             member = int(np.argmax(np.abs(states[:, ensemble.model.layout.velocities :]).max(axis=1, initial=0.0)))
             # a step needs about two residuals
-            pace.look(t, states[member], calls // 2)
+            pace.check(t, states[member], calls // 2)
         residual(t, y, yp, res)
 
     return watched, jacobian
@@ -250,7 +250,7 @@ def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedSteps:
     layout = ensemble.model.layout
     rates[:, :, layout.frozen] = 0.0
     path = interpolate_steps(times, states, rates, np.arange(len(ensemble)))
-    return path._replace(states=settled(ensemble, path.owner, path.ends, path.states))
+    return path._replace(states=projected_steps(ensemble, path.owner, path.ends, path.states))
 
 
 def _dead_end(ensemble: Batch, found: Array, time: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integration.functions_of_time import look
+from uqmbd.dynamics.integration.functions_of_time import sample_functions
 from uqmbd.dynamics.integration.trajectories import stops
 from uqmbd.typing import Array, Index
 
@@ -81,7 +81,7 @@ def _intervals_with_knots(
     if not knots or not model.tables:
         return intervals
     begin, end = float(times[0]), float(times[-1])
-    found = list(model.tables.stretches(values, begin, end, rtol))
+    found = list(model.tables.knot_intervals(values, begin, end, rtol))
     if not found:
         return intervals
     ends = np.array([interval.end for interval in intervals])
@@ -108,7 +108,7 @@ def _intervals_with_knots(
 def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float) -> tuple[Interval, ...]:
     if model.timed is None:
         return intervals_of(breaks, times, model.max_step)
-    seen = look(model.timed, values, breaks, times, rtol)
+    seen = sample_functions(model.timed, values, breaks, times, rtol)
     edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
     ends, longest = _bands(edges, sizes)
     intervals = intervals_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)

@@ -88,7 +88,7 @@ class TimedTables:
         """Return the number of tables."""
         return len(self.tables)
 
-    def stretches(self, values: Array, begin: float, end: float, rtol: float) -> Iterator[KnotInterval]:
+    def knot_intervals(self, values: Array, begin: float, end: float, rtol: float) -> Iterator[KnotInterval]:
         """Yield intervals with relevant knots, for inputs (K, input) of realisations with shared steps."""
         lines = self.lines(values).reshape(len(values), len(self.tables), 2)
         for k, table in enumerate(self.tables):

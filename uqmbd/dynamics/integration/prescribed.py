@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import ParameterMap, plain, state_arguments
-from uqmbd.dynamics.integration.functions_of_time import look
+from uqmbd.dynamics.integration.functions_of_time import sample_functions
 from uqmbd.mechanism import Component, flatten, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
@@ -98,7 +98,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
     model = ensemble.model
     breaks = ensemble.breaks
     if model.timed is not None:  # jumps at times known only from sampling
-        seen = look(model.timed, ensemble.values, breaks, times, rtol).jumps
+        seen = sample_functions(model.timed, ensemble.values, breaks, times, rtol).jumps
         breaks = np.concatenate([breaks, np.tile(seen, (len(ensemble), 1))], axis=1)
     if not breaks.size:
         return {}

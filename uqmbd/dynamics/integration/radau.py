@@ -30,7 +30,7 @@ FEWEST = 20
 """Number of attempted steps that are allowed at any cost."""
 
 SLOWER = 2.0
-"""Factor on the cost of explicit steps, which the first steps underestimate (by 1.6 times for rods on bushings)."""
+"""Factor on the cost of explicit steps. The first steps underestimate it: for rods on bushings by a factor of 1.6."""
 
 COSTLY = "implicit steps cost more than explicit ones"
 """Message of realisations that need more attempted steps than allowed."""

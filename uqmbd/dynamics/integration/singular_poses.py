@@ -46,7 +46,7 @@ PAST = 0.2
 """Time to the pose, relative to that of the best continuation, from which on its error may be up to `ROUNDING`."""
 ROUNDING = 1e-7
 """Largest relative error of a continuation if rounding makes the tolerance unattainable."""
-LOOKS = 60
+MOST_CHECKS = 60
 """Number of checks of the same pose after which the attempt ends."""
 END = 1e-10
 """Time to a singular pose, relative to the elapsed time, that counts as zero."""
@@ -165,20 +165,20 @@ class SingularPoseWatcher:
         # choices of equations, with the time from which they apply
         self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
         # final: whether the mechanism itself fails, so that no other method could continue
-        self.looks, self.final = 0, False
+        self.checks, self.final = 0, False
         self.best: Continuation | None = None
         self.least, self.distance = np.inf, np.inf
 
     @property
     def approaching(self) -> bool:
         """Whether a singular pose is being approached."""
-        return self.looks > 0
+        return self.checks > 0
 
     def model_at(self, time: float) -> Model:
         """Return the model with the choice of equations for a time, s."""
         return [model for begin, model in self.models if begin < time or begin == -np.inf][-1]
 
-    def look(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
+    def check(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
         """Return the continuation from the last node at time `now`, s; None: continue as before.
 
         `known` contains the last times (N,), s, and states (N, width). `size` is the length of the difficult step, s,
@@ -198,11 +198,11 @@ class SingularPoseWatcher:
                 return Continuation(back=True)
         if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
             return self._continue_unchanged()
-        self.looks += 1
+        self.checks += 1
         self.limit = APPROACH * rank.ahead
-        if rank.ahead < END * max(1.0, abs(now)) or self.looks > LOOKS:
+        if rank.ahead < END * max(1.0, abs(now)) or self.checks > MOST_CHECKS:
             # after many checks, rounding may prevent the passage: another method may succeed
-            self.final = self.looks <= LOOKS
+            self.final = self.checks <= MOST_CHECKS
             return Continuation(reason=dead_end(self.model, now, replace(rank, every=0.0), final=self.final))
         return self._over(now, times, states, rank, end) or Continuation()
 
@@ -221,7 +221,7 @@ class SingularPoseWatcher:
 
     def _continue_unchanged(self) -> Continuation | None:
         """Continue as before."""
-        before, self.looks, self.limit = self.looks, 0, np.inf
+        before, self.checks, self.limit = self.checks, 0, np.inf
         self.best, self.least, self.distance = None, np.inf, np.inf
         return Continuation() if before else None
 

@@ -52,7 +52,7 @@ class Pace:
         """Whether a check is due."""
         return self._now() - self._since >= self._next
 
-    def look(self, time: float, state: Array, steps: int, which: object = None) -> None:
+    def check(self, time: float, state: Array, steps: int, which: object = None) -> None:
         """Check the slowest realisation by its time, s, state (q, s, v), steps so far, and number.
 
         The rate follows from two checks of the same realisation.
@@ -93,7 +93,7 @@ class Pace:
         running = np.flatnonzero((run.status == ExplicitStatus.RUNNING) & (run.steps > 0))
         if len(running):
             member = int(running[np.argmin(run.now[running])])
-            self.look(float(run.now[member]), run.z[member], int(run.steps[member]), (id(run), member))
+            self.check(float(run.now[member]), run.z[member], int(run.steps[member]), (id(run), member))
 
 
 def fastest_body(model: Model, state: Array) -> tuple[str, str]:

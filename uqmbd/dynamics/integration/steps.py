@@ -13,7 +13,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["interpolate_steps", "settled"]
+__all__ = ["interpolate_steps", "projected_steps"]
 
 
 ALONE = 8
@@ -50,7 +50,7 @@ def interpolate_steps(
     return RecordedSteps(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
 
 
-def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
+def projected_steps(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
     """Project states (P, 8, width) of steps of realisations `owner` (P,) onto the constraints.
 
     The states are at `PLACES` between the begin and end of each step, `ends` (P, 2), s.

@@ -17,7 +17,7 @@ import numpy as np
 
 from uqmbd.compiled import PLACES, RecordedSteps
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Counters, Trajectories, interpolate_steps, settled, stops
+from uqmbd.dynamics.integration import Counters, Trajectories, interpolate_steps, projected_steps, stops
 from uqmbd.typing import Array, Index
 
 __all__ = ["with_motion_between"]
@@ -61,14 +61,14 @@ class _TimeSpan(NamedTuple):
 class _IntervalRun(NamedTuple):
     """Integration of some realisations: motion in each span, and result of `_smooth`."""
 
-    stretches: tuple[_TimeSpan, ...]
+    spans: tuple[_TimeSpan, ...]
     found: Trajectories
     pieces: list[RecordedSteps]
     wrong: list[Array]
 
     def longest(self, k: int) -> float:
         """Return the longest interval with an unresolved motion of one realisation, s."""
-        every = zip(self.stretches, self.wrong, strict=True)
+        every = zip(self.spans, self.wrong, strict=True)
         return max((s.end - s.begin) / s.intervals if off[k, 0].any() else 0.0 for s, off in every)
 
 
@@ -83,8 +83,8 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
     waiting, short = _first(ensemble.breaks, times), max(SHORT * rtol, SHORTEST) * float(times[-1] - times[0])
     for turn in range(ROUNDS):
         following = dict[tuple[_TimeSpan, ...], list[int]]()
-        for stretches, members in waiting.items():
-            run = _run(method, ensemble.select(np.array(members)), times, stretches, rtol, short)
+        for spans, members in waiting.items():
+            run = _run(method, ensemble.select(np.array(members)), times, spans, rtol, short)
             counters = counters + run.found.counters
             notes += [note for note in run.found.notes if note not in notes]
             for k, member in enumerate(members):
@@ -93,10 +93,10 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
                     before, j = kept[member]
                     coarse[member] = before.longest(j)
                     continue
-                kept[member], finer = (run, k), _divided(stretches, [off[k] for off in run.wrong], short)
-                if failed or finer == stretches:
+                kept[member], finer = (run, k), _divided(spans, [off[k] for off in run.wrong], short)
+                if failed or finer == spans:
                     continue
-                if sum(stretch.intervals for stretch in finer) > MOST or turn == ROUNDS - 1:
+                if sum(span.intervals for span in finer) > MOST or turn == ROUNDS - 1:
                     coarse[member] = run.longest(k)
                 else:
                     following.setdefault(finer, []).append(member)
@@ -122,23 +122,23 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
         for name, values in run.found.scalars.items():
             scalars.setdefault(name, np.full(count, np.nan))[numbers[done]] = values[done]
         for path in (piece.placed(numbers) for piece in run.pieces):
-            paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
+            paths.append(path._replace(states=projected_steps(ensemble, path.owner, path.ends, path.states)))
     found = Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes))
     return replace(found, path=RecordedSteps.joined(paths))
 
 
 def _run(
-    method: Method, ensemble: Ensemble, times: Array, stretches: tuple[_TimeSpan, ...], rtol: float, short: float
+    method: Method, ensemble: Ensemble, times: Array, spans: tuple[_TimeSpan, ...], rtol: float, short: float
 ) -> _IntervalRun:
     """Integrate realisations with the same spans."""
-    every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
+    every = np.unique(np.concatenate([times, *(span.times for span in spans)]))
     found = method(ensemble, every, rtol)
     pieces, wrong = list[RecordedSteps](), list[Array]()
-    for stretch in stretches:
-        path, off = _smooth(stretch.times, found.states[:, np.searchsorted(every, stretch.times)], rtol, short)
+    for span in spans:
+        path, off = _smooth(span.times, found.states[:, np.searchsorted(every, span.times)], rtol, short)
         pieces.append(path)
         wrong.append(off)
-    return _IntervalRun(stretches, replace(found, times=every), pieces, wrong)
+    return _IntervalRun(spans, replace(found, times=every), pieces, wrong)
 
 
 def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]]:
@@ -148,23 +148,23 @@ def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]
         edges = [float(times[0]), *stops(row[None], times).tolist(), float(times[-1])]
         part = FIRST / 2 / (edges[-1] - edges[0])
         every = zip(edges[:-1], edges[1:], strict=True)
-        stretches = tuple(_TimeSpan(begin, end, max(LEAST, 2 * round(part * (end - begin)))) for begin, end in every)
-        found.setdefault(stretches, []).append(member)
+        spans = tuple(_TimeSpan(begin, end, max(LEAST, 2 * round(part * (end - begin)))) for begin, end in every)
+        found.setdefault(spans, []).append(member)
     return found
 
 
-def _divided(stretches: tuple[_TimeSpan, ...], wrong: list[Array], short: float) -> tuple[_TimeSpan, ...]:
+def _divided(spans: tuple[_TimeSpan, ...], wrong: list[Array], short: float) -> tuple[_TimeSpan, ...]:
     """Return finer spans where `_smooth` reports unresolved intervals."""
     found = list[_TimeSpan]()
-    for stretch, (bad, unpredicted) in zip(stretches, wrong, strict=True):
+    for span, (bad, unpredicted) in zip(spans, wrong, strict=True):
         if not bad.any():
-            found.append(stretch)
+            found.append(span)
             continue
-        jumps, times = _jumps(unpredicted), stretch.times
+        jumps, times = _jumps(unpredicted), span.times
         if not len(jumps):
-            found.append(stretch._replace(intervals=2 * stretch.intervals))
+            found.append(span._replace(intervals=2 * span.intervals))
             continue
-        for low, high in _pairs([0, *np.unique([jumps, jumps + 1]).tolist(), stretch.intervals]):
+        for low, high in _pairs([0, *np.unique([jumps, jumps + 1]).tolist(), span.intervals]):
             begin, end = float(times[low]), float(times[high])
             found.append(_TimeSpan(begin, end, 1 if end - begin <= short else max(LEAST, 2 * ((high - low + 1) // 2))))
     return tuple(found)

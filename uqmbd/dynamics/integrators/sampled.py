@@ -17,7 +17,7 @@ from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.projection import ProjectedEquations, ProjectedStart, ProjectedTrajectories, Watch
 from uqmbd.typing import Array, Index
 
-__all__ = ["projected_in_samples", "stretches", "trajectories_in_samples"]
+__all__ = ["projected_in_samples", "interval_times", "trajectories_in_samples"]
 
 Method = Callable[[Ensemble, Array, float], Trajectories]
 ProjectedMethod = Callable[[ProjectedEquations, Array, float], ProjectedTrajectories]
@@ -26,7 +26,7 @@ WATCHED = 20
 """Number of calls of the observer of a projected integration."""
 
 
-def stretches(sampling: Sampling, times: Array) -> list[Array]:
+def interval_times(sampling: Sampling, times: Array) -> list[Array]:
     """Return the times of the integrations between instants, s: begins, output times inside, and ends."""
     edges = [*sampling.times.tolist(), float(times[-1])]
     return [
@@ -47,7 +47,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     happened: dict[int, dict[str, list[float]]] = {}
     paths = list[RecordedSteps | None]()
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
-    for number, grid in enumerate(stretches(sampling, times)):
+    for number, grid in enumerate(interval_times(sampling, times)):
         begin = float(grid[0])
         # jumps of prescribed motions precede samples, so that controllers measure the new values
         change, reasons = speed_jumps(ensemble.model, now, begin, ensemble.block[alive], rtol)
@@ -101,7 +101,7 @@ def projected_in_samples(
     coefficients = np.full((projected.terms, len(times), layout.width), np.nan)
     now, message, integrator, requested = projected.start.state.copy(), "", "none", 0
     counters: dict[str, Any] = {}
-    for number, grid in enumerate(stretches(sampling, times)):
+    for number, grid in enumerate(interval_times(sampling, times)):
         begin = float(grid[0])
         now[:, layout.velocities :] += projected.impulse(now, begin, rtol)
         nodal = projected.psi @ now

@@ -80,7 +80,7 @@ def _turning(model: Model) -> Index:
 
     Constraints of a tree are independent in every pose. Constraints of a loop are dependent in singular poses. An
     integration passes these poses only if its steps violate the constraints little. In a loop, quaternions are
-    therefore stepped by their own rates, which satisfy the constraints.
+    therefore stepped by their own rates, which are velocities of the equations.
     """
     found = model.quaternions()
     if not found.size:

@@ -11,7 +11,7 @@ from uqmbd.mechanism import Mechanism
 __all__ = ["MOST_MEASURED", "MotionCommand", "commands_of", "measured_expressions"]
 
 MOST_MEASURED = 1 << 12
-"""Distance between the numbers of two controllers' first measured values: larger than any number of measured values."""
+"""Count of numbers for the measured values of each controller, larger than the count of its measured values."""
 
 
 @dataclass(frozen=True)
