@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from uqmbd.compiled import sum_harmonics
 
 
-def evaluated(frequencies, lattice, constants, drifts, waves, times):
+def evaluated(frequencies, lattice, constants, drifts, amplitudes, times):
     """Evaluate samples in turn."""
     found = np.full((*constants.shape, len(times)), np.nan)
-    sum_harmonics(frequencies, lattice, constants, drifts, waves, times, found, np.arange(len(frequencies)))
+    sum_harmonics(frequencies, lattice, constants, drifts, amplitudes, times, found, np.arange(len(frequencies)))
     return found
 
 
@@ -28,22 +28,24 @@ def test_values(seed):
     lattice = random.integers(-4, 5, (harmonics, bases))
     frequencies, begin = random.uniform(0.1, 3, (samples, bases)), random.uniform(0, 20)
     constants, drifts = random.normal(size=(2, samples, outputs))
-    waves = random.normal(size=(samples, outputs, harmonics)) + 1j * random.normal(size=(samples, outputs, harmonics))
+    amplitudes = random.normal(size=(samples, outputs, harmonics)) + 1j * random.normal(
+        size=(samples, outputs, harmonics)
+    )
     # not every output has all harmonics
-    waves = waves * (random.random((outputs, harmonics)) < 0.7)
+    amplitudes = amplitudes * (random.random((outputs, harmonics)) < 0.7)
     times = np.linspace(begin, begin + random.uniform(0.1, 50), count)
     if random.random() < 0.3:
         times = np.sort(random.uniform(begin, begin + 50, count))
-    own = frequencies, lattice, constants, drifts, waves, times
+    own = frequencies, lattice, constants, drifts, amplitudes, times
     found = evaluated(*own)
     phases = (frequencies @ lattice.T)[:, None, :, None] * times
-    expected = (waves.real[..., None] * np.cos(phases) - waves.imag[..., None] * np.sin(phases)).sum(axis=2)
+    expected = (amplitudes.real[..., None] * np.cos(phases) - amplitudes.imag[..., None] * np.sin(phases)).sum(axis=2)
     expected += constants[..., None] + drifts[..., None] * times
-    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-11 * (1 + np.abs(waves).sum(axis=2).max()))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-11 * (1 + np.abs(amplitudes).sum(axis=2).max()))
     # to the bit: a sample without the others, and in a row of its own
     k = random.integers(samples)
     one = slice(k, k + 1)
-    alone = evaluated(frequencies[one], lattice, constants[one], drifts[one], waves[one], times)
+    alone = evaluated(frequencies[one], lattice, constants[one], drifts[one], amplitudes[one], times)
     np.testing.assert_array_equal(alone, found[one])
     rows, more = random.permutation(samples + 2)[:samples], np.full((samples + 2, outputs, count), 7.0)
     sum_harmonics(*own, more, rows)
@@ -66,7 +68,7 @@ def test_shapes_that_do_not_fit_are_refused():
         "lattice": np.ones((3, 2), dtype=np.int64),
         "constants": np.zeros((5, 1)),
         "drifts": np.zeros((5, 1)),
-        "waves": np.ones((5, 1, 3), dtype=complex),
+        "amplitudes": np.ones((5, 1, 3), dtype=complex),
         "times": np.arange(4.0),
         "found": np.zeros((5, 1, 4)),
         "rows": np.arange(5),
@@ -78,7 +80,7 @@ def test_shapes_that_do_not_fit_are_refused():
         ("rows", np.arange(1, 6), "were given rows"),
         ("rows", np.arange(4), "were given rows"),
         ("lattice", np.ones((3, 1), dtype=np.int64), "samples of 2 frequencies were given"),
-        ("waves", np.ones((5, 1, 2), dtype=complex), "samples of 2 frequencies were given"),
+        ("amplitudes", np.ones((5, 1, 2), dtype=complex), "samples of 2 frequencies were given"),
         ("drifts", np.ones((5, 2)), "constants and drifts"),
     ):
         with pytest.raises(ValueError, match=message):
