@@ -18,7 +18,7 @@ __all__ = ["Arrangement", "arrange"]
 
 
 SAME = 1e-10
-"""Difference of times, relative to the largest time, up to which times are equal."""
+"""Difference of two times, relative to the largest time, below which they count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ def arrange(
 ) -> Arrangement:
     """Return the unknowns, operating points and records of each machine.
 
-    Raise StudyError if an input that depends on others is known, or is individual without them.
-    Raise it also if an input does not exist, or records do not fit the study.
+    Raise StudyError if a dependent input is known, or if only some inputs of a dependent group are individual. Also
+    raise it if an input does not exist, or if records do not fit the study.
     """
     inputs = study.mechanism.inputs
     _check_groups(study, records, individual)
@@ -93,7 +93,7 @@ def arrange(
 
 
 def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequence[str]) -> tuple[UnknownInput, ...]:
-    """Return the inputs that some records do not state; individual inputs once for each machine."""
+    """Return the inputs that at least one record does not state; an individual input occurs once for each machine."""
     found = []
     for column, name in enumerate(names):
         own = [machine for known, machine in groups if name not in dict(known)]

@@ -73,7 +73,7 @@ class Calibrated(uqmbd.extend.Propagator):
     machine: str = ""
 
     def __post_init__(self, *_: Any) -> None:
-        """Check the arguments; take from the method whether it supports requirements."""
+        """Check the arguments, and copy the attribute `requirements` of the method."""
         super().__post_init__()
         for name, kind, example in (
             ("method", uqmbd.extend.Propagator, "a method, e.g. Collocation(order=3)"),
@@ -96,7 +96,7 @@ class Calibrated(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle of the method, or an obstacle if the study has none of the calibrated inputs."""
+        """Return why the study cannot run: no calibrated input, or the obstacle of the method; None if it can run."""
         if not self._shared(study.mechanism.inputs.names):
             return self._strange(study.mechanism.inputs.names)
         return self.method.obstacle(study)

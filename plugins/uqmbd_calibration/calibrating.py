@@ -45,9 +45,9 @@ def calibrate(
         Measurements.
     surrogate : uqmbd.extend.Propagator, optional
         Method that computes a surrogate, such as ``Collocation(order=4)``. Default: collocation of the highest order
-        for which about half of the realisations are enough, aligned if alignment has a smaller error. If it is an
-        earlier calibration of this process with records at the same times, its surrogate is reused. The realisations of
-        this surrogate count again.
+        for which about half of the realisations are enough, aligned if alignment has a smaller error. An earlier result
+        of `calibrate` in this process, with records at the same times, is also accepted: its surrogate is reused, and
+        the realisations of this surrogate count again.
     realisations : int, optional
         Largest number of realisations of the mechanism for each operating point and machine, including realisations for
         the surrogate. Default: 200, or 45 for each random input if that is more. Each additional maximum with more than
@@ -166,7 +166,8 @@ def _method(surrogate: object) -> uqmbd.extend.Propagator | Found | None:
 
 
 FEW, EACH = 200, 45
-"""Default realisations: minimum, and number for each input, for quadratic corrections about a maximum and checks."""
+"""Default number of realisations: total minimum, and number for each input. They suffice for quadratic corrections
+about a maximum and for checks."""
 
 MANY = 10**8
 """Upper limit of realisations, draws and chains."""

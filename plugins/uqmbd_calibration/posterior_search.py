@@ -49,7 +49,7 @@ class Found:
     spent: tuple[int, ...]  # realisations of the surrogate at each operating point
 
     def given(self, place: int, point: OperatingPoint) -> list[xr.DataTree]:
-        """Return the surrogates of an operating point, and add their realisations to those of an equal point.
+        """Return the surrogates of an equal operating point, and count their realisations for the new point.
 
         Raise StudyError if the points differ.
         """
@@ -153,7 +153,7 @@ def find(
 
 
 REACH, LOOKED_AT = 1e5, 256
-"""Deviation beyond which rounding hides the likelihood of a value, and number of checked points of the prior."""
+"""Deviation beyond which rounding errors exceed the other terms of the likelihood; number of checked prior points."""
 
 
 def _check_reach(prior: Posterior, seed: int) -> None:
@@ -189,7 +189,7 @@ def _check_reach(prior: Posterior, seed: int) -> None:
 
 
 def _described(node: xr.DataTree) -> str:
-    """Return the method of a surrogate with the options that matter to the reader."""
+    """Return the name of a surrogate's method, with its order and alignment."""
     sentences = [str(node.attrs["propagator"])]
     options = json.loads(node.attrs.get("options", "{}"))
     sentences += [f"{name} {options[name]}" for name in ("order", "alignment") if options.get(name) is not None]

@@ -113,7 +113,7 @@ def _predicted(
     after = {f"{method.node_name}, calibrated": method for method in methods}
     both = [*methods, *(Calibrated(method, found, label=label) for label, method in after.items())]
     labels = [one.node_name for one in both]
-    # select by label, because this command does not need curves of error against cost
+    # select all methods by label: a run without a selection also computes curves of error against cost
     tree = study.with_propagators(both).run(workers, only=labels, progress=True)
     files["results"] = save(tree, out / "results.nc")
     files["report"] = write_report(tree, out / "report.html", sections=installed_sections(), folder=out / "figures")

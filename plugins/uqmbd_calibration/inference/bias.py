@@ -70,7 +70,7 @@ class Bias:
             raise uqmbd.StudyError("Bias: times contains values that are not finite; expected finite times in s.")
         if self.length is None or len(at) < 2:
             return np.full((len(at), 1), float(self.sd))
-        # values at points a third of the length apart leave a deviation below 1e-3 sd between the points
+        # at a spacing of a third of the length, the interpolation error between the points is below 1e-3 sd
         wanted = int(np.ceil(3 * np.ptp(at) / self.length)) + 1
         points = at if wanted >= len(at) else np.linspace(at[0], at[-1], wanted)
         values, vectors = np.linalg.eigh(self._covariance(points, points))

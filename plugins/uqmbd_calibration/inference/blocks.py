@@ -14,10 +14,11 @@ __all__ = ["FREEDOM", "Block", "NormalEquations"]
 
 
 FREEDOM = 4.0
-"""Degrees of freedom of robust noise: the density at ten standard deviations is 1e-4 of the maximum, not 1e-22."""
+"""Degrees of freedom of Student's t for robust noise. Its density at ten standard deviations is 1e-4 of the maximum;
+for normal noise, it is 1e-22."""
 
 NormalEquations = tuple[Index, Array, Array]
-"""Columns of the vector of unknowns, and gradient (K, c) and Gauss-Newton Hessian (K, c, c) of the misfit for them."""
+"""Indices (c,) of unknowns, with gradient (K, c) and Gauss-Newton Hessian (K, c, c) of minus the log-likelihood."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class Block:
         return not self.times.size
 
     def part(self, rows: Index) -> Block:
-        """Return the block of some of the values."""
+        """Return the block with only the selected values."""
         times = self.times if self.timeless else self.times[rows]
         about = {name: getattr(self, name)[rows] for name in ("values", "columns", "modes", "variance")}
         return replace(self, times=times, **about)
@@ -86,7 +87,7 @@ class Block:
         return np.asarray(found)
 
     def each(self, misfit: Array, sigma: Array) -> Array:
-        """Return the log-likelihood (K, n) of each value, with the mean of a bias that is not sampled."""
+        """Return the log-likelihood (K, n) of each value; a bias that is not sampled has its conditional mean."""
         variance = sigma[:, None] ** 2 + self.variance
         if self.robust:
             constant = gammaln((FREEDOM + 1) / 2) - gammaln(FREEDOM / 2) - 0.5 * np.log(FREEDOM * np.pi)
@@ -96,7 +97,7 @@ class Block:
         return np.asarray(-0.5 * (rest**2 / variance + np.log(2 * np.pi * variance)))
 
     def bias(self, misfit: Array, sigma: Array) -> Array:
-        """Return the mean of minus the bias (K, n) given the misfits; zeros if its coefficients are sampled."""
+        """Return minus the conditional mean of the bias (K, n), given misfits; zeros if the bias is sampled."""
         if self.robust or not self.modes.shape[1]:
             return np.zeros_like(misfit)
         variance = sigma[:, None] ** 2 + self.variance
@@ -137,7 +138,10 @@ class Block:
         return columns, gradient, hessian
 
     def level_information(self, spread: float) -> float:
-        """Return the expected information on the normal variable of its noise level; `spread`: deviation of the log."""
+        """Return the expected Fisher information on the standard normal variable of the noise level.
+
+        `spread` is the standard deviation of the logarithm of the noise level.
+        """
         share = FREEDOM / (FREEDOM + 3) if self.robust else 1.0
         return 2.0 * share * len(self.values) * spread**2
 

@@ -79,7 +79,7 @@ def climb(
 
 
 def distinct(peaks: Peaks, dimension: int, most: int, within: float = np.inf) -> Peaks:
-    """Return the best maxima whose distances exceed one deviation about either of two, in order of their cost.
+    """Return the best distinct maxima, lowest cost first: any two are more than one standard deviation apart.
 
     `dimension`: number of unknown inputs, which alone determine distances; `most`: largest number of maxima;
     `within`: largest cost above the lowest cost.

@@ -19,7 +19,8 @@ __all__ = ["CorrectedPredictions", "corrected", "enough", "tangent"]
 
 
 OVER = (1.4, 1.4, 1.4, 2.5)
-"""Least number of realisations for each term, by degree: cubic polynomials have large errors far from realisations."""
+"""Least number of realisations for each polynomial term, for the degrees 0 to 3. Cubic polynomials need more, because
+they have large errors far from realisations."""
 
 EXACT = 1e-3
 """Squared error of the log-likelihood below which no further improvement is sought."""
@@ -106,7 +107,7 @@ def corrected(
 def tangent(
     base: Predictor, point: Array, values: Sequence[Array], free: Index, centre: Array, scale: Array
 ) -> CorrectedPredictions:
-    """Correct a base to given values at a point and given differences along each unknown input.
+    """Correct a base surrogate, so that it has given values at a point and given slopes along each unknown input.
 
     `base`: predictions over the prior; `point` (d,): standard normal variables; `values`: responses (1 + f, n) of each
     block, at the point and with each unknown input moved by one local coordinate; `free` (f,): indices of the unknown

@@ -21,7 +21,7 @@ LITTLE = 0.5
 """Ratio of expected variance to prior variance above which a direction counts as unidentified."""
 
 SMALL = 0.15
-"""Ratio of a weight to the largest weight of a direction below which its input is not named."""
+"""An input with a smaller weight than this share of the largest weight is omitted from the name of a direction."""
 
 
 @dataclass(frozen=True, eq=False)

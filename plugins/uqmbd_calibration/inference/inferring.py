@@ -30,22 +30,23 @@ __all__ = ["PART", "PosteriorCheck", "Inferred", "Mode", "infer"]
 
 
 EVEN, SHIFT = 0.8, 0.1
-"""Least effective share of weights, and largest shift of means in standard deviations, of an accepted surrogate."""
+"""Accepted surrogates: least effective share of weights; largest shift of a mean, in standard deviations."""
 
 
 PART = 0.01
-"""Probability of another maximum of the posterior above which it has draws, or a warning reports it."""
+"""Probability above which another maximum of the posterior is sampled, or a warning reports that it is not."""
 
 WITHIN = 4.0
-"""Limit of the sampled region, in deviations of the posterior; three times the root of the dimension is added."""
+"""Radius of the sampled region, in standard deviations of the posterior, in addition to three times the square root of
+the dimension."""
 
 
 WIDENED, WIDEST = 4.0, 1e3
-"""Factor on this limit where it cuts off draws, and limit beyond which there is none."""
+"""Factor by which the radius grows if it cuts off draws; radius from which on the region is unlimited instead."""
 
 NEAR_LIMIT, CUT = 0.8, 1e-3
-"""Distance of a draw that counts as near the limit, relative to it, and share of such draws that widens the region. A
-normal distribution has fewer than one of 10^9 draws there."""
+"""Share of the radius beyond which a draw is near the limit; share of draws near the limit above which the region
+grows. A normal distribution has fewer than one of 10^9 draws there."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +175,7 @@ def _sampled(
 
 
 def _at_limit(found: Draws, peak: Array, factor: Array, within: float) -> bool:
-    """Return whether the limit of the sampled region cuts off draws, as of a posterior along a curve."""
+    """Return whether the limit of the sampled region cuts off draws, for example of a posterior along a curve."""
     local = np.linalg.solve(factor, (found.flat - peak).T)
     far = (local**2).sum(axis=0) > (NEAR_LIMIT * within) ** 2
     return bool(far.mean() > CUT)
@@ -188,13 +189,13 @@ def _combined(
     unseen: int,
     seed: int,
 ) -> Inferred:
-    """Combine the draws about all maxima; the check of a widened part becomes the last check."""
+    """Combine the draws about all maxima; if a part is widened, its check becomes the last check."""
     first = sampled[0].part
     if len(sampled) == 1:
         one = sampled[0]
         return Inferred(first.target, first.peak, first.draws, one.checks, modes, one.widened, unseen)
     masses = {number: one.part.log_mass for number, one in zip(numbers, sampled, strict=False)}
-    # maxima that were not sampled keep the mass of a normal distribution
+    # the mass of a maximum that was not sampled is the mass of a normal distribution
     modes = tuple(replace(mode, log_mass=masses.get(k, mode.log_mass)) for k, mode in enumerate(modes))
     target = CombinedPosterior(
         first.target.unknowns,

@@ -20,10 +20,11 @@ __all__ = ["CombinedPosterior", "PartOfPosterior", "Parts", "combined_draws", "l
 
 
 APART = 3.0
-"""Least distance of maxima with separate draws, in deviations of the posterior about either of them."""
+"""Least distance of two maxima that are sampled separately, in standard deviations of the posterior at either of
+them."""
 
 PROPOSED, ITERATIONS = 4096, 50
-"""Proposals of bridge sampling for a part, and iterations of its estimate."""
+"""Bridge sampling: number of proposals for a part, and number of iterations of the estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Parts:
 
     @classmethod
     def separate(cls, vectors: Sequence[Array], hessians: Sequence[Array]) -> tuple[Parts, list[int]]:
-        """Return maxima with sufficient distance, with preference for earlier maxima, and their indices."""
+        """Return the maxima that are far enough from all earlier ones, and their indices."""
         kept: list[int] = []
         for k in range(len(vectors)):
             nearest = [

@@ -48,17 +48,17 @@ FOLLOWED = 0.05
 
 
 class SearchExhausted(Exception):
-    """All allowed realisations are spent."""
+    """Error: more realisations are required than remain."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _NamedPropagator(uqmbd.extend.Propagator):
-    """Name for `Study.problem`; the calibration computes realisations without a method."""
+    """Placeholder for the method of `Study.problem`; the calibration computes realisations without a method."""
 
     name: ClassVar[str] = "calibration"
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Raise an error, because this class is only a name."""
+        """Raise an error, because this class is only a placeholder."""
         raise uqmbd.StudyError(
             f"{problem.label} cannot run as a method of a study; call calibrate(study, record) instead."
         )
@@ -67,9 +67,9 @@ class _NamedPropagator(uqmbd.extend.Propagator):
 class OperatingPoint:
     """Mechanism with known values of some inputs.
 
-    `study`: study at the times of the records; `known`: values of known inputs; `moving`, `still`: whether outputs over
-    time, and scalar outputs, are needed; `most`: largest number of realisations; `executor`, `progress`: executor of
-    the realisations, and progress display.
+    `study`: study at the times of the records; `known`: values of known inputs; `moving`: whether outputs over time are
+    needed; `still`: whether scalar outputs are needed; `most`: largest number of realisations; `executor`, `progress`:
+    executor of the realisations, and progress display.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class OperatingPoint:
     def surrogates(self, methods: Sequence[uqmbd.extend.Propagator], outputs: Sequence[str]) -> list[xr.DataTree]:
         """Return the best surrogate of outputs over time, and the surrogate of scalar outputs by the first method.
 
-        `methods`: tried in this order for outputs over time until the error is small enough; `outputs`: recorded
+        `methods` are tried in order for outputs over time, until the error is small enough; `outputs`: recorded
         outputs over time. Known inputs have a very narrow distribution. The surrogate of outputs over time comes first.
         A surrogate is missing if no output of its kind is needed.
         """
@@ -211,7 +211,7 @@ class OperatingPoint:
 
 
 def _expected(method: uqmbd.extend.Propagator, study: uqmbd.Study) -> int:
-    """Return the number of realisations that a method predicts."""
+    """Return the number of realisations that a method is predicted to need."""
     found = method.estimate(study)
     return 0 if found is None else found.realisations
 

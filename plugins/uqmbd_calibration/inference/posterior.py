@@ -57,7 +57,7 @@ class Posterior:
         return np.asarray(self.log_likelihood(vectors) - 0.5 * (vectors**2).sum(axis=1))
 
     def with_levels(self, vectors: Array, predictions: list[list[Array]] | None = None) -> Array:
-        """Return vectors (K, N) with the most probable noise levels for their inputs."""
+        """Return the vectors (K, N) with each noise level replaced by its most probable value for the inputs."""
         if not self.unknowns.levels:
             return vectors
         found = vectors.copy()
@@ -120,5 +120,5 @@ class Posterior:
         return Linearised(np.where(np.isfinite(cost), cost, np.inf), gradient, hessian)
 
     def part(self, cases: tuple[MachineRecords, ...], predictors: tuple[Predictor, ...]) -> Posterior:
-        """Return the posterior density of other data."""
+        """Return the posterior density of the same unknowns for other records and predictors."""
         return Posterior(self.unknowns, cases, predictors)

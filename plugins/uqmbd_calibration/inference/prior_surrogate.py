@@ -23,10 +23,11 @@ ROWS = 4_000_000
 """Largest number of values in one evaluation."""
 
 HIGHEST, OVER, VERIFY = 6, 1.5, 16
-"""Highest order of a default method, its realisations for each term, and its verification realisations."""
+"""Default methods: highest order, number of realisations for each polynomial term, number of verification
+realisations."""
 
 SHARE = 0.62
-"""Largest part of all realisations for surrogates over the prior."""
+"""Largest share of the realisations for surrogates over the prior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ def read_prior_surrogates(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             rms = chaos.verification_rms() if chaos.verification_response is not None else np.zeros((1, len(wanted)))
-        # a surrogate with an unknown error has no influence
+        # an unknown error counts as very large, so that the surrogate has no influence
         variance = np.where(np.isfinite(rms[0]), rms[0] ** 2, np.inf)[rows]
         largest = np.max(variance[np.isfinite(variance)], initial=0.0)
         parts.append(
@@ -84,7 +85,7 @@ def read_prior_surrogates(
 def default_methods(
     study: uqmbd.Study, *, moving: bool, known: Sequence[str], most: int
 ) -> tuple[uqmbd.extend.Propagator, ...]:
-    """Return default collocation methods of the installed plugins, for which about half of the realisations suffice.
+    """Return the default collocation methods that need at most about half of the realisations.
 
     The first method collocates at equal times. If its error for outputs over time is too large, methods aligned at
     events and at phases follow. These methods do not split the germ space: with splitting, a damped motion needed 2500

@@ -146,7 +146,7 @@ def sample(
 
 
 def _starts(density: Callable[[Array], Array], generator: np.random.Generator, count: int, dimension: int) -> Array:
-    """Return starts (count, N) with nonzero density from a distribution slightly wider than the density."""
+    """Return starts (count, N) of nonzero density, drawn from a slightly wider distribution."""
     found = np.zeros((0, dimension))
     width = 1.2
     for _ in range(20):

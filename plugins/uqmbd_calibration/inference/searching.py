@@ -21,7 +21,7 @@ __all__ = ["Builder", "search", "spread_over_prior"]
 
 
 Builder = Callable[[tuple[MachineRecords, ...]], Posterior]
-"""Function that returns the posterior density by the surrogate over the prior, for cases with some of their values."""
+"""Function that returns a posterior density by the surrogate over the prior, for cases with some of their values."""
 
 WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Fractions of the duration of the records."""
@@ -30,10 +30,10 @@ THINNED = 200
 """Number of values of a block that a search uses."""
 
 POOL, STARTS, KEPT = 2048, 24, 12
-"""Points of the prior that are evaluated, starts in each window, and maxima that continue in the next window."""
+"""Numbers of evaluated points of the prior, of starts in a window, and of maxima that start the next window."""
 
 APART = 0.2
-"""Distance between starts of one window, in standard deviations of the prior."""
+"""Least distance between starts of one window, in standard deviations of the prior."""
 
 
 def spread_over_prior(dimension: int, count: int, seed: int) -> Array:

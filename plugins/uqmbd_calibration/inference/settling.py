@@ -24,14 +24,15 @@ MODES, WORSE = 4, 30.0
 """Largest number of maxima computed on the mechanism, and their largest distance in log-density below the best one."""
 
 AS_LIKELY = 3.0
-"""Largest difference of log-mass below the best maximum, for a maximum that is reported without a search."""
+"""A maximum without a search is reported if its log-mass is at most this much below the log-mass of the best
+maximum."""
 
 SETTLED, SETTLING = 0.3, 24
-"""Step length, in standard deviations of the posterior, at which a search ends; and largest number of steps."""
+"""End of a search: step length, in standard deviations of the posterior, and largest number of steps."""
 
 POOR, GOOD, MORE = 0.25, 0.75, 2.0
-"""Ratios of actual to predicted gain: slopes are wrong below the first and above the last one; a step may become
-longer above the second one."""
+"""Ratios of actual to predicted gain. Slopes count as wrong below the first and above the last ratio; above the second
+one, the next step may be longer."""
 
 FREE = 4
 """Largest number of steps with the slopes of the surrogate."""
@@ -65,7 +66,7 @@ class _Computed:
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """Maximum, and the best realisation of its search."""
+    """Result of a search: the maximum, and the best realisation."""
 
     mode: Mode
     at: _Computed

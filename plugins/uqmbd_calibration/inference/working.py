@@ -101,7 +101,7 @@ class CalibrationState:
         return True
 
     def follow(self, peak: Array, factor: Array, seeds: Iterator[int], *, explored: bool) -> tuple[Array, Array]:
-        """Correct the surrogate about a maximum, and repeat about the new maximum until it converges."""
+        """Correct the surrogate about a maximum; repeat this about each new maximum until the maximum converges."""
         inputs = max(len(case.free) for case in self.cases)
         count = max(CHECKED, enough(inputs))
         for _ in range(FOLLOWED):
@@ -162,9 +162,9 @@ class CalibrationState:
             ) from None
 
     def _measure(self, k: int, peak: Array) -> Callable[[Array], Array]:
-        """Return a function that weighs errors (K, N) of a case, in squares of the log-likelihood.
+        """Return a function that converts errors (K, N) of a case to squared errors (K,) of the log-likelihood.
 
-        If values are far from all predictions, as for a wrong model, errors count by their product with the misfit.
+        If values are far from all predictions, as for a wrong model, the product of error and misfit is the main part.
         """
         case, sigma, misfit = self.cases[k], [], []
         predicted = self.predictors[k](case.normals(peak[None]))
@@ -194,7 +194,7 @@ def peak_of(target: Posterior, start: Array) -> tuple[Array, Array]:
     """Return the maximum near a start (N,), and a lower triangular factor of the covariance (N, N) there."""
     found = climb(target, start[None])
     for _ in range(2):
-        # differences over a part of the posterior: wide enough for rounding errors, small enough for the curvature
+        # the step is a part of the posterior's width: rounding errors and the curvature then have small effects
         deviation = np.sqrt(np.diag(np.linalg.inv(found.hessian[0])))[: len(target.unknowns.inputs)]
         # a record that contradicts the prior has its maximum beyond the initial limit of the search
         reach = 10 * REACH if np.abs(found.vectors).max() >= REACH else REACH

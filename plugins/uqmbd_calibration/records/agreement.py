@@ -55,7 +55,7 @@ def _check_size(where: str, series: Series) -> None:
     largest = int(np.argmax(np.abs(series.values)))
     place = f"no. {largest + 1}" if series.timeless else f"at {series.times[largest]:g} s"
     check_size(where, f"the value {place}", float(series.values[largest]))
-    # use the median, because a single wrong value is a different error
+    # use the median, because one very large wrong value must not raise the limit
     rounding = np.spacing(max(float(np.median(np.abs(series.values))), 1 / LARGEST))
     if series.noise is None:
         return

@@ -274,9 +274,10 @@ class Record:
         Raises
         ------
         uqmbd.StudyError
-            If the study has no such output or known input, units differ, or only the record or only the study has times
-            for an output. Also if times precede the start of the study, or a known value is impossible for its input.
-            Also if values are too large to compute with, or the noise is below their rounding errors.
+            If the study lacks an output or a known input of the record, or units differ. If an output has times in the
+            record but not in the study, or vice versa. If times precede the start of the study, or a known value is
+            outside the distribution of its input. If values are too large for computations, or the noise is below their
+            rounding errors.
 
         Warns
         -----

@@ -11,7 +11,7 @@ _RAISED = re.compile("[⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 
 
 def same_units(one: str, other: str) -> bool:
-    """Return whether two texts are the same units; ``m/s²``, ``m/s**2`` and ``m/s^2`` are.
+    """Return whether two texts denote the same units, such as ``m/s²``, ``m/s**2`` and ``m/s^2``.
 
     >>> same_units("m/s²", "m/s^2"), same_units("N·m", "N  m"), same_units("mm", "m"), same_units("mN", "m N")
     (True, True, False, False)

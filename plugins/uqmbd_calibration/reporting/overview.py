@@ -70,7 +70,7 @@ def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:
 
 
 def _unbroken(numbers: str) -> str:
-    """Return numbers that a narrow column of the page does not break into two lines."""
+    """Replace the spaces in a text of numbers by no-break spaces, so that a narrow column does not break the line."""
     return numbers.replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -84,7 +84,7 @@ def _fits(tree: xr.DataTree) -> Iterator[Chart]:
     }
     for name in sorted(names, key=lambda one: worst[one])[:MOST_OUTPUTS]:
         for chart, what in zip(record_charts(tree, name), ("fit", "residuals"), strict=True):
-            # the time of the record differs from the time of the prediction, which the page shares between charts
+            # the page links all charts over the study's time, so the time of a record needs another name
             across, units = (chart.across, chart.across_units) if chart.across else ("time in the record", "s")
             yield replace(chart, title=f"{name}: {what}", across=across, across_units=units)
 

@@ -107,7 +107,7 @@ class Calibration:
         """Combinations of inputs that the records are expected to determine less well than the prior.
 
         An example is ``0.71 k1 - 0.71 k2``, with each input divided by the standard deviation of its prior. An input
-        with another than a normal distribution is replaced by its standard normal variable.
+        whose distribution is not normal is replaced by its standard normal variable.
         """
         return tuple(one["name"] for one in json.loads(self.tree.attrs["unidentified"]))
 

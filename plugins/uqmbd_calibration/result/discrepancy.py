@@ -27,7 +27,7 @@ OUTLYING = 10.0
 """Outlier limit for unknown noise or many outliers, in standard deviations estimated from the median residual."""
 
 FEW, SHOWN = 0.05, 10
-"""Largest share of outliers among the values for a list (one is always listed), and largest length of the list."""
+"""Outliers are listed up to this share of the values (a single one always); largest length of the list."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,7 +159,7 @@ def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
 
 
 def _unreliable(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
-    """Return for each unknown input (D,) whether the model contradicts a record that informs the input."""
+    """Return a mask (D,) of the unknown inputs that depend on a record that contradicts the model."""
     unreliable = np.zeros(len(found.arrangement.unknowns.inputs), dtype=bool)
     names = {one["record"] for one in model if one["rejected"] and not one["robust"]}
     for case in found.arrangement.cases:

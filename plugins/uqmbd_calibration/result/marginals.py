@@ -89,8 +89,8 @@ def curvature(normal: Array) -> Array:
 
 
 def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
-    """Return the first table within bounds and close to the draws, or a curve through their quantiles if none is."""
-    # an infinite support has finite bounds, too, far from the mean; draws beyond the bounds identify it
+    """Return the first table within bounds and close to the draws; without such a table, a curve through quantiles."""
+    # the stated bounds of an infinite support are finite: if draws are beyond a bound, the support is infinite
     lower = lower if lower <= values.min() else -np.inf
     upper = upper if upper >= values.max() else np.inf
     mean, sd = values.mean(), max(float(values.std()), 1e-300)
