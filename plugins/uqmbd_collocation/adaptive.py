@@ -66,13 +66,13 @@ class _Grid:
         return np.broadcast_to(mean, shape), np.broadcast_to(variance, shape)
 
     def chaos(self) -> tuple[Array, Index]:
-        """Return coefficients (P, O, T) and degrees (P, d), the mean first."""
+        """Return coefficients (P, O, T) and degrees (P, d) of the terms; the first term is the constant."""
         terms = in_order(self.total)
         index = np.array(terms, dtype=np.int64).reshape(-1, self.runs.space.dimension)
         return np.array([self.total[term] for term in terms]), index
 
     def children(self, level: Level, done: set[Level]) -> tuple[list[Level], bool]:
-        """Return the next levels whose smaller levels are all in `done`, and whether the depth limit removed one."""
+        """Return the next levels whose smaller levels are all in `done`, and whether `DEEPEST` excluded one."""
         found, cut = [], False
         for k, germ in enumerate(self.runs.space.germs):
             if germ.values is not None and 2 * level[k] + 1 >= germ.values:
@@ -95,7 +95,7 @@ class _Scale:
     largest: Array
 
     def measure(self, mean: Array, variance: Array) -> tuple[float, float]:
-        """Return the size of changes of mean and variance (O, T) as changes of mean and standard deviation."""
+        """Convert changes of mean and variance (O, T) to relative changes of mean and standard deviation."""
         less = np.sqrt(np.maximum(self.std**2 - np.abs(variance), 0.0))
         in_mean = (np.abs(mean).max(axis=-1) / self.largest).max()
         return float(in_mean), float(((self.std - less).max(axis=-1) / self.largest).max())

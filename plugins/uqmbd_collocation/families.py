@@ -328,7 +328,7 @@ def _composed(
 
 
 def _fits(work: _FamilyContext, rows: Mapping[Way, Sequence[int]]) -> str:
-    """Return a text on the fits, from the rows of the outputs of each family."""
+    """Return a text that states the outputs and the fit of each family; `rows` contains the indices of the outputs."""
     outputs = [o.name for o in work.problem.labels.outputs]
     words = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
     return "; ".join(words)

@@ -44,7 +44,7 @@ class QuadratureProjection:
     rule: uqmbd.extend.Quadrature
     multi_index: Index  # (P, d)
     exact: bool  # whether the rule integrates products of the basis exactly
-    label: str  # of the propagator, in messages
+    label: str  # label of the propagator, for messages
 
     @property
     def nodes(self) -> Array:
@@ -81,12 +81,12 @@ class QuadratureProjection:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Least squares on samples, or sparse regression (``omp``, ``lars``)."""
+    """Fit to samples by least squares, or by sparse regression (``omp``, ``lars``)."""
 
     nodes: Array  # (K, d) samples in germs
     multi_index: Index  # (P, d)
     method: str  # ``regression``, ``omp`` or ``lars``
-    label: str  # of the propagator, in messages
+    label: str  # label of the propagator, for messages
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Raise StudyError if there are too few samples.

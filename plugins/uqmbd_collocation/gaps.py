@@ -68,17 +68,18 @@ def _shares(
 def with_gap(
     points: uqmbd.extend.VerificationPoints, shares: Array, among: uqmbd.extend.VerificationPoints
 ) -> uqmbd.extend.VerificationPoints | None:
-    """Return the points and the candidate with most of the error, if each candidate has the error of the nearest point.
+    """Return the points and the candidate with the largest estimated share of the error.
 
-    A candidate takes weight from the points whose surroundings are nearer to it, at most the weight of a drawn point. A
-    candidate is between two points: beyond the outermost points errors grow outwards, where weights are small. Return
-    None if there is no such candidate, as for germs of few values.
+    The estimate assigns the error of the nearest point to each candidate. The selected candidate takes over the weight
+    of the candidates that are nearer to it than to a point, at most the weight of a drawn point. Only candidates
+    between two points are considered: beyond the outermost points, errors grow outwards, but weights are small. Return
+    None if there is no such candidate, for example for germs of few values.
     """
     candidates, known = (_levels(germs, among) for germs in (among.germs, points.germs))
     apart = np.linalg.norm(candidates[:, None] - known, axis=2)
     nearest, distance = apart.argmin(axis=1), apart.min(axis=1)
     own = np.bincount(nearest, among.weights, len(points))
-    # part of the weight of its nearest point that each candidate represents
+    # each candidate represents a part of the weight of its nearest point
     represented = among.weights * (points.weights / np.maximum(own, 1e-300))[nearest]
     closer = np.linalg.norm(candidates[:, None] - candidates, axis=2) < distance
     gained = closer @ represented
@@ -103,7 +104,7 @@ def _between(candidates: Array, known: Array, nearest: Index) -> Mask:
 
 
 def _levels(germs: Array, among: uqmbd.extend.VerificationPoints) -> Array:
-    """Return the probabilities (K, d) below each germ of points (K, d), by weighted candidates."""
+    """Return the cumulative probability (K, d) of each germ of points (K, d), from weighted candidates."""
     found = np.empty(germs.shape)
     for k in range(germs.shape[1]):
         order = np.argsort(among.germs[:, k], kind="stable")

@@ -80,7 +80,7 @@ def raise_order(
 
 
 def _most_terms(space: uqmbd.extend.GermSpace) -> int | None:
-    """Return the number of terms of the highest order; None (no highest order) unless all germs have few values."""
+    """Return the number of terms of the highest possible order; None if a germ is continuous, so that none exists."""
     values = [germ.values for germ in space.germs if germ.values is not None]
     return math.prod(values) if len(values) == space.dimension else None
 

@@ -175,7 +175,7 @@ class Plans:
         return Regression(rule.nodes, terms, self.method, self.label)
 
     def first_nodes(self, space: uqmbd.extend.GermSpace) -> Array:
-        """Return germ points, shape (K, d), that need realisations in any case."""
+        """Return the germ points (K, d) of the first step, whose realisations every run with these options needs."""
         if self.adaptive == "dimension":
             return uqmbd.extend.gauss_tensor(space, [min(3, germ.values or 3) for germ in space.germs]).nodes
         return self.plan(space, self.order).nodes
@@ -186,7 +186,7 @@ class Plans:
         return EXTREMES if self.verify >= FEWEST else 0
 
     def verification_points(self, space: uqmbd.extend.GermSpace, others: int = 0) -> uqmbd.extend.VerificationPoints:
-        """Return `verify` minus `others` verification points, which differ from the points of every design."""
+        """Draw `verify` minus `others` verification points, which differ from the points of every design."""
         return uqmbd.extend.VerificationPoints.drawn(space, self.verify - others, self.seed, STREAM)
 
     def with_extremes(

@@ -203,5 +203,5 @@ class _Once:
 
 
 def announced_once(problem: uqmbd.extend.Problem, most: int) -> uqmbd.extend.Problem:
-    """Return a problem whose progress starts once, with the largest number of realisations."""
+    """Return a problem that displays all its computations as one task of at most `most` realisations."""
     return problem.using(progress=_Once(problem.progress, most))

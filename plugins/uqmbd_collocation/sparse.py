@@ -23,7 +23,7 @@ NOISE = 1e-8
 TURNED = 0.5
 """Two times share an order of terms if sin(angle between their responses) / (error of the fit) is at most this ratio.
 
-Smaller values need more orders of terms with little gain, because the error includes the effect of the order."""
+A smaller ratio requires more orders of terms with little gain, because the error includes the effect of the order."""
 
 ENOUGH = 1e-7
 """No better order of terms is sought if the error of a fit is below this multiple of the standard deviation."""
@@ -145,7 +145,7 @@ def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
         else:
             path = linear.orthogonal_mp(centred, target, n_nonzero_coefs=most, return_path=True)
             chosen = path.reshape(centred.shape[1], -1) != 0
-            step = chosen.shape[1] - chosen.sum(axis=1)  # an entered term stays
+            step = chosen.shape[1] - chosen.sum(axis=1)  # a term that has entered stays
             entering = np.argsort(step, kind="stable")[: int(chosen.any(axis=1).sum())].tolist()
     kept: list[int] = []
     basis = np.zeros((len(values), 0))

@@ -43,7 +43,7 @@ def _count(values: int | None, level: int) -> int:
 
 
 def level_of(degrees: Index) -> Index:
-    """Return the lowest levels whose nodes resolve degrees, for any shape."""
+    """Return the lowest level whose nodes resolve a degree, for each entry of an array of degrees."""
     return (degrees + 1) // 2
 
 
@@ -147,8 +147,8 @@ class SparseProjection:
     factors: dict[Level, int]  # nonzero factor of each level in the combination
     multi_index: Index  # (P, d) all or some of the terms that the levels resolve
     nodes: Array  # (K, d) distinct
-    label: str  # of the propagator, in messages
-    name: str  # of the grid, in messages
+    label: str  # label of the propagator, for messages
+    name: str  # description of the grid, for messages
 
     @classmethod
     def of(

@@ -74,9 +74,9 @@ def chosen_over_time(
 def _near_without_one(
     given: uqmbd.extend.Verification, chaoses: Mapping[str, Any], best: int, output: int, scale: float
 ) -> Mask:
-    """Return at which times (T,) a family is near the smallest error without its worst verification realisation.
+    """Return the times (T,), as a mask, at which a family is near the smallest error without its worst realisation.
 
-    In the worst realisation, the squared error exceeds the squared error of another family most.
+    The worst verification realisation has the largest excess of the squared error over that of the other family.
     """
     points, right = given.points, given.response[:, output]
     values = [
@@ -88,7 +88,7 @@ def _near_without_one(
         if k != best:
             excess = squares[best] - (NEAR**2) * other
             rest = excess.sum(axis=0) - excess.max(axis=0)
-            # a family without a value is not better
+            # a family whose error is not finite is not better
             found &= ~np.isfinite(other).all(axis=0) | (rest <= (REST * scale) ** 2)
     return np.asarray(found & np.isfinite(squares[best]).all(axis=0))
 

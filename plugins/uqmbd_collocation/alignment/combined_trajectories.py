@@ -53,7 +53,7 @@ class _PhaseHistory:
         return bool((np.diff(self.phase[:segments], axis=1) > 0).all())
 
     def passes(self, marks: Merged) -> bool:
-        """Return whether marks are in the same segments as in other realisations."""
+        """Return whether this realisation passes the marks in the segments that `marks` states for all realisations."""
         edges = self.edges
         return all(not len(own) or (edges[k] < own[0] and own[-1] < edges[k + 1]) for k, own in enumerate(marks.phases))
 
@@ -210,7 +210,8 @@ class CombinedTrajectories:
         )
 
     def _reach(self, values: Array, count: int, phase: float) -> bool:
-        """Integrate realisations whose last segment has no event at its end to a phase; return whether all reach it."""
+        """Integrate realisations further to a phase if no event ends their last segment; return whether all reach
+        it."""
         while True:
             motions = [
                 m for m in self._motions(values, self._longer) if m.history.final and len(m.history.labels) == count

@@ -117,7 +117,8 @@ def marks_behind(starts: Array, last: float) -> Array:
 
 
 def everywhere(space: uqmbd.extend.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
-    """Return values at germs (K, d), then values of a polynomial of order 2 through them at `spread` (M, d)."""
+    """Append to values `known` at germs (K, d) the values of a polynomial of order 2, fitted to them, at `spread` (M,
+    d)."""
     terms = uqmbd.extend.index_set(space.dimension, 2)
     terms = terms if len(germs) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
     fit = np.linalg.lstsq(space.evaluate(germs, terms), known, rcond=1e-10)[0]

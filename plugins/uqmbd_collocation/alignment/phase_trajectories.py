@@ -67,7 +67,10 @@ STANDS: Sequence = ("the clock stands",)
 
 @dataclass(frozen=True)
 class _PhaseTrajectory:
-    """Realisation up to the end of `found`; if it is continued, it fails before `limit` with the reason `beyond`."""
+    """Realisation up to the end of `found`.
+
+    If the integration is continued, it fails before the time `limit`, s, with the message `beyond`.
+    """
 
     found: uqmbd.extend.Dense
     row: int
@@ -406,7 +409,8 @@ class PhaseTrajectories:
 
     @property
     def _kinds(self) -> list[Sequence]:
-        """Names of the sequences of realisations with a running clock, by kind."""
+        """Sequences of realisations with a running clock, one for each kind of clock; a sequence is the name of the
+        kind."""
         names = [kind.words for kind in self._clock.kinds]
         if len(names) > 1:
             names[1] += ", backwards"
@@ -463,7 +467,7 @@ class PhaseTrajectories:
         return bool(short.any())
 
     def _follow(self, values: Array, until: float, worth: Callable[[uqmbd.extend.Dense], bool] | None = None) -> None:
-        """Compute realisations; store the part before a failure after the last output time.
+        """Compute realisations; if one fails after the last output time, store its motion up to the failure.
 
         `worth`: function that returns whether a computation with more times is worth its cost.
         """

@@ -45,10 +45,8 @@ CROWDED = 0.25
 L is its length, s, and f the highest frequency of the harmonics, Hz. Series of a higher order are not tried."""
 
 ALIKE = 30.0
-"""Ratio to the largest residual of the fitted realisations above which other frequencies are tried.
-
-`GOAL` is the least residual of fitted realisations in this comparison. Above the residual `QUASI_PERIODIC`, other
-frequencies are always tried."""
+"""Other frequencies are tried if a residual exceeds this multiple of the largest residual of the fitted realisations,
+which counts as at least `GOAL`. They are also tried for every residual above `QUASI_PERIODIC`."""
 
 LINES = 10
 """Number of spectral lines that determine the base."""
@@ -126,8 +124,9 @@ def follow(
     known: Sequence[HarmonicSeries],
     known_places: Array,
 ) -> list[HarmonicSeries]:
-    """Fit series of a kind to K realisations at scaled inputs `places` (K, d), each from the nearest known series.
+    """Fit series with the combinations of `kind` to K realisations at scaled inputs `places` (K, d).
 
+    Each fit starts from the nearest known series.
     `known` contains at least one series, at scaled inputs `known_places` (N, d).
     """
     done, where = list(known), [*known_places]

@@ -20,7 +20,8 @@ NEAR = 0.2
 """Largest distance of a line from its combination, in units of the resolution 2 pi / length."""
 
 OFF = 10.0
-"""Cost of distance `NEAR`, in orders; smaller distances count by their square to prefer the closer of similar bases."""
+"""Cost, in orders, of a line at the distance `NEAR`. The cost grows with the square of the distance, so that the closer
+one of two similar bases is preferred."""
 
 MISSED = 1000
 """Cost of a line that is not a combination, in orders."""
@@ -50,9 +51,9 @@ def ball(order: int, dimension: int) -> Index:
 def bases(lines: SpectralLines, resolution: float) -> list[Base]:
     """Return the simplest base of one frequency with all lines as multiples, and the simplest base of two, if any.
 
-    The simplest base has the smallest sum of orders of all lines. Each frequency of a base is a line, a difference of
-    two lines, or half of one of these. A base frequency need not be a line: the height of a pendulum has only even
-    combinations. `resolution`: 2 pi / length, rad/s.
+    The simplest base has the smallest sum of orders of all lines. Each frequency of a base is a line, half or a third
+    of a line, a sum or difference of two lines, or half of one of these. A base frequency need not be a line: the
+    height of a pendulum has only even combinations. `resolution`: 2 pi / length, rad/s.
     """
     f = lines.frequencies
     pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]

@@ -61,7 +61,10 @@ class Signals:
         return Signals(self.times[:count], self.values[:count])
 
     def thinned(self, lost: float) -> Signals:
-        """Return every n-th value, if the share of the energy at the removed frequencies is small enough."""
+        """Return every n-th value; n is the largest power of two for which the removed frequencies have little energy.
+
+        `lost` is the largest share of the energy at the removed frequencies.
+        """
         power = np.sum(np.abs(np.fft.rfft(self.values * self.window[:, None], axis=0)) ** 2, axis=1)
         above = np.cumsum(power[::-1])[::-1] / max(float(power.sum()), 1e-300)
         stride = 1
