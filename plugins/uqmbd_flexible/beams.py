@@ -50,8 +50,7 @@ def Beam(
     area : float
         Area of the section, m^2.
     second_moment : float, or two floats
-        Second moment of area, m^4. In the plane for bending in the plane. In space ``(I_y, I_z)``, about the y and the
-        z axis.
+        Second moment of area, m^4, for bending in the plane. In space: ``(I_y, I_z)``, about the y and the z axis.
     youngs_modulus : number or expression
         Modulus of elasticity, Pa; may contain random variables.
     density : float
@@ -67,7 +66,7 @@ def Beam(
     torsion : float, optional
         Torsion constant, m^4; required in space.
     depth, width : float, optional
-        Height of the section in the direction of y, and of z, m: for recovered strains at the surface.
+        Extent of the section along y, and along z, m, for recovered strains at the surface.
     highest : float, optional
         Highest frequency of retained modes, Hz. Default: all modes.
 

@@ -17,7 +17,7 @@ from uqmbd_flexible.modes import FlexibleModes
 __all__ = ["FlexibleBody", "flexible_body"]
 
 NEGLIGIBLE = 1e-12
-"""Entries of an integral that are smaller, relative to its largest entry, are rounding and become zero."""
+"""Entries of an integral below this multiple of its largest entry are rounding errors, and become zero."""
 
 
 TANGENTS = 50
@@ -105,7 +105,7 @@ class FlexibleBody:
         Parameters
         ----------
         node : hashable, or tuple or list of these
-            Node of the model, or a group of nodes, whose mean it is.
+            Node of the model, or a group of nodes; the position of a group is the mean over its nodes.
 
         Examples
         --------
@@ -240,7 +240,7 @@ class FlexibleBody:
 
 
 def _is_diagonal(model: ModalModel) -> bool:
-    """Return whether constant diagonal matrices, with ascending frequencies, describe the modes."""
+    """Return whether modal mass and stiffness are constant and diagonal, with ascending frequencies."""
     masses = np.array(_cleaned(model.modal_mass))
     if model.stiffness.free_symbols or np.count_nonzero(masses - np.diag(np.diag(masses))):
         return False
@@ -268,7 +268,7 @@ def _relative_deflections(model: ModalModel) -> Any:
 
 
 def _cleaned(values: Any) -> list[Any]:
-    """Return rows of numbers, with exact zeros for rounding."""
+    """Return rows of numbers, with rounding errors replaced by exact zeros."""
     array = np.array(values, dtype=float)
     limit = NEGLIGIBLE * float(np.abs(array).max(initial=0.0))
     return list(np.where(np.abs(array) <= limit, 0.0, array).tolist())

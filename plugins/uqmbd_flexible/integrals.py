@@ -46,7 +46,7 @@ class NodalLayout:
         return self.dimension + (self.rotations if self.turns else 0)
 
     def parts(self, values: Array) -> tuple[Array, Array | None]:
-        """Return translations (node, d, column) and rotations (node, r, column) of columns (dof, column)."""
+        """Divide columns (dof, column) into translations (node, d, column) and rotations (node, r, column)."""
         table = values.reshape(len(self.nodes), self.width, -1)
         return table[:, : self.dimension], table[:, self.dimension :] if self.turns else None
 

@@ -23,10 +23,10 @@ def random_matrices(
 ) -> ModalModel:
     """Return a model with random stiffness or damping, which also represents errors of the model itself.
 
-    A matrix ``A = L^T L`` becomes ``L^T G L``. The random matrix ``G`` has the mean of one and is positive definite. It
-    has the largest entropy for its dispersion ``delta = sqrt(E |G - 1|^2 / n)`` in the Frobenius norm, with ``n``
-    modes. The random variables are the entries of a triangular factor of ``G``. They are independent, and each matrix
-    has ``n (n + 1) / 2`` of them.
+    A matrix ``A = L^T L`` becomes ``L^T G L``. The random matrix ``G`` is positive definite, and its mean is the
+    identity matrix. It has the largest entropy for its dispersion ``delta = sqrt(E |G - 1|^2 / n)`` in the Frobenius
+    norm, with ``n`` modes. The random variables are the entries of a triangular factor of ``G``. They are independent,
+    and each matrix has ``n (n + 1) / 2`` of them.
 
     Parameters
     ----------

@@ -54,9 +54,9 @@ class NodeShape:
 class ModalModel:
     """Flexible body in modal coordinates: all integrals of a floating frame of reference.
 
-    `craig_bampton` and `Beam` make such models. Direct use is for integrals from other sources. The displacement in the
-    frame of the body is ``u = sum_k shape_k(x) q_k``. The dimension of the space is ``d``, and the number of rotations
-    is ``r``, 1 in the plane and 3 in space. Integrals extend over the undeformed body.
+    `craig_bampton` and `Beam` make such models. Create a model directly if its integrals are from another source. The
+    displacement in the frame of the body is ``u = sum_k shape_k(x) q_k``. The dimension of the space is ``d``, and the
+    number of rotations is ``r``, 1 in the plane and 3 in space. Integrals extend over the undeformed body.
 
     Parameters
     ----------
@@ -85,11 +85,11 @@ class ModalModel:
     damping : matrix (mode, mode), optional
         Modal damping, N s/m.
     length : float
-        Size of the body, m, of which a deflection of a tenth is large.
+        Size of the body, m; a deflection of more than a tenth of it counts as large.
     stresses : mapping of str to array (mode,), optional
         Recovery of stresses or strains: value for a unit of each coordinate, by name, with `stress_units`.
     stress_units : str
-        Units of the recovered values per metre of a coordinate times metre, such as ``"Pa"``.
+        Units of the recovered values, such as ``"Pa"``, for a coordinate in metres.
 
     Raises
     ------
@@ -226,7 +226,7 @@ class ModalModel:
         return tuple(float(central[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
 
     def scaled(self, stiffness: Any = 1, damping: Any = 1) -> ModalModel:
-        """Return the model with stiffness and damping times a factor, or one factor for each mode.
+        """Return the model with stiffness and damping multiplied by one factor, or by a factor for each mode.
 
         Factors ``f_k`` of the modes multiply the matrix entries by ``sqrt(f_j f_k)``, so that the matrix remains
         positive. Random factors make random frequencies: a frequency is proportional to the square root of its factor.
@@ -311,7 +311,7 @@ class ModalModel:
         return self.replaced(stiffness=sympy.diag(*entries))
 
     def damped(self, ratios: Any) -> ModalModel:
-        """Return the model with modal damping ratios: ``D = sum 2 zeta_k omega_k M v_k v_k^T M`` of its own modes.
+        """Return the model with modal damping ``D = sum_k 2 zeta_k omega_k M v_k v_k^T M``; natural modes are ``v_k``.
 
         Parameters
         ----------

@@ -159,7 +159,7 @@ def reduced_model(
 def diagonal_modes(
     where: str, fields: NodalLayout, mass: Any, stiffness: Any, basis: Array, *, highest: float | None = None
 ) -> tuple[Array, Array]:
-    """Return elastic modes (dof, mode) of a basis with rigid motions, of largest displacement 1 m, and eigenvalues."""
+    """Return elastic modes (dof, mode) of a basis, scaled to a largest displacement of 1 m, and their eigenvalues."""
     small, soft = (_symmetric(basis.T @ (x @ basis)) for x in (mass, stiffness))
     values, vectors = scipy.linalg.eigh(soft, small)
     rigid = fields.dimension + fields.rotations

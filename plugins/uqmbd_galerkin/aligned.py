@@ -29,7 +29,7 @@ LONGEST = 8.0
 """Largest ratio of integration time to output time."""
 
 IN_TIME = 4
-"""Number of segments of a start that is integrated over time."""
+"""Number of segments of the initial interval that is integrated over time, until the clock runs."""
 
 
 @dataclass(eq=False)

@@ -20,13 +20,13 @@ FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
 """Prefixes of the names of first and second time derivatives of a possible clock."""
 
 TOGETHER, APART = 1e-9, np.pi
-"""Nodes are shifted to the same phase if the difference of their phases, rad, is between these values."""
+"""Nodes are shifted to the same phase if the range of their phases, rad, is between these values."""
 
 PILOTS = 8
 """Least number of realisations for the search for a clock."""
 
 AT_REST = 0.3
-"""The start is integrated over time if the ratio of rates of an angle, at the start and a radian later, is smaller."""
+"""The start is integrated over time if the rate of an angle is below this share of its rate a radian later."""
 
 STARTED = 1.0
 """Angle, rad, over which a motion that starts at rest is integrated over time: at rest, time per angle is infinite."""
@@ -58,7 +58,7 @@ class ClockRates:
     ensemble: uqmbd.extend.Ensemble  # nodes; observed quantities come after the outputs of the study
     rows: tuple[int, int, int]  # rows of value, rate and second rate among the outputs
     centre: float
-    """Centre of the value; `reach` and `speed` scale value and rate of an oscillation, equally in all realisations."""
+    """Centre of an oscillation; `reach` and `speed` are the scales of its value and rate, equal in all realisations."""
     reach: float
     speed: float
     until: float  # end of the integration over time, s: the start time, or later if the clock starts at rest
@@ -99,9 +99,10 @@ class ClockRates:
 def find_clock(
     problem: uqmbd.extend.Problem, ensemble: uqmbd.extend.Ensemble, pilots: Array, wanted: str | None
 ) -> tuple[ClockRates, int]:
-    """Choose a clock from realisations at `pilots` (K, input) up to the last output time; return it and their number.
+    """Choose a clock from realisations at `pilots` (K, input); return the clock and the number of integrations.
 
-    `wanted`: name of a clock. Raise StudyError if there is no clock, or if it stands still in some realisations.
+    The realisations end at the last output time. `wanted`: name of a clock. Raise StudyError if there is no clock, or
+    if it stands still in some realisations.
     """
     end = float(problem.times[-1])
     names = [o.name for o in problem.watching().labels.outputs]

@@ -57,7 +57,10 @@ def in_segments(
 
 
 def _in_time(times: Array, values: Array) -> tuple[Array, float]:
-    """Return values (S, O, IN_TIME) at points of the times (S, N), from values (S, O, N) at points of the phases."""
+    """Interpolate values (S, O, N) at points in phase, which have the times (S, N), at points in time (S, O, IN_TIME).
+
+    Return also the estimated interpolation error, relative to the range of an output.
+    """
     count, where = times.shape[1], AlignedElement.points(IN_TIME)
     clock, found = times @ _to_coefficients(count), values @ _to_coefficients(count)
     pace = chebyshev.chebder(clock, axis=1)
@@ -70,12 +73,12 @@ def _in_time(times: Array, values: Array) -> tuple[Array, float]:
         at = np.asarray(np.clip(at - (now - wanted) / np.where(slope > 0, slope, np.inf), -1.0, 1.0), dtype=np.float64)
     result = np.einsum("snc,soc->son", chebyshev.chebvander(at, count - 1), found)
     size = np.ptp(values, axis=(0, 2))
-    # coefficients decrease geometrically, so the omitted ones are about as large as the last ones, for phase and time
+    # coefficients decrease geometrically, in phase and in time, so omitted ones are about as large as the last ones
     last = np.concatenate([found[..., -2:], (result @ _to_coefficients(IN_TIME))[..., -2:]], axis=2)
     return result, float((np.abs(last).max(axis=(0, 2)) / np.where(size > 0, size, 1.0)).max(initial=0.0))
 
 
 def _to_coefficients(count: int) -> Array:
-    """Return the matrix (N, N) by which rows of values at Chebyshev points are multiplied."""
+    """Return the matrix (N, N) that converts rows of values at Chebyshev points to rows of coefficients."""
     vander = chebyshev.chebvander(2 * AlignedElement.points(count) - 1, count - 1)
     return np.asarray(np.linalg.inv(vander).T, dtype=np.float64)

@@ -25,7 +25,7 @@ FINE = 1e-7
 """Precision of the time of a minimum, relative to the interval that contains it."""
 
 SPEED = 1.2
-"""Factor of the largest speed at the places of an interval, as a bound of the speed within it."""
+"""Bound of the speed in an interval, relative to the largest speed at its `PLACES`."""
 
 PLACES = np.linspace(0.0, 1.0, 9)
 """Places of an interval at which speeds are computed."""
@@ -41,7 +41,8 @@ class Side:
     shapes: tuple[BodyShape, ...]
     dimension: int  # of the space; 0: fixed in the world
     turns: bool
-    fixed: tuple[tuple[float, ...], ...]  # values of the shapes' expressions; NaN: among the expressions
+    # parameters of the shapes; NaN: a random parameter, whose value is in the motion
+    fixed: tuple[tuple[float, ...], ...]
 
     @property
     def coordinates(self) -> int:
@@ -258,10 +259,11 @@ def _clearance(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | st
 
 
 _LATEST: dict[tuple[int, bytes, bytes], tuple[float | str, Pair]] = {}
-"""Latest results with their pairs: an output and a requirement ask for the same clearance, one after the other."""
+"""Cache of the latest results, with their pairs: an output and a requirement may compute the same clearance in
+sequence."""
 
 REMEMBERED = 8
-"""Largest number of remembered results."""
+"""Largest number of results in the cache."""
 
 
 def _smallest(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str:

@@ -1,7 +1,7 @@
 """Distances between two bodies with shapes, by python-fcl, with the precision of rounding errors for most shapes.
 
 Spheres and capsules are points and segments with a radius, boxes are solids or surfaces, and meshes are surfaces of
-triangles.  The distances of these are those of pairs of triangles, which fcl computes directly (J. Pan, S. Chitta and
+triangles.  Their distances are distances of pairs of triangles, which fcl computes directly (J. Pan, S. Chitta and
 D. Manocha, FCL: a general purpose library for collision and proximity queries, 2012).  Distances of cylinders are
 iterative in fcl, with errors of 1e-6 of their size.  They are improved by alternating projections onto the two convex
 solids with Anderson acceleration.
@@ -36,7 +36,7 @@ KINDS = (Box, Sphere, Capsule, Cylinder, Mesh)
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A shape with numbers, in the frame of its body."""
+    """Shape with numerical parameters, in the frame of its body."""
 
     kind: type[BodyShape]
     lengths: Array
@@ -81,7 +81,7 @@ class Solid:
 
     @cached_property
     def core(self) -> tuple[Array, Any]:
-        """Triangles of the core: of a point or a segment, they are degenerate."""
+        """Triangles of the core, which are degenerate for a point or a segment."""
         if self.kind is Mesh:
             return np.ascontiguousarray(self.vertices), np.ascontiguousarray(self.faces)
         if self.kind is Box:
@@ -122,7 +122,7 @@ class Solid:
         return abs(float(angles.sum())) > 2 * np.pi
 
     def project(self, place: Array) -> Array:
-        """Return the nearest point of a convex solid with a radius added later, in its frame."""
+        """Return the nearest point of a convex core, in its frame; the caller adds the radius."""
         if self.kind is Box:
             return np.clip(place, -self.lengths / 2, self.lengths / 2)
         half = self.lengths[1] / 2 if self.kind in (Capsule, Cylinder) else 0.0

@@ -27,7 +27,7 @@ NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 """Inertia of the massless bodies between the joints of one link."""
 
 NONE = 1e-15
-"""Entries of an inertia tensor, relative to the largest, that are rounding errors of a rotation of its axes."""
+"""Entries of an inertia tensor below this multiple of the largest entry are rounding errors of a rotation of axes."""
 
 LOG = logging.getLogger("uqmbd.derivation")
 """Log of the built parts of a mechanism; commands display it as progress."""

@@ -1,7 +1,7 @@
 """XML of model files: elements with their lines; entities and external documents are rejected.
 
-Some files that other readers of robots accept violate XML, and are read, too: white space before the declaration,
-prefixes without a namespace, ``--`` in comments. `Document.slips` lists these violations.
+Some violations of XML that other readers of robots accept are tolerated: white space before the declaration, prefixes
+without a namespace, ``--`` in comments. `Document.slips` lists them.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()
             )
         text = file.read_bytes()
     except (OSError, ValueError) as error:
-        article = "an" if form == "mjcf" else "a"  # an M, spoken
+        article = "an" if form == "mjcf" else "a"  # the letter M is pronounced "em"
         reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)
         raise uqmbd.StudyError(f"{where}: {reason}; expected the path of {article} {form.upper()} file.") from None
     slips: list[str] = []

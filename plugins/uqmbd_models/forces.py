@@ -21,7 +21,8 @@ __all__ = ["add_forces"]
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 SMOOTH = 0.01
-"""Speed, rad/s or m/s, below which imported dry friction creeps: smooth friction suits every method."""
+"""Transition speed of imported dry friction, rad/s or m/s: imported friction is smooth, because all methods support
+it."""
 
 
 def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any, zero: float | None) -> None:

@@ -30,7 +30,7 @@ class FramePose:
 
 @dataclass(frozen=True)
 class PlacedJoint:
-    """Joint between two frames: the parent, or the previous part of the same link, and the moving part."""
+    """Joint between two frames: a reference (the parent, or the previous part of the same link) and the moving part."""
 
     name: str  # name in the mechanism
     joint: TreeJoint

@@ -12,7 +12,7 @@ from uqmbd_models.documents import XmlElement, parse
 __all__ = ["require_sizes"]
 
 COPIES = 10_000
-"""Largest number of bodies from elements that repeat others; the derivation of more takes too long."""
+"""Largest number of bodies that repeating elements may create; the derivation of more bodies takes too long."""
 
 ENTRIES = 100_000_000
 """Largest number of values of an array, 0.8 GB."""

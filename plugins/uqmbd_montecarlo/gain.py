@@ -17,7 +17,8 @@ __all__ = ["of_study", "of_surrogate"]
 
 
 HARM = 0.8
-"""A warning is issued if the variance ratio on an equal budget is smaller; the timing error is some per cent."""
+"""A warning is issued if the variance ratio on an equal budget is smaller. Timing errors of some per cent are allowed
+for."""
 
 
 def of_surrogate(statistics: xr.Dataset, surrogate: ControlSurrogate) -> dict[str, Any]:

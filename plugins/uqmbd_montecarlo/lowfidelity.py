@@ -66,7 +66,7 @@ class LowFidelity:
     ...     mechanism.output("drop", stone.position[1] - drag * stone.position[0] ** 2, units="m")
     ...     return uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3))
     >>> method = MonteCarlo(samples=50, seed=1, control=LowFidelity(fall(0.1), cost=0.01))
-    >>> with warnings.catch_warnings():  # motions so short tell no costs
+    >>> with warnings.catch_warnings():  # such short computing times are unreliable
     ...     warnings.filterwarnings("ignore", ".*Monte Carlo without control is more efficient")
     ...     node = fall(0.11).propagate(method)
     >>> bool((node["statistics/variance_reduction"].isel(time=-1) > 10).all())
@@ -116,7 +116,10 @@ def further_realisations(control: LowFidelity, samples: int, left: float) -> int
 
 
 def mismatch(control: uqmbd.Study, inputs: dict[str, str], outputs: tuple[str, ...], times: Array) -> str | None:
-    """Return why a study cannot control a study with these inputs (name to unit), outputs and times; None if it can."""
+    """Return why this study cannot be the control of a study with these inputs, outputs and times; None if it can.
+
+    `inputs` maps names to units.
+    """
     about = f"the control study {control.name!r}"
     if not np.array_equal(control.times, times):
         return f"{about} has different output times; expected the output times of the controlled study"

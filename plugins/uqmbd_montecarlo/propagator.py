@@ -48,7 +48,7 @@ from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, no_surrog
 __all__ = ["MonteCarlo"]
 
 UNKNOWN = ("std_error_mean", "std_error_std", "quantile_interval")
-"""Statistics that a design can only compute from several replicates."""
+"""Statistics that require several replicates of a design."""
 
 FIRST = 64
 """Initial number of samples if the number is searched; each replicate has at least four samples."""

@@ -118,7 +118,8 @@ STARTS = 5
 class Analysis:
     """Result of a reliability analysis."""
 
-    estimates: tuple[ProbabilityEstimate, ...]  # of each requirement; the last of several: that any is violated
+    # of each requirement; if there are several, the last one is of the violation of any
+    estimates: tuple[ProbabilityEstimate, ...]
     design_points: tuple[DesignPoint, ...]  # of all requirements, nearest first
     sampled: Sampled  # the samples of the estimates
     ledger: LimitStateLedger  # all computed realisations

@@ -15,7 +15,7 @@ __all__ = ["ProbabilityEstimate", "derivatives", "estimate", "failing", "tail_in
 
 CONFIDENCE = 0.95
 FEW = 5.0
-"""Effective number of violations below which no scale makes the distribution of their mean normal."""
+"""Effective number of violations below which the distribution of their mean is not normal on any scale."""
 
 HEAVY = 0.4
 """Tail index of weights above which the standard error is mostly too small; above 0.5, the variance is infinite."""

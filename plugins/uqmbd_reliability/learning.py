@@ -207,7 +207,8 @@ def _settled(one: ProbabilityEstimate, target: float) -> bool:
 def _estimates(population: _Population, drawn: Index, margins: Array, lost: int) -> list[ProbabilityEstimate]:
     weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
     real, guess = with_any(margins), with_any(population.predicted)
-    doubt = with_any(-population.doubt)  # the largest doubt applies to any violation
+    # for the violation of any requirement, the largest probability of a wrong sign counts
+    doubt = with_any(-population.doubt)
     failed = np.isnan(real[:, 0])
     gone, most_gone = failing(np.where(failed, weights, 0.0), FIRST, lost)
     kept = max(1.0 - gone, 1e-12)
@@ -218,7 +219,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
         # for the bound on unobserved errors: weights of points with an uncertain sign, and of predicted violations
         unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
         most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
-        # realisations without a result are also subtracted if a violation was predicted
+        # a failed realisation with a predicted violation also counts as a false prediction
         missed, false = weights * (violated & ~foreseen), weights * (~violated & foreseen)
         mean = float(counted.mean() + missed.mean() - false.mean())
         error = float(np.hypot(_error(counted), _error(missed - false)))

@@ -68,7 +68,7 @@ class Outside:
 
     @classmethod
     def around(cls, nearest: float, dimension: int) -> Outside:
-        """Return the distribution outside a sphere that is somewhat smaller than that through the nearest violation.
+        """Return the distribution outside a sphere somewhat smaller than the sphere through the nearest violation.
 
         `nearest`: distance of this violation from the origin. The space outside the sphere has twice the probability of
         the space beyond this distance.

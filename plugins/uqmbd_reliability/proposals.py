@@ -28,9 +28,8 @@ the share of the fixed distribution of a region. These shares bound the weights 
 some multiples of the probability of the region."""
 
 PRIOR = 6.0
-"""Weight of the previous proposal in an adaptation, in violations.
-
-Covariances have in addition twice the number of adapted directions."""
+"""Weight of the previous proposal in an adaptation, as a number of violations. For covariances, twice the number of
+adapted directions is added."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,8 @@ MISSING = (
 )
 
 LEAST, BLOCK = 500, 100
-"""Least number of points of a level, and number of points in one call; with 300, OpenTURNS raises on rare events."""
+"""Least number of points of a level, and number of points in one call. With a level of 300 points, OpenTURNS raises
+errors for rare events."""
 
 DEPENDENCE = 1.8
 """Ratio of the measured standard deviation to that stated by OpenTURNS, which ignores dependence between levels."""

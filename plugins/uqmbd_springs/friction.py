@@ -30,8 +30,10 @@ class RotationalFriction(uqmbd.Component):
     The joint sticks up to Coulomb's moment; `event_time` accepts ``stick`` and ``slip``. The moment may be a function
     of time, as of a brake. With a transition speed, friction is smooth, ``friction w / sqrt(w^2 + transition^2)``, and
     has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
-    smooth friction. A random transition speed must be positive. Static equilibrium is that
-    without friction, with a warning that states its range; modes of a joint that sticks are refused.
+    smooth friction. A random transition speed must be positive.
+
+    The static equilibrium is computed without friction; a warning states the range of equilibria with friction.
+    Eigenfrequencies and modes are not available if a joint sticks at rest.
 
     Examples
     --------
@@ -70,8 +72,10 @@ class SlidingFriction(uqmbd.Component):
     The joint sticks up to Coulomb's force; `event_time` accepts ``stick`` and ``slip``. The force may be a function
     of time, as of a brake. With a transition speed, friction is smooth, ``friction v / sqrt(v^2 + transition^2)``, and
     has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
-    smooth friction. A random transition speed must be positive. Static equilibrium is that
-    without friction, with a warning that states its range; modes of a joint that sticks are refused.
+    smooth friction. A random transition speed must be positive.
+
+    The static equilibrium is computed without friction; a warning states the range of equilibria with friction.
+    Eigenfrequencies and modes are not available if a joint sticks at rest.
 
     Examples
     --------

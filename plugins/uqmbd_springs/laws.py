@@ -44,7 +44,7 @@ class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the coefficients of the law for each realisation; on a line, also the side from the drawn pose."""
+        """Return the coefficients of the law for each realisation; on a line, also the drawn side of point j."""
         found = law_values(self.law, length, rate, package="uqmbd_springs")
         return {**found, "side": self.drawn_side(either=_is_odd(self.law))} if len(self.point_i) == 1 else found
 

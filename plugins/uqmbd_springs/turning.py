@@ -10,7 +10,7 @@ __all__ = ["rotation_rate"]
 
 
 def rotation_rate(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
-    """Return the rate of the angle of body j relative to body i about a common axis, and the initial angle.
+    """Return the rate and the initial value of the angle of body j relative to body i about a common axis.
 
     In planar space, the drawn angle ``p.drawn`` selects the turn of the initial angle. In three dimensions, the initial
     angle between ``p.frame_i`` and ``p.frame_j`` is within half a turn of zero, on the side of the angle ``p.near``.

@@ -1,4 +1,4 @@
-"""Test that an exporter has usable options, states refusals beforehand, and writes the file that it is asked for."""
+"""Test an exporter: its options are usable, it reports refusals before an export, and it writes the requested file."""
 
 from __future__ import annotations
 

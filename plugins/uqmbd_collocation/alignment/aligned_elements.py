@@ -153,8 +153,7 @@ class _AlignedElements(ElementFits):
     def _known(
         self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints
     ) -> uqmbd.extend.Verification | None:
-        """Return the given verification realisations in a box if their number equals the number of points; otherwise
-        None."""
+        """Return given verification realisations in a box; None unless there is one for each of `points`."""
         if self.given is None or len(points) != (inside := box.contains(self.given.points.germs)).sum():
             return None
         return uqmbd.extend.Verification(box.local, self.given.points[inside], self.given.response[inside], len(points))

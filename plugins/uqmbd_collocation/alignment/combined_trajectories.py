@@ -210,8 +210,7 @@ class CombinedTrajectories:
         )
 
     def _reach(self, values: Array, count: int, phase: float) -> bool:
-        """Integrate realisations further to a phase if no event ends their last segment; return whether all reach
-        it."""
+        """Integrate realisations to a phase if no event ends their last segment; return whether all reach it."""
         while True:
             motions = [
                 m for m in self._motions(values, self._longer) if m.history.final and len(m.history.labels) == count

@@ -117,8 +117,7 @@ def marks_behind(starts: Array, last: float) -> Array:
 
 
 def everywhere(space: uqmbd.extend.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
-    """Append to values `known` at germs (K, d) the values of a polynomial of order 2, fitted to them, at `spread` (M,
-    d)."""
+    """Return values at germs (K, d), and values at `spread` (M, d) of a polynomial of order 2 fitted to them."""
     terms = uqmbd.extend.index_set(space.dimension, 2)
     terms = terms if len(germs) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
     fit = np.linalg.lstsq(space.evaluate(germs, terms), known, rcond=1e-10)[0]

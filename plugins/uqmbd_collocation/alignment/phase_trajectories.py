@@ -409,8 +409,7 @@ class PhaseTrajectories:
 
     @property
     def _kinds(self) -> list[Sequence]:
-        """Sequences of realisations with a running clock, one for each kind of clock; a sequence is the name of the
-        kind."""
+        """Sequences of realisations with a running clock: the name of the kind of clock, for each kind."""
         names = [kind.words for kind in self._clock.kinds]
         if len(names) > 1:
             names[1] += ", backwards"

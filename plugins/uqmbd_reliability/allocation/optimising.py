@@ -42,7 +42,7 @@ class MarginSamples:
     """Samples of the present inputs, tightened by factors, and their margins by a surrogate."""
 
     germs: Array  # (N, d)
-    tightened: Tightened  # inputs that factors scale about their means
+    tightened: Tightened  # inputs, scaled about their means by factors
     surrogate: MarginSurrogate  # surrogate of the margins
 
     @cached_property

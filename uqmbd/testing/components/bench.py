@@ -52,7 +52,7 @@ class Bench:
         return result
 
     def state(self, rng: np.random.Generator) -> dict[str, Array]:
-        """Return random values of all variables by letter, shape (K, count), without regard to constraints."""
+        """Return random values (K, count) of all variables, by letter; the values need not satisfy the constraints."""
         counts = Counter(letter for letter, *_ in derive(self.instance.type).arguments("jacobian"))
         found = {letter: rng.normal(size=(REALISATIONS, count)) for letter, count in counts.items()}
         found["q"] = random_coordinates(self.instance, rng, REALISATIONS)

@@ -153,7 +153,7 @@ def _check_memory(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Gene
     _, back = laws(start, -u)
     change = (forward - back) / 2
     step = STEP * (1 + np.abs(start).max()) / (1 + np.abs(change).max())
-    ahead, _ = laws(start + step * change, SLOW * u)  # slowly: what depends on speed is a matter of closed motions
+    ahead, _ = laws(start + step * change, SLOW * u)  # at low speed: closed motions test laws that depend on speed
     behind, _ = laws(start - step * change, SLOW * u)
     parts = (ahead - behind) / (2 * step) * u
     power = parts.sum(axis=1)

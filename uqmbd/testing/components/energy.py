@@ -21,8 +21,8 @@ STEP = 1e-5
 def is_timeless(derived: BlockSymbols) -> bool:
     """Return whether potentials and constraints contain neither time nor a state that changes at rest (a clock).
 
-    A drive of given speed has such a state, or a constraint between velocities that is violated at rest. A drive, and
-    components that depend on time, may do work.
+    A drive with a prescribed speed has such a state, or a constraint between velocities that is violated at rest. A
+    drive, and components that depend on time, may do work.
     """
     between = [e for e, holonomic in zip(derived.psi, derived.holonomic, strict=True) if not holonomic]
     if any(derived.t in e.free_symbols for e in (derived.potential, *derived.phi, *between, *derived.g)):

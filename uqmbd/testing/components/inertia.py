@@ -19,9 +19,10 @@ SMALLEST = 1e-9
 def check_inertia(bench: Bench, rng: np.random.Generator) -> None:
     """Check the kinetic energy of a component at random states.
 
-    Each own coordinate must have inertia. A rigid displacement of the bodies must not change the energy of a component
-    that acts only between bodies. No motion may have a negative kinetic energy; with own coordinates only
-    their motions are examined, because the energy may complete that of a body. Raise AssertionError otherwise.
+    Each coordinate of the component must have inertia. A rigid displacement of the bodies must not change the energy of
+    a component that acts only between bodies. No motion may have a negative kinetic energy. If the component has
+    coordinates, only their motions are examined, because other terms may belong to the energy of a body. Raise
+    AssertionError otherwise.
     """
     block, space = bench.instance.type, bench.case.mechanism.space
     own, moving = own_coordinates(bench.instance), block.own

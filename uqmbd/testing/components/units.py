@@ -127,9 +127,9 @@ def _within(expression: sympy.Expr, local: Local) -> set[Any]:
 
 
 def _tells(term: sympy.Expr, symbols: set[Any], values: Any) -> bool:
-    """Return whether a term contains no implicit number with units, as far as its parameters and states show.
+    """Return whether parameters and states show that a term contains no implicit number with units.
 
-    Either one of them has units other than m and 1, or one is a factor of the term, or of its reciprocal.
+    This is so if one of them has units other than m and 1, or is a factor of the term or of its reciprocal.
     """
     plain = {TABLE["m"].dimension, PURE}
     for x in symbols & {x for value in values for x in flatten(value) if isinstance(x, _Stated)}:
@@ -147,7 +147,7 @@ def _is_factor(symbol: _Stated, term: sympy.Expr) -> bool:
 def _vanishes(term: sympy.Expr, symbol: _Stated) -> bool:
     try:
         return bool(term.xreplace({symbol: sympy.S.Zero}) == 0)
-    except StudyError:  # a step whose corners are then equal or not finite
+    except StudyError:  # with this value, the corners of a step are equal or not finite
         return False
 
 
@@ -172,7 +172,7 @@ def _symbols(key: str, value: Any, parameter: Any) -> Any:
 
 
 def _rotated(symbols: Sequence[Any], units: str) -> list[Any]:
-    """Return coordinates or velocities of a body; quaternions, which have no units in studies, have these units."""
+    """Return coordinates or velocities of a body; assign `units` to quaternions, which have no units in studies."""
     return [x if x.units else _stated(x.name, units) for x in symbols]
 
 

@@ -26,7 +26,8 @@ class RecordingExecutor(Executor):
         except Exception as error:  # noqa: BLE001 - passed to the receiver of the result
             future.set_exception(error)
             return future
-        computed = getattr(found, "result", found)  # an answer that identifies its worker has this attribute
+        # the result is an attribute if the return value also identifies its worker
+        computed = getattr(found, "result", found)
         status = getattr(computed, "status", ())
         self.chunks += 1
         self.realisations += len(status)

@@ -26,7 +26,7 @@ SURROGATE = 3.0
 """Allowed error of moments of a surrogate, in verification errors, which come from few realisations."""
 
 SILENT = 0.5
-"""Ratio of stated error to standard deviation of the output above which the statement has no information."""
+"""A stated error above this multiple of the output's standard deviation contains no information."""
 
 
 def check_schema(node: xr.DataTree, propagator: Propagator, study: Study, what: str) -> None:

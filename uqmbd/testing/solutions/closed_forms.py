@@ -164,7 +164,10 @@ def ball() -> ClosedForm:
 
 @cache
 def driven_ball(floor: bool = True) -> ClosedForm:
-    """Return the same ball with a horizontal force of a sampled controller that ignores impacts, or in free fall."""
+    """Return the ball of `ball`, driven horizontally by a sampled controller; without `floor`, the ball falls freely.
+
+    Impacts do not affect the controller.
+    """
     height = uniform_variable("height", 0.5, 50, "m")
     mechanism = Mechanism("driven ball" if floor else "driven body", Translational(gravity=(0, -GRAVITY)))
     body = mechanism.body("ball", mass=1, position=(0, height))
@@ -201,7 +204,10 @@ def impacts(heights: Array, end: float) -> Array:
 
 @cache
 def pulse(breaks: bool = False) -> ClosedForm:
-    """Return a body with a force for about 1 ms, or with a force that is switched on, in time of ``ensemble.pace``."""
+    """Return a body with a pulse of force of about 1 ms; with `breaks`, with a force that is switched on.
+
+    The intervals of ``Ensemble.pace`` resolve the force.
+    """
     size = uniform_variable("size", 0.5, 1.5)
     mechanism = Mechanism("switch" if breaks else "pulse", Translational())
     body = mechanism.body("body", mass=1)
