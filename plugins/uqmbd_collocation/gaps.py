@@ -71,9 +71,9 @@ def with_gap(
     """Return the points and the candidate with the largest estimated share of the error.
 
     The estimate assigns the error of the nearest point to each candidate. The selected candidate takes over the weight
-    of the candidates that are nearer to it than to a point, at most the weight of a drawn point. Only candidates
-    between two points are considered: beyond the outermost points, errors grow outwards, but weights are small. Return
-    None if there is no such candidate, for example for germs of few values.
+    of all candidates that are nearer to it than to a point. This weight is at most the weight of a drawn point. Only
+    candidates between two points are considered: beyond the outermost points, errors grow outwards, but weights are
+    small. Return None if there is no such candidate, for example for germs of few values.
     """
     candidates, known = (_levels(germs, among) for germs in (among.germs, points.germs))
     apart = np.linalg.norm(candidates[:, None] - known, axis=2)

@@ -52,8 +52,8 @@ def bases(lines: SpectralLines, resolution: float) -> list[Base]:
     """Return the simplest base of one frequency with all lines as multiples, and the simplest base of two, if any.
 
     The simplest base has the smallest sum of orders of all lines. Each frequency of a base is a line, half or a third
-    of a line, a sum or difference of two lines, or half of one of these. A base frequency need not be a line: the
-    height of a pendulum has only even combinations. `resolution`: 2 pi / length, rad/s.
+    of a line, or a sum or difference of two lines. It can also be half of such a sum or difference. A base frequency
+    need not be a line: the height of a pendulum has only even combinations. `resolution`: 2 pi / length, rad/s.
     """
     f = lines.frequencies
     pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]
