@@ -42,11 +42,11 @@ class Found:
     arrangement: Arrangement
     inferred: Inferred
     beforehand: tuple[Direction, ...]  # directions that the records do not determine, by the surrogate over the prior
-    prior: Posterior  # by the surrogate over the prior, without its stated errors
+    prior: Posterior  # posterior by the surrogate over the prior, without the stated errors of the surrogate
     notes: tuple[str, ...]  # warnings of the method that computed the surrogate
-    method: str  # name of this method
+    method: str  # name and main options of the method that computed the surrogate
     nodes: tuple[list[xr.DataTree], ...]  # surrogates of each operating point
-    spent: tuple[int, ...]  # realisations of the surrogate at each operating point
+    spent: tuple[int, ...]  # number of realisations for the surrogate at each operating point
 
     def given(self, place: int, point: OperatingPoint) -> list[xr.DataTree]:
         """Return the surrogates of an equal operating point, and count their realisations for the new point.

@@ -22,7 +22,7 @@ __all__ = ["collocate_elements"]
 
 @dataclass(frozen=True)
 class _BoxResult:
-    """Results for a box."""
+    """Results of the fit and the verification in a box."""
 
     probability: float
     runs: CollocationRuns

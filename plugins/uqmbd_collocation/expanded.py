@@ -24,7 +24,7 @@ class Expanded:
     chaos: PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | ComposedChaos
     """Surrogate, with its verification realisations."""
     realisations: int  # total number
-    counters: Counter[str]  # of the solver
+    counters: Counter[str]  # counters of the solver
     nodes: xr.Dataset  # points of the realisations
     attrs: Mapping[str, Any]  # attributes of the node
     children: Mapping[str, xr.Dataset] = field(default_factory=dict)  # additional datasets of the node

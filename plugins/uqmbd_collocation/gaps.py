@@ -13,7 +13,8 @@ from uqmbd_collocation.runs import CollocationRuns
 __all__ = ["with_gap", "with_gaps"]
 
 INACCURATE = 0.1
-"""Error over the standard deviation above which there are further points; methods also warn of such errors."""
+"""Further points are added if the error exceeds this multiple of the standard deviation. Methods also warn of such
+errors."""
 
 FURTHER = 2
 """Number of further points."""

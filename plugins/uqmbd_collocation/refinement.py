@@ -43,7 +43,8 @@ SAMPLED = 0.5
 class Limits:
     """Stopping criteria of a refinement."""
 
-    tolerance: float  # of mean and standard deviation, over the largest standard deviation of each output over time
+    # largest change of mean and standard deviation, relative to the largest standard deviation of each output over time
+    tolerance: float
     most: int  # largest number of realisations, including verification
     rtol: float  # relative tolerance of the integration, a lower bound of any achievable tolerance
     reserved: int = 0  # number of realisations for verification after the refinement
@@ -56,7 +57,8 @@ class RefinementStep:
     realisations: int  # total number so far
     terms: int  # number of terms of the chaos
     change_mean: float
-    change_std: float  # like `change_mean`: largest over outputs and times, divided by the largest deviation over time
+    # both changes: largest over outputs and times, divided by the largest standard deviation over time
+    change_std: float
     missed_std: float = np.nan  # result of `missed_share`; NaN if it was not computed
 
     @property

@@ -63,8 +63,8 @@ class CollocationRuns:
 
     problem: RealisationSource  # computes the realisations
     space: uqmbd.extend.GermSpace
-    counters: Counter[str] = field(default_factory=Counter)  # of the solver, summed
-    wall_time: float = 0.0  # s
+    counters: Counter[str] = field(default_factory=Counter)  # counters of the solver, summed over all realisations
+    wall_time: float = 0.0  # time of the computation, s
     _where: dict[tuple[float, ...], int] = field(default_factory=dict)
     _germs: list[Array] = field(default_factory=list)
     _parts: list[uqmbd.extend.Realisations] = field(default_factory=list)

@@ -169,8 +169,9 @@ class UserExpansion:
 class UserProjection:
     """Projection on the span of given polynomials, by a given rule."""
 
-    complete: QuadratureProjection  # on all terms that occur in the polynomials
-    projector: Array | None  # (P, P), onto the span of the polynomials if the span is smaller than the complete basis
+    complete: QuadratureProjection  # projection on all terms that occur in the polynomials
+    # (P, P), from the terms to the span of the polynomials; None if the span contains all terms
+    projector: Array | None
 
     @property
     def nodes(self) -> Array:

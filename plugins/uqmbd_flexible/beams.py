@@ -122,7 +122,7 @@ def Beam(
     places = np.zeros((len(points), d))
     places[:, 0] = [x for x, _, _ in points]
     weights = np.concatenate([x for _, x, _ in points])
-    fieldwise = np.concatenate([x for _, _, x in points])  # from degrees of freedom to motions of points
+    fieldwise = np.concatenate([x for _, _, x in points])  # matrix that maps degrees of freedom to motions of points
     mass = fieldwise.T @ (weights[:, None] * fieldwise)
     nodes = np.zeros((count, d))
     nodes[:, 0] = np.linspace(0, length, count)

@@ -19,7 +19,8 @@ from uqmbd_flexible.modal_model import ModalModel, NodeShape
 __all__ = ["basis_of", "craig_bampton", "diagonal_modes", "reduced_model"]
 
 RIGID = 1e-7
-"""Largest elastic energy of a rigid motion, relative to that of the stiffest degree of freedom with equal motion."""
+"""Largest elastic energy of a rigid motion, relative to the energy of an equal motion of the stiffest degree of
+freedom."""
 
 TWISTED = 1e-3
 """Largest displacement, relative to the largest rotation times the size of the body, in a mode that is a torsion."""
@@ -128,7 +129,7 @@ def reduced_model(
     stress_units: str = "Pa",
     length: float | None = None,
 ) -> ModalModel:
-    """Diagonalise a basis that contains the rigid motions, remove these, and return the model."""
+    """Diagonalise a basis that contains the rigid motions, remove the rigid motions, and return the model."""
     shapes, values = diagonal_modes(where, fields, mass, stiffness, basis, highest=highest)
     found = shape_integrals(fields, lambda x: np.asarray(mass @ x), shapes)
     moved, turned = fields.parts(shapes)

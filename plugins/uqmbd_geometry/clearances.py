@@ -39,7 +39,7 @@ class Side:
     """One body in a clearance: its shapes, and the expressions that the motion contains."""
 
     shapes: tuple[BodyShape, ...]
-    dimension: int  # of the space; 0: fixed in the world
+    dimension: int  # dimension of the space; 0: fixed in the world
     turns: bool
     # parameters of the shapes; NaN: a random parameter, whose value is in the motion
     fixed: tuple[tuple[float, ...], ...]

@@ -42,7 +42,7 @@ class Solid:
     lengths: Array
     position: Array
     rotation: Array
-    vertices: Array  # of the triangles of a mesh, in the frame of the shape
+    vertices: Array  # vertices of the triangles of a mesh, in the frame of the shape
     faces: Any
 
     @property

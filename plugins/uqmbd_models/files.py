@@ -157,7 +157,7 @@ def load(path: str) -> ParsedFile:
         raise uqmbd.StudyError(
             f"from_mjcf needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
         ) from None
-    except ValueError as error:  # such as repeated names
+    except ValueError as error:  # MuJoCo raises it for repeated names, for example
         raise loaded.error(error) from None
     return loaded
 

@@ -42,7 +42,7 @@ ELEMENTS = {
     JOINT: {"origin", "parent", "child", "axis", "dynamics", "limit", "mimic", "calibration", "safety_controller"},
     "inertial": {"origin", "mass", "inertia"},
 }
-"""Allowed children of these elements; other elements have none."""
+"""Allowed child elements, by the name of the parent element; elements that are not listed have no children."""
 
 TURNED = 1e6
 """Largest angle, rad; beyond it, the digits of a number hardly determine a direction."""

@@ -34,7 +34,7 @@ class PlacedJoint:
 
     name: str  # name in the mechanism
     joint: TreeJoint
-    # point_i, axis_i, point_j, axis_j: in the two frames
+    # point and axis of the joint in the reference frame (i) and in the moving frame (j)
     point_i: tuple[float, ...]
     axis_i: tuple[float, ...]
     point_j: tuple[float, ...]

@@ -30,11 +30,11 @@ class Link:
 
     name: str
     parent: int  # index of the parent link; the ground is 0
-    # position, quaternion: of its frame in the frame of its parent, with all joints at their reference
+    # pose of the link's frame in the frame of its parent, with all joints at their reference
     position: Array
     quaternion: Array
     inertial: Inertial  # kg, m, kg m^2
-    compensation: float = 0.0  # compensated share of its weight; 1: all
+    compensation: float = 0.0  # share of the weight that is compensated; 1: all of it
     line: int = 0  # first line in the file; 0: unknown
 
 

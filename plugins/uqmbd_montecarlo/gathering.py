@@ -87,7 +87,7 @@ def allowed_pairs(design: str, samples: int, replicates: int) -> int:
 
 
 def paired_samples(design: str, samples: int, replicates: int, dimension: int, seed: int) -> tuple[Array, Index, Index]:
-    """Return samples in pairs: both halves of the coordinates of points of a design in twice as many dimensions.
+    """Return pairs of samples: the two halves of the coordinates of design points in twice as many dimensions.
 
     Return uniform numbers (samples, dimension) in the open interval, and the indices (samples / 2,) of first and second
     halves. Each replicate contains the first halves of its pairs, then the second halves. For independent points, these

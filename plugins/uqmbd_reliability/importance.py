@@ -87,8 +87,8 @@ def sample(
 ) -> tuple[Proposal, Sampled]:
     """Sample until all requirements have the target coefficient of variation, or no realisation is left.
 
-    If a single sample contributes a large part of an estimate, the proposal misses a region. The proposal then gets
-    this region, and sampling starts again, if enough realisations are left.
+    If a single sample contributes a large part of an estimate, the proposal misses a region. If enough realisations are
+    left, this region is added to the proposal, and sampling starts again.
     """
     current, repairs = begin, 0
     while True:

@@ -107,8 +107,9 @@ class _CorrectedSurrogate:
     """Surrogate of margins, corrected by Gaussian processes of its residuals."""
 
     predict: Callable[[Array], Array]
-    processes: tuple[Any, ...]  # by requirement; None if there are fewer than ten residuals, or all of them are zero
-    scales: tuple[float, ...]  # by requirement: root mean square of the residuals
+    # process of each requirement; None if there are fewer than ten residuals, or all are zero
+    processes: tuple[Any, ...]
+    scales: tuple[float, ...]  # root mean square of the residuals of each requirement
 
     @classmethod
     def of(cls, predict: Callable[[Array], Array], ledger: LimitStateLedger) -> _CorrectedSurrogate:

@@ -92,7 +92,7 @@ def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: A
 
 
 class _SearchPath:
-    """Search from one start: its next points, and its reaction to their margins."""
+    """Search from one start: it proposes points, and processes their margins."""
 
     def __init__(self, begin: Array, requirement: int) -> None:
         self.requirement = requirement

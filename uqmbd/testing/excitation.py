@@ -42,7 +42,7 @@ class Excited(Component):
 
 
 class SplinePaths(NamedTuple):
-    """Paths (K, source, n) whose first knot has a number, as the method of a source returns them."""
+    """Paths (K, source, n), as the method of a source returns them, with the number of the first knot."""
 
     number: int
     step: float

@@ -69,7 +69,7 @@ def corrected(
     `base`: predictions over the prior; `points` (K, d): standard normal variables of realisations; `values`: responses
     (K, n) of each block, NaN for a failed realisation; `free` (f,): indices of the unknown inputs; `centre` (f,) and
     `scale` (f, f): local coordinates ``scale @ (normals - centre)``, about standard normal in the posterior;
-    `measure`: function that weighs errors (K, N) of all blocks as (K,).
+    `measure`: function that converts errors (K, N) of all blocks to one error (K,) of each realisation.
     """
     real = np.concatenate(list(values), axis=1)
     local = (points[:, free] - centre) @ scale.T
@@ -82,7 +82,7 @@ def corrected(
     splits = np.cumsum([v.shape[1] for v in values])[:-1]
     predicted = np.concatenate(base(points[near]), axis=1)
     usable = bool(np.isfinite(predicted).all())
-    # weights are wider than the posterior density; if no realisation is near, the nearest ones count most
+    # the weight function is wider than the posterior density; if no realisation is near, the nearest ones count most
     weights = np.exp(-0.25 * (distance[near] ** 2 - np.min(distance[near]) ** 2)) + 0.02
     best: tuple[float, CorrectedPredictions] | None = None
     for degree, over in enumerate(OVER):

@@ -15,7 +15,7 @@ __all__ = ["Direction", "combination", "directions", "expected_covariance"]
 
 
 POINTS = 8
-"""Number of points of the prior for the average."""
+"""Number of points of the prior over which the information is averaged."""
 
 LITTLE = 0.5
 """Ratio of expected variance to prior variance above which a direction counts as unidentified."""

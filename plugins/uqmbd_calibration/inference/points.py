@@ -40,7 +40,7 @@ def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
 
 
 NARROW = 1e-9
-"""Relative width of the distribution of a known value, for methods that require a distribution."""
+"""Relative width of the distribution that replaces a known value, because methods require a distribution."""
 
 
 FOLLOWED = 0.05
@@ -165,7 +165,7 @@ class OperatingPoint:
                 except (uqmbd.StudyError, uqmbd.IntegrationError):
                     if best is None:
                         raise
-                    # for example, a motion without a clock is detected only after the nodes were integrated
+                    # a method can fail after it has computed realisations, for example if it finds no clock
                     self.spent += _expected(method, self.study)
                     continue
                 error = followed(node, outputs) if len(methods) > 1 else 0.0

@@ -41,7 +41,8 @@ WIDEST = 2.0
 """Initial half-width of the trust region, in standard deviations of the prior."""
 
 DIFFERENCE = 0.1, 1e-4
-"""Forward differences: length in standard deviations of the posterior; least length in those of the prior."""
+"""Step of forward differences, in standard deviations of the posterior; least step, in standard deviations of the
+prior."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,8 +76,8 @@ class CombinedTrajectories:
     """Realisations from marker to marker, with both events and phases as markers.
 
     Realisations from event to event are divided further at phases. A realisation is integrated again if its points do
-    not resolve the motion. If no event ends the last segment, and this segment is too short for a phase that others
-    reach, the realisation is also integrated again.
+    not resolve the motion. It is also integrated again, for longer, if no event ends its last segment and others reach
+    a later phase in it.
     """
 
     problem: uqmbd.extend.Problem

@@ -83,8 +83,8 @@ class EventTrajectories:
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
         """Return the events that end the segments of realisations at inputs (K, d).
 
-        All realisations have the same number of segments, unless no further event follows: the largest number that one
-        realisation needs until the last output time. Raise IntegrationError if a realisation fails.
+        All realisations have the number of segments that the longest sequence needs until the last output time. A
+        realisation has fewer segments if no further event follows. Raise IntegrationError if a realisation fails.
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 

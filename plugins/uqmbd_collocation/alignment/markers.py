@@ -39,7 +39,7 @@ STANDING = 8
 class Marks:
     """Markers of the realisations of an element."""
 
-    phases: Array  # (S,) rad, increasing, of the markers after the start
+    phases: Array  # (S,) phases of the markers after the start, rad, increasing
     tail: float = 0.0  # time span after the last phase, compared at equal times, s; positive if the clock comes to rest
     parts: int = 0  # number of segments of the tail
 
@@ -49,7 +49,7 @@ class Marks:
         return len(self.phases) + self.parts
 
     def farther(self, late: float, pace: float) -> Marks:
-        """Return markers for additional `late` s, with segments of `pace` s; the number of markers at most doubles."""
+        """Return the markers of a motion that is `late` s longer, in segments of `pace` s; at most twice as many."""
         if self.parts:
             return replace(self, tail=self.tail + late)
         more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, len(self.phases))
@@ -72,11 +72,11 @@ Cut = Callable[[Array], tuple[MarkedRealisations, uqmbd.extend.Realisations]]
 class MarkerRule:
     """Rule by which realisations of an element are divided at markers."""
 
-    cut: Cut  # computes realisations from marker to marker
-    labels: tuple[str, ...]  # length S: the event that ends each segment; empty: no event
+    cut: Cut  # function that computes realisations from marker to marker
+    labels: tuple[str, ...]  # event that ends each of S segments; an empty text if none does
     landmarks: Markers
     farther: Callable[[float, float], MarkerRule | None] | None = None
-    """Maps (additional time, time of a segment), s, to the rule for longer realisations; None: impossible."""
+    """Function that returns the rule for realisations longer by a time, s, with segments of a time, s, or None."""
 
 
 def phase_markers(

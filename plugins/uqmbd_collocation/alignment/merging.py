@@ -37,7 +37,7 @@ class Merged:
         return tuple(found[:-1] if self.ending else found)
 
     def farther(self, late: float, pace: float) -> Merged:
-        """Return markers for additional `late` s, with segments of `pace` s; the number of markers at most doubles."""
+        """Return the markers of a motion that is `late` s longer, in segments of `pace` s; at most twice as many."""
         *others, last = self.phases
         more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, self.kept)
         behind = last[-1] + (1 + np.arange(more)) * TURN / PER_TURN

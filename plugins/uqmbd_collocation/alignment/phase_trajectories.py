@@ -366,7 +366,7 @@ class PhaseTrajectories:
         return uqmbd.extend.Realisations(values, response, status, tuple(messages), {}, 0.0)
 
     def known_motion(self, values: Array) -> uqmbd.extend.Dense | None:
-        """Return realisations at inputs (K, d) at equal times if all succeeded and have the same end time."""
+        """Return stored realisations at inputs (K, d), at equal times; None if one is missing or has other times."""
         paths = [self._known.get(row.tobytes()) for row in np.ascontiguousarray(values, dtype=float)]
         known = [path for path in paths if path is not None and path.status == Status.OK]
         ends = {(len(path.found.times), float(path.found.times[-1])) for path in known}

@@ -77,7 +77,8 @@ class Identified:
     """Realisations as harmonic series."""
 
     kind: FrequencyCombinations
-    series: tuple[HarmonicSeries, ...]  # of each realisation; if the first few are not quasi-periodic, only of these
+    # series of each realisation, or only of the first few if these are not quasi-periodic
+    series: tuple[HarmonicSeries, ...]
 
     @property
     def residuals(self) -> Array:

@@ -75,10 +75,10 @@ class SeriesProblem(DerivedSource):
     problem: uqmbd.extend.Problem
     kind: FrequencyCombinations | None = None  # combinations of all realisations; set by `find`
     scales: Array = field(default_factory=lambda: np.zeros(0))
-    """Root mean squares (O,) of the motion, which are the scales of residuals."""
+    """Scales (O,) of residuals: root mean squares of the motion."""
     kept: Mask = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
     """Mask (O, H) of the harmonics of each output."""
-    longer: float = 1.0  # factor of the output times to which realisations are integrated
+    longer: float = 1.0  # ratio of the integration time to the output time
     spent: int = 0  # number of realisations so far
     failures: int = 0  # number of failed realisations
     residual: float = 0.0  # largest residual so far, relative to the scale of the output

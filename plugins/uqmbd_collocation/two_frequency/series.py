@@ -25,7 +25,7 @@ RIDGE = 1e-5
 """Weight of the amplitudes relative to the residuals: signals determine only the sum of amplitudes of one frequency."""
 
 GROWTH, HEAVIEST = 4.0, 256.0
-"""Factor by which the weight grows from order to order, and largest total factor; they prefer lower orders."""
+"""Factor by which the weight grows from order to order, and largest total factor. Growing weights favour low orders."""
 
 STEPS = 12
 """Largest number of Gauss-Newton steps."""

@@ -53,7 +53,8 @@ def verified(counted: float, samples: int, predicted: Mask, real: Array) -> Veri
     failed = np.isnan(real)
     violated = real < 0  # false for NaN
     missed, false = int((violated & ~predicted).sum()), int((predicted & ~violated & ~failed).sum())
-    # failures with a predicted violation agree with the upper bound, the others with the lower one
+    # a failure with a predicted violation is a wrong prediction only in the lower bound, other failures only in the
+    # upper
     doubtful, lost = int((failed & ~predicted).sum()), int((failed & predicted).sum())
     share = (missed - false) / max(count - int(failed.sum()), 1)
     own = counted * (1 - counted) / samples

@@ -31,7 +31,8 @@ AFFINE = 64
 """Number of samples that test whether germs are affine maps of inputs."""
 
 COARSE, COARSE_HITS = 2**16, 600
-"""Samples for the optimisation, and violations among them; the final count uses all samples."""
+"""Least number of samples for the optimisation, and least expected number of violations among them. The final count
+uses all samples."""
 
 CLOSE = 5e-4
 """Relative error of the final common factor."""
