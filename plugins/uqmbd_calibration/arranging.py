@@ -17,7 +17,7 @@ from uqmbd_calibration.records import Record, Series
 __all__ = ["Arrangement", "arrange"]
 
 
-SAME = 1e-10
+TIME_TOLERANCE = 1e-10
 """Difference of two times, relative to the largest time, below which they count as equal."""
 
 
@@ -202,7 +202,7 @@ def _point(
     moving, still = any(not one.timeless for one in series), any(one.timeless for one in series)
     times = _merged(study.times[:1], *(one.times for one in series))
     if still:
-        if moving and times[-1] > study.times[-1] + SAME * abs(times[-1]):
+        if moving and times[-1] > study.times[-1] + TIME_TOLERANCE * abs(times[-1]):
             raise uqmbd.StudyError(
                 f"calibrate: the records end at {times[-1]:g} s, but the study ends at {study.times[-1]:g} s. "
                 "Because the records contain a scalar output of the whole motion, both must end at the same time; "
@@ -218,7 +218,7 @@ def _point(
 def _merged(*times: Array) -> Array:
     """Return all times, sorted; keep the first of times that differ only by rounding, such as 0.3 and 3 * 0.1."""
     found = np.unique(np.concatenate(times))
-    return np.asarray(found[np.concatenate([[True], np.diff(found) > SAME * np.abs(found).max()])])
+    return np.asarray(found[np.concatenate([[True], np.diff(found) > TIME_TOLERANCE * np.abs(found).max()])])
 
 
 def _block(

@@ -84,12 +84,12 @@ class Calibrated(uqmbd.extend.Propagator):
                 raise uqmbd.StudyError(f"Calibrated: the type of {name} is {given}; expected {example}.")
         object.__setattr__(self, "requirements", self.method.requirements)
 
-    def _shared(self, names: tuple[str, ...]) -> list[str]:
+    def _common_inputs(self, names: tuple[str, ...]) -> list[str]:
         """Return the inputs of a study that are calibrated."""
         found = {name.removesuffix(f"[{self.machine}]") for name in self.calibration.names}
         return [name for name in names if name in found]
 
-    def _strange(self, names: tuple[str, ...]) -> str:
+    def _no_common_inputs(self, names: tuple[str, ...]) -> str:
         return (
             f"the calibration has the inputs {', '.join(map(repr, self.calibration.names))}, but the study has "
             f"{', '.join(map(repr, names)) or 'none'}. Use the same input names in both"
@@ -97,13 +97,13 @@ class Calibrated(uqmbd.extend.Propagator):
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Return why the study cannot run: no calibrated input, or the obstacle of the method; None if it can run."""
-        if not self._shared(study.mechanism.inputs.names):
-            return self._strange(study.mechanism.inputs.names)
+        if not self._common_inputs(study.mechanism.inputs.names):
+            return self._no_common_inputs(study.mechanism.inputs.names)
         return self.method.obstacle(study)
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
         """Return the remarks of the method, and a remark on the inputs that keep their distributions."""
-        shared = self._shared(study.mechanism.inputs.names)
+        shared = self._common_inputs(study.mechanism.inputs.names)
         kept = [name for name in study.mechanism.inputs.names if name not in shared]
         own = (f"the calibration does not change the distributions of {', '.join(map(repr, kept))}",) if kept else ()
         return (*self.method.remarks(study), *own)
@@ -115,9 +115,9 @@ class Calibrated(uqmbd.extend.Propagator):
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Run the method with the posterior, and add the calibration to its results."""
         problem.require_random()
-        shared = self._shared(problem.inputs.names)
+        shared = self._common_inputs(problem.inputs.names)
         if not shared:
-            raise uqmbd.StudyError(f"{problem.label}: {self._strange(problem.inputs.names)}.")
+            raise uqmbd.StudyError(f"{problem.label}: {self._no_common_inputs(problem.inputs.names)}.")
         node = self.method.propagate(problem.with_inputs(self.calibration.variables(self.machine, inputs=shared)))
         records = self.calibration.tree.attrs["records"]
         whole = ", ".join([records] if isinstance(records, str) else list(records))

@@ -102,7 +102,7 @@ class _FamilyContext:
             return found
         self.phase.events = self.events
         followed = self.phase.spent > 0 or self.events is not None
-        source = _AtTimes(self.problem, self.phase) if followed else self.problem
+        source = _StoredRealisations(self.problem, self.phase) if followed else self.problem
         found, _ = expand(source, self.space, self.plans, self.tolerance, self.given, quiet=True)
         if not followed:
             self.beside += found.realisations
@@ -170,7 +170,7 @@ class _FamilyContext:
 
 
 @dataclass(frozen=True)
-class _AtTimes(DerivedSource):
+class _StoredRealisations(DerivedSource):
     """Problem whose realisations are read from trajectories that were integrated for a clock."""
 
     problem: uqmbd.extend.Problem

@@ -68,7 +68,7 @@ class Plans:
 
     def __post_init__(self) -> None:
         if self.expansion is not None:
-            self._only_given()
+            self._require_no_options()
             return
         if self.method in SOLVERS:
             linear_models(self.method)
@@ -105,7 +105,7 @@ class Plans:
         if self.grid:
             self.refuse(("samples",), f"rule={self.grid!r}, a grid; use nodes or level, or a rule such as 'sobol'")
 
-    def _only_given(self) -> None:
+    def _require_no_options(self) -> None:
         """Raise StudyError if an option is given that a user expansion and its rule already determine."""
         self.refuse(("rule", "level", "samples", "elements"), "expansion=, which has its own quadrature rule")
         for name, usual in (("method", "projection"), ("index_set", "total"), ("adaptive", "no")):
@@ -167,7 +167,7 @@ class Plans:
             rule = self._grid(space, order, terms)
             self._check_number(space, order, len(rule))
             return QuadratureProjection(rule, terms, self._exact(rule, terms, space), self.label)
-        count = self.samples or _enough(len(terms), self.method)
+        count = self.samples or _default_samples(len(terms), self.method)
         self._check_number(space, order, count)
         rule = uqmbd.extend.monte_carlo_rule(space, count, self.seed, self.design)
         if self.method == "projection":
@@ -317,7 +317,7 @@ class Plans:
         return rule.exactness is not None and 2 * int(terms.sum(axis=1).max()) <= rule.exactness
 
 
-def _enough(terms: int, method: str) -> int:
+def _default_samples(terms: int, method: str) -> int:
     """Return the default number of samples."""
     if method in ("omp", "lars"):
         return max(min(2 * terms, max(terms, FEW)), 3)

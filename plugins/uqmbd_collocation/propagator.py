@@ -218,7 +218,7 @@ class Collocation(uqmbd.extend.Propagator):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._take_expansion()
+        self._convert_expansion()
         everything = self.rule == "smolyak" and self.level is not None
         if self.order is None and not (everything and self.index_set == "total" and self.weights is None):
             object.__setattr__(self, "order", DEFAULT_ORDER)
@@ -249,7 +249,7 @@ class Collocation(uqmbd.extend.Propagator):
                 text = f"Collocation: {name}={given!r} has no effect with {what}. Omit it, or change the other option."
                 warnings.warn(text, uqmbd.StudyWarning, stacklevel=3)
 
-    def _take_expansion(self) -> None:
+    def _convert_expansion(self) -> None:
         """Store a given expansion and its rule as plain numbers; `nodes` and `weights` then belong to the expansion."""
         if self.expansion is None:
             for name, what in (("nodes", "a whole number of 1 or more"), ("weights", "a number above 0")):
@@ -332,7 +332,7 @@ class Collocation(uqmbd.extend.Propagator):
         """Return the numbers of realisations, and the memory of their outputs and of the chaos."""
         space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
-        ways, left_out = self._possible(study)
+        ways, left_out = self._possible_families(study)
         if self.adaptive != "no":
             most = self.max_realisations * len(ways)
             return uqmbd.extend.Estimate(
@@ -374,7 +374,7 @@ class Collocation(uqmbd.extend.Propagator):
             return uqmbd.extend.Sizing(
                 option="max_realisations",
                 at=lambda most: replace(self, max_realisations=most, tolerance=tolerance),
-                least=self._fewest(space) + self.verify,
+                least=self._first_nodes(space) + self.verify,
                 falls="itself",
                 also=("tolerance",),
                 bound=self.max_realisations,
@@ -405,14 +405,14 @@ class Collocation(uqmbd.extend.Propagator):
             falls="steps",
         )
 
-    def _fewest(self, space: uqmbd.extend.GermSpace) -> int:
+    def _first_nodes(self, space: uqmbd.extend.GermSpace) -> int:
         """Return the number of nodes of the first step of a refinement."""
         if self.adaptive == "dimension" and self.alignment is None:
             # the middle, and the next level of each input; a tensor of them has too many nodes for many inputs
             return 1 + sum(min(3, germ.values or 3) - 1 for germ in space.germs)
         return len(self._plans(self.node_name).first_nodes(space))
 
-    def _possible(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
+    def _possible_families(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
         """Return the possible families, and messages on the omitted families."""
         ways = self.families or FAMILIES[:1]
         if self.alignment != "auto":

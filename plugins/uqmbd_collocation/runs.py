@@ -181,7 +181,7 @@ class CollocationRuns:
 
 
 @dataclass
-class _Once:
+class _SingleTask:
     """Progress of many small steps, displayed as one task of known size."""
 
     inner: uqmbd.extend.Progress
@@ -204,4 +204,4 @@ class _Once:
 
 def announced_once(problem: uqmbd.extend.Problem, most: int) -> uqmbd.extend.Problem:
     """Return a problem that displays all its computations as one task of at most `most` realisations."""
-    return problem.using(progress=_Once(problem.progress, most))
+    return problem.using(progress=_SingleTask(problem.progress, most))

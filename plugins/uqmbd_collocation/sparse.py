@@ -86,7 +86,7 @@ class _TermOrder:
     def of(cls, direction: Array, psi: Array, solver: str) -> _TermOrder:
         from scipy.linalg import solve_triangular
 
-        terms = np.concatenate([[0], _entering(direction, psi, solver)])
+        terms = np.concatenate([[0], _entry_order(direction, psi, solver)])
         basis, triangle = np.linalg.qr(psi[:, terms])
         counts = np.arange(1, len(terms) + 1)
         # each column of R^-1 adds to the trace
@@ -128,7 +128,7 @@ def _at_time(values: Array, psi: Array, solver: str, known: list[_TermOrder], di
     return own if found is None or own[1] <= found[1] else found
 
 
-def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
+def _entry_order(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
     """Return the independent terms in the order in which they enter, without the constant."""
     linear = linear_models(solver)
     centred = psi[:, 1:] - psi[:, 1:].mean(axis=0)

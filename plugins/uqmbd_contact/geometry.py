@@ -159,8 +159,8 @@ class InBearing(uqmbd.extend.TypedComponent):
 def tangents(p: uqmbd.extend.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
     """Return unit vectors along the surface, world axes: one in planar, two in spatial models, none on a line."""
     if meeting.fixed_i is not None:  # the tangents rotate with body i
-        return tuple(p.let("tangent", p.body_i.direction(x)) for x in _across(meeting.fixed_i))
-    return tuple(p.let("tangent", x) for x in _across(meeting.normal))
+        return tuple(p.let("tangent", p.body_i.direction(x)) for x in _perpendicular(meeting.fixed_i))
+    return tuple(p.let("tangent", x) for x in _perpendicular(meeting.normal))
 
 
 def _relative(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
@@ -179,7 +179,7 @@ def _velocity(frame: uqmbd.extend.Frame, point: sympy.Matrix) -> sympy.Matrix:
     return frame.velocity + w.cross(arm)
 
 
-def _across(normal: sympy.Matrix) -> tuple[sympy.Matrix, ...]:
+def _perpendicular(normal: sympy.Matrix) -> tuple[sympy.Matrix, ...]:
     """Return unit vectors perpendicular to a unit vector and to each other."""
     normal = sympy.Matrix(normal)
     if len(normal) == 1:

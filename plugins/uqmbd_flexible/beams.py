@@ -160,7 +160,7 @@ class _BeamElement:
     shear_factor: float | None
     torsion: float
 
-    def _soft(self, moment: float) -> float:
+    def _shear_ratio(self, moment: float) -> float:
         """Return the ratio of the flexibilities by shear and by bending."""
         if self.shear_factor is None:
             return 0.0
@@ -177,7 +177,7 @@ class _BeamElement:
             twist = self.torsion / (2 * (1 + self.poisson) * self.length) * np.array([[1, -1], [-1, 1]])
             found[np.ix_([3, 9], [3, 9])] += twist
         for rows, signs, moment in self._bending():
-            bent = self._bent(moment) * np.outer(signs, signs)
+            bent = self._bending_stiffness(moment) * np.outer(signs, signs)
             found[np.ix_(rows, rows)] += bent
         return found
 
@@ -189,8 +189,8 @@ class _BeamElement:
         about_y, about_z = map(float, self.moments)
         return [([1, 5, 7, 11], one, about_z), ([2, 4, 8, 10], np.array([1, -1, 1, -1]), about_y)]
 
-    def _bent(self, moment: float) -> Array:
-        x, soft = self.length, self._soft(moment)
+    def _bending_stiffness(self, moment: float) -> Array:
+        x, soft = self.length, self._shear_ratio(moment)
         near, far = (4 + soft) * x**2, (2 - soft) * x**2
         table = [
             [12, 6 * x, -12, 6 * x],
@@ -223,7 +223,7 @@ class _BeamElement:
 
     def _shapes(self, s: float, moment: float) -> tuple[Array, Array]:
         """Return deflection and rotation of the section for deflections and slopes of the ends."""
-        x, soft = self.length, self._soft(moment)
+        x, soft = self.length, self._shear_ratio(moment)
         cubic = 2 * s**3 - 3 * s**2 - soft * s
         across = [
             cubic + 1 + soft,

@@ -56,13 +56,13 @@ def read_matrix(path: str | Path, name: str | None = None) -> Any:
         if file.name.endswith((".mtx", ".mtx.gz")):
             return scipy.sparse.csc_array(scipy.io.mmread(file))
         if file.name.endswith(".npz"):
-            return _of_archive(where, file, name)
+            return _read_archive(where, file, name)
     except (ValueError, OSError, TypeError) as error:
         raise uqmbd.StudyError(f"{where}: the file cannot be read: {error}") from error
     raise uqmbd.StudyError(f"{where}: the ending is {file.suffix!r}; expected .mtx, .mtx.gz or .npz.")
 
 
-def _of_archive(where: str, file: Path, name: str | None) -> Any:
+def _read_archive(where: str, file: Path, name: str | None) -> Any:
     with np.load(file, allow_pickle=False) as archive:
         names = list(archive.files)
         if "indptr" in names and name is None:

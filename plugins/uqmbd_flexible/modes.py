@@ -74,7 +74,7 @@ class FlexibleModes(uqmbd.Component):
 
     def coordinates(self) -> Mapping[str, uqmbd.extend.Coordinate]:
         """Return one coordinate for each mode."""
-        count = _side(len(self.modal_mass))
+        count = _rows(len(self.modal_mass))
         given = {key: list(getattr(self, key) or ()) for key in ("initial", "rates", "largest", "frequencies")}
         if not len(self.stiffness) and not given["frequencies"]:
             raise uqmbd.StudyError("stiffness is empty and frequencies are missing; give one of them.")
@@ -93,7 +93,7 @@ class FlexibleModes(uqmbd.Component):
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[Any]:
         """Yield the terms of deformation: kinetic energy, weight, elastic energy and damping forces."""
-        m = _side(len(p.modal_mass))
+        m = _rows(len(p.modal_mass))
         q, dq = (sympy.Matrix([p.coordinate(f"mode {k + 1}", order) for k in range(m)]) for order in (0, 1))
         d, r = p.space.dimension, 1 if p.space.dimension == 2 else 3
         w = p.body.body_angular_velocity
@@ -128,7 +128,7 @@ class FlexibleModes(uqmbd.Component):
             yield uqmbd.VirtualWork(-_matrix(p.damping, m, m) * dq, dq)
 
 
-def _side(entries: int) -> int:
+def _rows(entries: int) -> int:
     """Return the number of rows of a square matrix from its number of entries."""
     side = round(entries**0.5)
     if side * side != entries or not side:

@@ -22,7 +22,7 @@ RIGID = 1e-7
 """Largest elastic energy of a rigid motion, relative to the energy of an equal motion of the stiffest degree of
 freedom."""
 
-TWISTED = 1e-3
+TORSION = 1e-3
 """Largest displacement, relative to the largest rotation times the size of the body, in a mode that is a torsion."""
 
 DENSE = 600
@@ -185,7 +185,7 @@ def diagonal_modes(
     if turned is not None:  # torsion: the largest rotation times the size of the body
         flat = turned.reshape(-1, turned.shape[2]) * float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
         twist = flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])]
-        largest = np.where(np.abs(largest) < TWISTED * np.abs(twist), twist, largest)
+        largest = np.where(np.abs(largest) < TORSION * np.abs(twist), twist, largest)
     return np.asarray(shapes / largest), np.asarray(values[kept])
 
 

@@ -83,14 +83,14 @@ def galerkin_in_phase(
     times, label = problem.times, problem.label
     rates, piloted = find_clock(problem, projected.ensemble, pilots, wanted)
     problem.progress.start(label, len(rule))
-    path = _started(problem, projected, rates)
+    path = _start_over_phase(problem, projected, rates)
     box = uqmbd.extend.GermBox.whole(space)
     end, length = float(times[-1]), float(times[-1] - times[0])
     try:
         with problem.timed("integration"):
             _follow_nodes(path, projected, end)
         for extension in range(EXTENSIONS + 1):
-            late = _late(path, box, terms, problem, verification)
+            late = _late_times(path, box, terms, problem, verification)
             if not (late > LATE * length).any() or extension == EXTENSIONS or path.last[0] > end + LONGEST * length:
                 break
             pace = (path.last[0] - path.parts[-1][0, 0, 0, -1]) / (path.parts[-1].shape[1] / PER_TURN)
@@ -156,7 +156,7 @@ def galerkin_in_phase(
     )
 
 
-def _started(
+def _start_over_phase(
     problem: uqmbd.extend.Problem, projected: uqmbd.extend.ProjectedEnsemble, rates: ClockRates
 ) -> _AlignedTrajectory:
     """Return the start of the integration over phase; integrate over time until the clock runs if it starts at rest."""
@@ -202,7 +202,7 @@ def _follow_nodes(path: _AlignedTrajectory, projected: uqmbd.extend.ProjectedEns
         path.follow(min(float((end - times.min()) / pace), path.phase / TURN))
 
 
-def _late(
+def _late_times(
     path: _AlignedTrajectory,
     box: uqmbd.extend.GermBox,
     terms: Index,

@@ -19,7 +19,7 @@ TURN = 2 * np.pi
 FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
 """Prefixes of the names of first and second time derivatives of a possible clock."""
 
-TOGETHER, APART = 1e-9, np.pi
+SAME_PHASE, APART = 1e-9, np.pi
 """Nodes are shifted to the same phase if the range of their phases, rad, is between these values."""
 
 PILOTS = 8
@@ -65,7 +65,7 @@ class ClockRates:
 
     def __call__(self, times: Array, states: Array) -> Array:
         """Return phase rates (K,), rad/s, at times (K,), s, and states (K, width)."""
-        value, rate, second = self._seen(times, states)
+        value, rate, second = self._value_and_rates(times, states)
         if self.clock.turn:
             return np.asarray(rate * (TURN / self.clock.turn))
         x, y = (value - self.centre) / self.reach, -rate / self.speed
@@ -79,19 +79,19 @@ class ClockRates:
         `step`, at least one. The phases are None, and the mean is 0, if all nodes have the same phase. The same applies
         if their phases differ too much to determine their turns.
         """
-        value, rate, _ = self._seen(times, states)
+        value, rate, _ = self._value_and_rates(times, states)
         if self.clock.turn:
             phase = value / self.clock.turn * TURN
         else:
             phase = np.arctan2(-rate / self.speed, (value - self.centre) / self.reach)
             middle = np.angle(np.exp(1j * phase).mean())
             phase = middle + np.angle(np.exp(1j * (phase - middle)))
-        if not TOGETHER < np.ptp(phase) < APART:
+        if not SAME_PHASE < np.ptp(phase) < APART:
             return None, 0.0
         ahead = (np.floor(phase.max() / step) + 2) * step - phase
         return ahead, max(1, round(float(ahead.mean()) / step)) * step
 
-    def _seen(self, times: Array, states: Array) -> Array:
+    def _value_and_rates(self, times: Array, states: Array) -> Array:
         """Return value, first and second rate (3, K) of the clock quantity."""
         return self.ensemble.outputs(times[:, None], states[:, None])[:, self.rows, 0].T
 
@@ -148,12 +148,14 @@ def find_clock(
     low, high = value.min(axis=1), value.max(axis=1)
     rate = np.abs(found.values[:, rows[1]]).max(axis=1)
     about = float(((low + high) / 2).mean()), float(((high - low) / 2).mean()), float(rate.mean())
-    return ClockRates(clock, ensemble, rows, *about, _start(clock, found, phases, rows[1])), len(
+    return ClockRates(clock, ensemble, rows, *about, _end_over_time(clock, found, phases, rows[1])), len(
         pilots
     ) * found.integrations
 
 
-def _start(clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, row: int) -> float:
+def _end_over_time(
+    clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, row: int
+) -> float:
     """Return the end of the integration over time, s; an angle that starts at rest has infinite time per phase."""
     begin = float(found.times[0])
     if not clock.turn:

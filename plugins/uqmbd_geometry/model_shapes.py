@@ -167,14 +167,14 @@ def _urdf_shape(element: Any, position: Array, rotation: Array, file: Path, insi
         case "capsule":
             return Capsule(float(element.get("radius")), float(element.get("length")), **place)
         case "mesh":
-            found = read_mesh(_inside(element.get("filename", ""), file, inside), **place)
+            found = read_mesh(_mesh_path(element.get("filename", ""), file, inside), **place)
             scale = _numbers(element.get("scale"), (1, 1, 1))
             faces = found.faces if scale.prod() > 0 else found.faces[:, ::-1]
             return Mesh(found.vertices * scale, faces, **place)
     raise uqmbd.StudyError(f"the geometry <{element.tag}> is unknown")
 
 
-def _inside(name: str, file: Path, inside: Path) -> Path:
+def _mesh_path(name: str, file: Path, inside: Path) -> Path:
     """Return the path of a mesh file, which must be in a folder; links are followed first."""
     bare = name.removeprefix("file://")
     package = bare.startswith("package://")

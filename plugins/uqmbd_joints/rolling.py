@@ -79,7 +79,7 @@ class RollingWheel(uqmbd.Component):
         if p.space.dimension == 2:
             yield uqmbd.Constraint(height - p.radius, "contact")
             foot = centre - p.radius * normal
-            yield uqmbd.extend.VelocityConstraint(i.direction(p.along).dot(_slip(p, foot)), "rolling")
+            yield uqmbd.extend.VelocityConstraint(i.direction(p.along).dot(_slip_velocity(p, foot)), "rolling")
             return
         axis = j.direction(p.axis_j)
         lean = normal.dot(axis)
@@ -87,7 +87,7 @@ class RollingWheel(uqmbd.Component):
         width = p.let("width", sympy.sqrt(crossed.dot(crossed)))
         yield uqmbd.Constraint(height - p.radius * width, "contact")
         turning = (j.angular_velocity - i.angular_velocity).cross(normal - lean * axis)
-        slip = _slip(p, centre) - p.radius / width * turning
+        slip = _slip_velocity(p, centre) - p.radius / width * turning
         directions = [i.direction(x) for x in (p.along, p.across)]
         yield uqmbd.extend.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
@@ -140,7 +140,7 @@ class RollingSphere(uqmbd.extend.TypedComponent):
         normal = p.body_i.direction(p.normal_i)
         height = normal.dot(p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         yield uqmbd.Constraint(height - p.radius, "contact")
-        slip = _slip(p, self.reaction_point(p))
+        slip = _slip_velocity(p, self.reaction_point(p))
         directions = [p.body_i.direction(x) for x in (p.along, p.across)]
         yield uqmbd.extend.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
@@ -188,7 +188,7 @@ class Skate(uqmbd.extend.TypedComponent):
             across = sympy.Matrix([-axis[1], axis[0]])
         else:
             across = p.body_i.direction(p.normal_i).cross(axis)
-        yield uqmbd.extend.VelocityConstraint(across.dot(_slip(p, p.body_j.point(p.point_j))), "blade")
+        yield uqmbd.extend.VelocityConstraint(across.dot(_slip_velocity(p, p.body_j.point(p.point_j))), "blade")
 
     def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
         """Return the world position of the blade."""
@@ -203,7 +203,7 @@ def _directions(normal: Any) -> dict[str, Any]:
     return {"along": along, "across": across}
 
 
-def _slip(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
+def _slip_velocity(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
     """Return the velocity of body j relative to body i, m/s, at the material points that are at a world point."""
     return _velocity(p.body_j, point) - _velocity(p.body_i, point)
 

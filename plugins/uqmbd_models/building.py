@@ -23,10 +23,10 @@ from uqmbd_springs import Gravity, RotorInertia
 
 __all__ = ["build"]
 
-NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+MASSLESS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 """Inertia of the massless bodies between the joints of one link."""
 
-NONE = 1e-15
+NEGLIGIBLE = 1e-15
 """Entries of an inertia tensor below this multiple of the largest entry are rounding errors of a rotation of axes."""
 
 LOG = logging.getLogger("uqmbd.derivation")
@@ -85,7 +85,7 @@ def _built(
         try:
             _add_link(built, tree, k, labels[k], by_link[k], placed.poses)
         except uqmbd.StudyError as error:
-            raise _refused(tree, link, error) from None
+            raise _located_error(tree, link, error) from None
         if k in settled.rotors:
             more, axis = settled.rotors[k]
             rotor = built.names.take(f"{labels[k]}_excess")
@@ -107,7 +107,7 @@ def _built(
     return mechanism
 
 
-def _refused(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyError:
+def _located_error(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyError:
     """Return the error of a link with invalid numbers, with the place in the file and a remedy."""
     line = f"line {link.line}: " if link.line else ""
     advice = CORRECT
@@ -137,7 +137,7 @@ def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJo
             built.bodies[k] = body
         else:
             between = built.names.take(f"{name}_after_{joint.name}")
-            body = _body(mechanism, between, NOTHING, joint.pose)
+            body = _body(mechanism, between, MASSLESS, joint.pose)
         _join(built, joint, parent, body)
         parent = body
 
@@ -145,7 +145,7 @@ def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJo
 def _body(mechanism: Any, name: str, inertial: Inertial, pose: Any) -> Any:
     """Add a body at its place, with its velocity if it moves at the start."""
     tensor = (inertial.inertia + inertial.inertia.T) / 2
-    tensor[abs(tensor) < NONE * abs(tensor).max()] = 0.0
+    tensor[abs(tensor) < NEGLIGIBLE * abs(tensor).max()] = 0.0
     entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     stated: dict[str, Any] = {}
     if pose.moves:
@@ -173,7 +173,7 @@ def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
         component = mechanism.add(Prismatic(placed.name, parent, body, **points, **axes))
     elif joint.kind == "ball":
         component = mechanism.add(Spherical(placed.name, parent, body, **points))
-    zero = _zero(placed, component)
+    zero = _zero_position(placed, component)
     add_forces(mechanism, built.names, placed, parent, body, zero)
     mechanism.joints[placed.name] = uqmbd.extend.ImportedJoint(
         placed.name,
@@ -188,7 +188,7 @@ def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
     )
 
 
-def _zero(placed: PlacedJoint, component: Any) -> float | None:
+def _zero_position(placed: PlacedJoint, component: Any) -> float | None:
     """Return the position of a hinge or slide in the file at zero position of the component; None for other joints."""
     if placed.joint.kind == "hinge":
         return float(placed.joint.start[0] - component.joint_angle().near)
@@ -220,7 +220,7 @@ def _couple(built: Built, joints: tuple[PlacedJoint, ...], coupling: Coupling) -
     name = built.names.take(coupling.name, "coupling")
     axes = {"axis_i": first.axis_i, "axis_j": first.axis_j}
     if first.joint.kind == "hinge":
-        zero = sympy.Float(_zero(first, known.component))
+        zero = sympy.Float(_zero_position(first, known.component))
         driver: Any = RotationDriver(name, i, j, angle=value - zero, **axes)
     else:
         points = {"point_i": first.point_i, "point_j": first.point_j}

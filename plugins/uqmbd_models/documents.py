@@ -94,7 +94,7 @@ def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()
         reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)
         raise uqmbd.StudyError(f"{where}: {reason}; expected the path of {article} {form.upper()} file.") from None
     slips: list[str] = []
-    text, before = _begin(text, slips)
+    text, before = _without_leading_space(text, slips)
     text = _without_dashes(text, slips)
     builder = _Builder(before, opaque, slips)
     try:
@@ -133,7 +133,7 @@ class _TooDeep(Exception):
     """Elements are nested too deeply."""
 
 
-def _begin(text: bytes, slips: list[str]) -> tuple[bytes, int]:
+def _without_leading_space(text: bytes, slips: list[str]) -> tuple[bytes, int]:
     """Remove white space before the first element, and count its lines."""
     mark = BYTE_ORDER_MARK if text.startswith(BYTE_ORDER_MARK) else b""
     rest = text[len(mark) :]

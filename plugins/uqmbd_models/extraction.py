@@ -36,7 +36,7 @@ def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
     except Exception as error:  # the compiler raises errors of several types
         raise loaded.error(error) from None
     advice = tuple(dict.fromkeys([*loaded.advice, *advice_lines]))
-    off = _switches(loaded, model)
+    off = _disabled_features(loaded, model)
     _require_finite(loaded, model)
     links = _links(loaded, model)
     joints = _joints(loaded, model, off, *_state(loaded, model, keyframe))
@@ -79,7 +79,7 @@ def _require_finite(loaded: ParsedFile, model: Any) -> None:
             )
 
 
-def _switches(loaded: ParsedFile, model: Any) -> set[str]:
+def _disabled_features(loaded: ParsedFile, model: Any) -> set[str]:
     """Return the names of features that the file disables."""
     flags = loaded.mujoco.mjtDisableBit.__members__
     off = {name.removeprefix("mjDSBL_") for name, bit in flags.items() if int(bit) & model.opt.disableflags}

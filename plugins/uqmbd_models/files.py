@@ -43,7 +43,7 @@ def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float
         damping, *more = np.atleast_1d(getattr(actuator, "damping", 0.0)).astype(float)
         gear = float(actuator.gear[0])
         if actuator.biastype != biases.mjBIAS_NONE:
-            bias = _bias(mujoco, actuator)
+            bias = _passive_force(mujoco, actuator)
             biased += [f"{name} ({bias}{_geared(gear)})"] if bias else []
         if not (inertia or damping or any(more)):
             continue
@@ -74,7 +74,7 @@ def _geared(gear: float) -> str:
     return "" if gear == 1 else f", gear {gear:g}"
 
 
-def _bias(mujoco: ModuleType, actuator: Any) -> str:
+def _passive_force(mujoco: ModuleType, actuator: Any) -> str:
     """Return a description of the passive force of an actuator (spring and damper of a servo), or an empty text."""
     constant, spring, damper = map(float, actuator.biasprm[:3])
     if actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE:
@@ -152,7 +152,7 @@ def load(path: str) -> ParsedFile:
     loaded = ParsedFile(path, mujoco, spec, advice=notes)
     try:
         _name(spec)
-        _set_aside(loaded)
+        _remove_unneeded(loaded)
     except (AttributeError, TypeError) as error:
         raise uqmbd.StudyError(
             f"from_mjcf needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
@@ -218,7 +218,7 @@ def _name(spec: Any) -> None:
                 joint.name = joints.take(f"{body.name}_joint")
 
 
-def _set_aside(loaded: ParsedFile) -> None:
+def _remove_unneeded(loaded: ParsedFile) -> None:
     """Remove unneeded elements of a model, and list them."""
     spec = loaded.spec
     spec.compiler.fusestatic = False

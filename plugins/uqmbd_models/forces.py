@@ -33,7 +33,7 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
     """
     joint = placed.joint
     if joint.kind == "hinge":
-        _turning(mechanism, names, placed, parent, body, "", placed.axis_i)
+        _add_rotational(mechanism, names, placed, parent, body, "", placed.axis_i)
         if joint.stiffness:
             free = float(joint.rest[0] - (zero or 0.0))
             spring = TorsionSpringDamper(
@@ -43,7 +43,7 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
             mechanism.add(spring)
     elif joint.kind == "slide":
         points = {"point_i": placed.point_i, "point_j": placed.point_j}
-        _sliding(mechanism, names, placed, parent, body, "", placed.axis_i, points)
+        _add_sliding(mechanism, names, placed, parent, body, "", placed.axis_i, points)
         if joint.stiffness:
             free = float(joint.rest[0] - (zero or 0.0))
             spring_at = SlidingSpringDamper(
@@ -54,18 +54,18 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
     else:
         for letter, axis in AXES.items():
             # speeds of a ball joint are about the axes of the moving body
-            _turning(mechanism, names, placed, body, parent, f"_{letter}", axis)
+            _add_rotational(mechanism, names, placed, body, parent, f"_{letter}", axis)
         if joint.kind == "free":
             points = {"point_i": (0.0,) * 3, "point_j": (0.0,) * 3}
             for letter, axis in AXES.items():
-                _sliding(mechanism, names, placed, parent, body, f"_along_{letter}", axis, points)
+                _add_sliding(mechanism, names, placed, parent, body, f"_along_{letter}", axis, points)
             if joint.stiffness:
                 rest = tuple(map(float, joint.rest[:3]))
                 name = names.take(f"{placed.name}_spring")
                 mechanism.add(SpringDamper(name, parent, body, rest, (0, 0, 0), stiffness=joint.stiffness))
 
 
-def _turning(mechanism: Any, names: Names, placed: PlacedJoint, i: Any, j: Any, letter: str, axis: Any) -> None:
+def _add_rotational(mechanism: Any, names: Names, placed: PlacedJoint, i: Any, j: Any, letter: str, axis: Any) -> None:
     """Add friction and rotor about an axis of body i."""
     joint = placed.joint
     if joint.damping or joint.friction:
@@ -77,7 +77,9 @@ def _turning(mechanism: Any, names: Names, placed: PlacedJoint, i: Any, j: Any, 
         mechanism.add(RotorInertia(name, i, j, joint.inertia, axis_i=axis))
 
 
-def _sliding(mechanism: Any, names: Names, placed: Any, i: Any, j: Any, letter: str, axis: Any, points: Any) -> None:
+def _add_sliding(
+    mechanism: Any, names: Names, placed: Any, i: Any, j: Any, letter: str, axis: Any, points: Any
+) -> None:
     """Add friction and inertia along an axis of body i."""
     joint = placed.joint
     if joint.damping or joint.friction:

@@ -43,7 +43,7 @@ def fuse(tree: Tree, *, every: bool) -> tuple[Tree, tuple[Fused, ...]]:
     for k, link in enumerate(tree.links):
         into, position, quaternion = home[k]
         if into and k != into:
-            parts[into].append(_placed(link.inertial, position, quaternion))
+            parts[into].append(_in_frame(link.inertial, position, quaternion))
     links = []
     for k in kept:
         link = tree.links[k]
@@ -51,13 +51,13 @@ def fuse(tree: Tree, *, every: bool) -> tuple[Tree, tuple[Fused, ...]]:
         links.append(
             replace(
                 link,
-                inertial=_together([link.inertial, *parts[k]]) if parts[k] else link.inertial,
+                inertial=_sum([link.inertial, *parts[k]]) if parts[k] else link.inertial,
                 parent=number[into],
                 position=position + turned(quaternion, link.position),
                 quaternion=product(quaternion, link.quaternion),
             )
         )
-    loops = tuple(_moved(loop, home, number) for loop in tree.loops)
+    loops = tuple(_in_remaining_links(loop, home, number) for loop in tree.loops)
     joints = tuple(replace(joint, link=number[joint.link]) for joint in tree.joints)
     fused = tuple(
         Fused(tree.links[k].name, number[into], position, quaternion)
@@ -67,13 +67,13 @@ def fuse(tree: Tree, *, every: bool) -> tuple[Tree, tuple[Fused, ...]]:
     return replace(tree, links=tuple(links), joints=joints, loops=loops), fused
 
 
-def _placed(inertial: Inertial, position: Array, quaternion: Array) -> Inertial:
+def _in_frame(inertial: Inertial, position: Array, quaternion: Array) -> Inertial:
     """Return mass, centre and inertia in another frame."""
     turn = matrix(quaternion)
     return Inertial(inertial.mass, position + turn @ inertial.com, turn @ inertial.inertia @ turn.T)
 
 
-def _together(parts: Sequence[Inertial]) -> Inertial:
+def _sum(parts: Sequence[Inertial]) -> Inertial:
     """Return the sum of inertias in one frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / mass if mass else parts[0].com
@@ -84,7 +84,9 @@ def _together(parts: Sequence[Inertial]) -> Inertial:
     return Inertial(mass, com, inertia)
 
 
-def _moved(loop: LoopClosure, home: dict[int, tuple[int, Array, Array]], number: dict[int, int]) -> LoopClosure:
+def _in_remaining_links(
+    loop: LoopClosure, home: dict[int, tuple[int, Array, Array]], number: dict[int, int]
+) -> LoopClosure:
     """Return a loop in the frames of the remaining links."""
     (i, position_i, turn_i), (j, position_j, turn_j) = home[loop.link_i], home[loop.link_j]
     rotation = None

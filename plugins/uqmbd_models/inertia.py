@@ -20,10 +20,10 @@ from uqmbd_models.tree import Array, Inertial, Link, Tree
 
 __all__ = ["Settled", "excess", "nearest", "settle"]
 
-OWN = 1e-12
+ROUNDING = 1e-12
 """Largest excess, relative to the largest moment of the body, that is a rounding error of this module."""
 
-MODEL = 1e-14
+FILE_ROUNDING = 1e-14
 """Largest excess, relative to the largest moment of the model, that is a rounding error of the file."""
 
 
@@ -78,22 +78,22 @@ def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Sett
     for k, tensor in tensors.items():
         link = links[k]
         more, moments = excess(tensor), np.linalg.eigvalsh(tensor)
-        if more <= OWN * np.abs(moments).max():
+        if more <= ROUNDING * np.abs(moments).max():
             continue
         text = f"{link.name} (largest moment {moments[2]:.4g}, the others {moments[0]:.4g} and {moments[1]:.4g} kg m^2)"
-        if how == "repair" or more <= MODEL * scale:
-            (repaired if more > MODEL * scale else rounded).append(text)
-            links[k] = _with(link, nearest(tensor))
+        if how == "repair" or more <= FILE_ROUNDING * scale:
+            (repaired if more > FILE_ROUNDING * scale else rounded).append(text)
+            links[k] = _with_inertia(link, nearest(tensor))
         elif how == "as stated":
             rotors[k], possible = _divided(tree.source, link, tensor, more)
-            links[k] = _with(link, possible)
+            links[k] = _with_inertia(link, possible)
             stated.append(text)
     merged = {part.name for part in fused if part.link}
     hidden = [
         link.name
         for link in before.links
         if link.name in merged
-        and excess(link.inertial.inertia) > max(OWN * abs(link.inertial.inertia).max(), MODEL * scale)
+        and excess(link.inertial.inertia) > max(ROUNDING * abs(link.inertial.inertia).max(), FILE_ROUNDING * scale)
     ]
     rows = [
         (
@@ -121,7 +121,7 @@ def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Sett
     return Settled(replace(tree, links=tuple(links)), rotors, found)
 
 
-def _with(link: Link, inertia: Array) -> Link:
+def _with_inertia(link: Link, inertia: Array) -> Link:
     """Return a link with another inertia tensor."""
     return replace(link, inertial=Inertial(link.inertial.mass, link.inertial.com, inertia))
 
@@ -129,7 +129,7 @@ def _with(link: Link, inertia: Array) -> Link:
 def _divided(source: str, link: Link, tensor: Array, more: float) -> tuple[tuple[float, Array], Array]:
     """Divide a tensor into a possible one, and a moment about its axis of largest inertia."""
     moments, axes = np.linalg.eigh(tensor)
-    if moments[0] < -OWN * np.abs(moments).max():
+    if moments[0] < -ROUNDING * np.abs(moments).max():
         listed = ", ".join(f"{x:.4g}" for x in moments)
         line = f"line {link.line}: " if link.line else ""
         raise uqmbd.StudyError(

@@ -53,7 +53,7 @@ def require_sizes(path: str, root: XmlElement) -> None:
 
     `path`: path of the file; `root`: root of the parsed file. The message states file, line and element.
     """
-    _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _SizeCheck())
+    _examine(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _SizeCheck())
 
 
 @dataclass
@@ -65,7 +65,7 @@ class _SizeCheck:
     """Root, largest number of examined copies, and number of bodies of each copy, for each included file."""
 
 
-def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
+def _examine(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
     """Examine all elements, each with the number of its copies."""
     waiting = [(root, copies)]
     while waiting:
@@ -88,11 +88,11 @@ def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, foun
                 most = EACH if key.startswith("nuser_") or key == "nkey" else most
                 _require(f"{where}: {key}", what, _product(element, (key,)), most)
         if element.tag in INCLUDES:
-            _included(path, element, seen, times, found)
+            _examine_included(path, element, seen, times, found)
         waiting.extend((inner, times) for inner in element)
 
 
-def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
+def _examine_included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
     """Examine an included file of the model; MuJoCo reports a missing file.
 
     Sizes grow with the copies of a file, so a file is examined again only for more copies. Otherwise, for files that
@@ -111,7 +111,7 @@ def _included(path: str, element: XmlElement, seen: frozenset[str], copies: floa
     else:
         root = parse(f"from_mjcf: {file}, which {path} includes", str(file), "mjcf").root
     before = found.bodies
-    _look(str(file), root, seen | {name}, copies, found)
+    _examine(str(file), root, seen | {name}, copies, found)
     found.files[name] = root, copies, (found.bodies - before) / copies
 
 

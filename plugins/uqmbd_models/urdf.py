@@ -77,7 +77,7 @@ def read_urdf(path: str, floating: bool = False) -> Tree:
     bodies, moving = _tree(robot, order, inertials, floating)
     couplings = _mimics(robot)
     _note_links(robot, floating)
-    _note_unread(robot)
+    _list_unread(robot)
     rows = [*robot.rows, *unknown_words(document), *remarks(moving)]
     by = f"uqmbd {uqmbd.__version__}"
     return Tree(
@@ -376,7 +376,7 @@ def _note_links(robot: Robot, floating: bool) -> None:
     robot.note("robots of several parts", pieces if len(pieces) > 1 else [], why)
 
 
-def _note_unread(robot: Robot) -> None:
+def _list_unread(robot: Robot) -> None:
     """List parts of the file that no mechanism has: shapes, transmissions, limits of effort and speed."""
     root = robot.document.root
     colliding = [f"of {name}" for name, link in robot.links.items() for _ in link.findall("collision")]

@@ -62,14 +62,14 @@ class ControlledSums:
         """
         found = self._found(None)
         deviation = np.sqrt(np.maximum(found.variance, 0.0)) * self._control.unit
-        varies = deviation > ROUNDING * np.abs(self._places + self._control.unit * found.mean)
+        varies = deviation > ROUNDING * np.abs(self._reference_values + self._control.unit * found.mean)
         if not varies.any():
             return 1.0
         shares = [1.0 / of[varies] for of in (found.reduction_mean, found.reduction_variance)]
         return float(np.clip(np.mean(shares), 0.0, 1.0))
 
     @property
-    def _places(self) -> Array:
+    def _reference_values(self) -> Array:
         """Reference values of the estimates, in units of the outputs."""
         shift = 0.0 if self._shift is None else self._shift
         return self._control.centre + self._control.unit * shift
@@ -91,7 +91,7 @@ class ControlledSums:
         def shaped(values: Array, otherwise: Any, where: NDArray[np.bool_]) -> Array:
             return np.where(where, values.reshape(mean.shape), otherwise)
 
-        unit, centre = self._control.unit, self._places
+        unit, centre = self._control.unit, self._reference_values
         positive = useful & (found.variance > 0).reshape(mean.shape)
         deviation = np.sqrt(np.where(found.variance > 0, found.variance, 1.0))
         controlled_std = shaped(unit * deviation, std, positive)

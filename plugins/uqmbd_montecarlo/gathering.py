@@ -169,7 +169,7 @@ def gather(
     handed = len(values) if watch is not None else room
     request = (edges, gathered.moments, counted)
     streamed = None if whole else problem.reduce(values, reduced, request, keep=handed)
-    for part in _reduced_here(problem, values, request) if streamed is None else streamed:
+    for part in _stored_entirely(problem, values, request) if streamed is None else streamed:
         last = first + len(part.status)
         gathered.add(part.result)
         if watch is not None:
@@ -204,7 +204,7 @@ def gather(
     )
 
 
-def _reduced_here(
+def _stored_entirely(
     problem: uqmbd.extend.Problem, values: Array, request: tuple[Any, ...]
 ) -> Iterator[uqmbd.extend.Reduced]:
     """Compute samples that are all stored."""

@@ -90,7 +90,7 @@ def run_sobol(
         # a request with a missing output has no indices; outputs that always occur are requested again without the
         # others
         beside = dict.fromkeys(names, "another output of the same request does not occur in some realisations")
-        without = beside | _late({names[k]: late[k] for k in late}, problem.runner.observed.counted)
+        without = beside | _reasons({names[k]: late[k] for k in late}, problem.runner.observed.counted)
         unknown = np.full((2, dimension, *problem.labels.shape), np.nan)
         indices = SobolIndices(*[unknown[0]] * 3, *[unknown] * 3, varies=True)
         return SobolRun(_variables(indices, problem, without), *nothing, replicates, dimension, without)
@@ -131,13 +131,13 @@ def run_sobol(
             f"failures of at most max_failures = {max_failures:g}. Most frequent reason: "
             f"{reason or 'an output is not finite'}"
         )
-    without = _late({names[k]: late[k] for k in late}, dimension * count)
+    without = _reasons({names[k]: late[k] for k in late}, dimension * count)
     about = used, count - used, dimension * count, failures, reason
     variables = _variables(sums.indices(), problem, without)
     return SobolRun(variables, *about, counters, wall_time, replicates, dimension, without)
 
 
-def _late(missing: Mapping[str, int], of: int) -> dict[str, str]:
+def _reasons(missing: Mapping[str, int], of: int) -> dict[str, str]:
     """Return the reasons of missing indices for outputs that do not occur in some realisations."""
     return {
         name: (

@@ -165,7 +165,7 @@ def analyse(
         used = adapt(ledger, proposal(regions, None, dimension), requirements, generator)
         used, sampled = sample(ledger, used, requirements, target, generator)
     else:
-        sampled = _plain(ledger, generator)
+        sampled = _sample_plainly(ledger, generator)
     estimates = _estimates(sampled, used, margins, levels, notes)
     return Analysis(tuple(estimates), tuple(points), sampled, ledger, tuple(notes), used=used)
 
@@ -214,7 +214,7 @@ def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: Lim
     return regions
 
 
-def _plain(ledger: LimitStateLedger, generator: np.random.Generator) -> Sampled:
+def _sample_plainly(ledger: LimitStateLedger, generator: np.random.Generator) -> Sampled:
     """Sample the standard normal distribution, if no violation is known."""
     first = ledger.count
     points = generator.standard_normal((ledger.left, ledger.dimension))

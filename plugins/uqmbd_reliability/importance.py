@@ -74,7 +74,7 @@ def adapt(ledger: LimitStateLedger, begin: Proposal, requirements: int, generato
         ratio = 1.0 / np.mean([1.0 / mixture.ratio(points) for mixture in used], axis=0)
         if not good:
             current = proposal(
-                [*current.regions, *_missed(points, ratio, margins, current.regions, 3)], None, ledger.dimension
+                [*current.regions, *_missed_regions(points, ratio, margins, current.regions, 3)], None, ledger.dimension
             )
         current = adapted(current, points, _weights(ratio, margins))
         if good:
@@ -98,7 +98,7 @@ def sample(
             more = current.mixture.sample(size, generator)
             margins, points = np.concatenate([margins, ledger(more)]), np.concatenate([points, more])
             if repairs < REPAIRS and ledger.left > 4 * BATCH:
-                missed = _missed(points, current.mixture.ratio(points), margins, current.regions, 1)
+                missed = _missed_regions(points, current.mixture.ratio(points), margins, current.regions, 1)
                 if missed:
                     break
         ratio = current.mixture.ratio(points)
@@ -122,7 +122,7 @@ def _next_batch(ratio: Array, margins: Array, target: float, left: int) -> int:
     return int(min(np.clip(needed, 0.25 * BATCH, 2 * BATCH), left)) if needed > 0 else 0
 
 
-def _missed(points: Array, ratio: Array, margins: Array, regions: Sequence[Region], most: int) -> list[Region]:
+def _missed_regions(points: Array, ratio: Array, margins: Array, regions: Sequence[Region], most: int) -> list[Region]:
     """Return new regions at violations with large weights outside all present regions."""
     dimension = points.shape[1]
     around = 0.3 * np.vstack([np.eye(dimension), -np.eye(dimension)])

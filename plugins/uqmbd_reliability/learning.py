@@ -219,7 +219,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
         counted = np.where(guess[:, k] < 0, population.ratio, 0.0)
         # for the bound on unobserved errors: weights of points with an uncertain sign, and of predicted violations
         unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
-        most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
+        most = max(_weight_quantile(population, unsure, 0.95), _weight_quantile(population, sure, 0.5))
         # a failed realisation with a predicted violation also counts as a false prediction
         missed, false = weights * (violated & ~foreseen), weights * (~violated & foreseen)
         mean = float(counted.mean() + missed.mean() - false.mean())
@@ -230,7 +230,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
     return found
 
 
-def _weight(population: _Population, chosen: Index, share: float) -> float:
+def _weight_quantile(population: _Population, chosen: Index, share: float) -> float:
     """Return the quantile of the weights of draws at some points, for a share of these points."""
     if not len(chosen):
         return 0.0

@@ -257,9 +257,9 @@ class Reliability(uqmbd.extend.Propagator):
         """Return the obstacle: no random input, or an unknown requirement."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
-        if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_expensive(study)):
+        if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_few_left(study)):
             return f"the surrogate {self.surrogate.name!r} is not possible: {found}"
-        return self._unknown(list(study.mechanism.requirements))
+        return self._unknown_requirement(list(study.mechanism.requirements))
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
         """Return a remark if there are no requirements."""
@@ -269,15 +269,15 @@ class Reliability(uqmbd.extend.Propagator):
         """Explore, search, sample, and return statistics."""
         space = StandardSpace(problem.germ_space())
         names = [one.name for one in problem.requirements]
-        if problem.answers_requirements and (reason := self._unknown(names)):
+        if problem.answers_requirements and (reason := self._unknown_requirement(names)):
             raise uqmbd.StudyError(f"{problem.label}: {reason}.")
         if not problem.answers_requirements:
-            return self._without(problem, space)
+            return self._statistics_only(problem, space)
         chosen = list(range(len(names))) if self.requirement is None else [names.index(self.requirement)]
         runs = MarginRuns(problem, space, chosen)
         predicted = None if self.surrogate is None else predictor(self.surrogate, problem, space, chosen)
         found = self._analyse(runs, space.dimension, predicted)
-        attrs = self._told(problem, runs, found, requirement_names([names[k] for k in chosen]))
+        attrs = self._description(problem, runs, found, requirement_names([names[k] for k in chosen]))
         data = described(
             problem,
             [problem.requirements[k] for k in chosen],
@@ -311,7 +311,7 @@ class Reliability(uqmbd.extend.Propagator):
         found = analyse(runs, dimension, method=self.method, target=target, most=most - spent, generator=generator)
         return replace(found, sampled=replace(found.sampled, rows=found.sampled.rows + spent))
 
-    def _too_expensive(self, study: uqmbd.Study) -> str | None:
+    def _too_few_left(self, study: uqmbd.Study) -> str | None:
         """Return a message if a surrogate may leave too few realisations."""
         if self.surrogate is None or (planned := self.surrogate.estimate(study)) is None:
             return None
@@ -324,7 +324,7 @@ class Reliability(uqmbd.extend.Propagator):
             "limit the realisations of the surrogate"
         )
 
-    def _unknown(self, names: list[str]) -> str | None:
+    def _unknown_requirement(self, names: list[str]) -> str | None:
         if self.requirement is not None and self.requirement not in names:
             there = f"expected one of {', '.join(names)}, or None" if names else "the mechanism has no requirement"
             return f"requirement is {self.requirement!r}; {there}"
@@ -332,7 +332,7 @@ class Reliability(uqmbd.extend.Propagator):
             return f"method 'subset' supports one requirement only; set requirement= to one of {', '.join(names)}"
         return None
 
-    def _without(self, problem: uqmbd.extend.Problem, space: StandardSpace) -> xr.DataTree:
+    def _statistics_only(self, problem: uqmbd.extend.Problem, space: StandardSpace) -> xr.DataTree:
         """Return statistics of outputs only: there are no requirements, or another run computes them."""
         # for requirements of another run, use the same realisations, which are not computed again
         count = PILOT if self.surrogate is None or not problem.requirements else FIRST
@@ -390,7 +390,7 @@ class Reliability(uqmbd.extend.Propagator):
             attrs={**attrs, "failures": failures, "samples_kept": len(fine), "statistics_samples": len(fine)},
         )
 
-    def _told(
+    def _description(
         self, problem: uqmbd.extend.Problem, runs: MarginRuns, found: Analysis, names: tuple[str, ...]
     ) -> dict[str, Any]:
         """Return a description of the computation, and warn if it differs from the request."""

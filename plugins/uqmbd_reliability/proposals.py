@@ -61,7 +61,7 @@ def from_design_point(point: DesignPoint) -> Region:
     """
     beta, unit = point.beta, point.direction
     depth = 1.0 / max(beta, 1.0)
-    basis, covariance = _shaped(unit, depth**2, 1.0)
+    basis, covariance = _basis_and_covariance(unit, depth**2, 1.0)
     sharp = Normal(point.point + depth * unit, basis, covariance)
     return Region(sharp, Normal.round(point.point), point.requirement, float(log_ndtr(-beta)), unit)
 
@@ -75,7 +75,7 @@ def around_points(points: Array, requirement: int, log_share: float) -> Region:
     dimension = points.shape[1]
     rest = max(float(across.mean()) / max(dimension - 1, 1), 0.05)
     depth = max(float(along.var()), 0.02)
-    basis, covariance = _shaped(unit, depth, rest)
+    basis, covariance = _basis_and_covariance(unit, depth, rest)
     sharp = Normal(mean, basis, covariance, rest if dimension > FULL else 1.0)
     return Region(sharp, Normal.round(mean), requirement, log_share, unit)
 
@@ -131,7 +131,7 @@ def adapted(old: Proposal, points: Array, weights: Array) -> Proposal:
     return proposal(regions, shares, points.shape[1])
 
 
-def _shaped(unit: Array, along: float, across: float) -> tuple[Array, Array]:
+def _basis_and_covariance(unit: Array, along: float, across: float) -> tuple[Array, Array]:
     """Return basis and covariance with variances `along` and `across` a direction, for all adapted directions."""
     if len(unit) > FULL:
         return unit[:, None], np.array([[along]])
@@ -165,7 +165,7 @@ def _moved(region: Region, points: Array, weights: Array) -> Region:
     before = float(unit @ basis @ normal.covariance @ basis.T @ unit)
     others = normal.rest if dimension > FULL else (float(np.trace(normal.covariance)) - before) / max(dimension - 1, 1)
     along, across = few * along + (1 - few) * before, few * across + (1 - few) * others
-    _, simple = _shaped(unit, along, across)
+    _, simple = _basis_and_covariance(unit, along, across)
     spread = (away @ basis * weights[:, None]).T @ (away @ basis)
     trust = effective / (effective + PRIOR + 2 * width)
     covariance = trust * spread + (1.0 - trust) * simple

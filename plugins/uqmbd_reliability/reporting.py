@@ -37,7 +37,7 @@ class ReliabilitySection:
         for label, node in found:
             data = node["requirements"].to_dataset()
             of = f" ({label})" if len(found) > 1 else ""
-            for name in _found_in(data):
+            for name in _with_design_point(data):
                 one = data.sel(requirement=name).isel(point=0)
                 cells = (_time(one), f"{float(one['beta']):.2f}", "; ".join(_inputs(one)[:NAMED]))
                 rows.append((f"{name}{of}", *cells))
@@ -66,7 +66,7 @@ def _analyses(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataTree]]:
             yield label, node
 
 
-def _found_in(data: xr.Dataset) -> list[str]:
+def _with_design_point(data: xr.Dataset) -> list[str]:
     """Return the requirements with a design point, without the event that any of several is violated."""
     if not data.sizes.get("point", 0):
         return []
@@ -102,7 +102,7 @@ def _chart(one: xr.Dataset, title: str) -> Chart:
 
 def _table(label: str, node: xr.DataTree) -> str:
     data = node["requirements"].to_dataset()
-    names = _found_in(data)
+    names = _with_design_point(data)
     if not names:
         return ""
     inputs = [with_units(str(n), str(u)) for n, u in zip(data["input"].values, data["input_units"].values, strict=True)]

@@ -84,13 +84,17 @@ class Bushing(uqmbd.Component):
         yield uqmbd.Potential((strain.T * k * strain)[0] / 2)
         if any(x != 0 for x in c):
             spin = j.angular_velocity - i.angular_velocity
-            arm = i.angular_velocity.cross(offset) if p.space.dimension == 3 else i.angular_velocity[0] * _left(offset)
+            arm = (
+                i.angular_velocity.cross(offset)
+                if p.space.dimension == 3
+                else i.angular_velocity[0] * _perpendicular(offset)
+            )
             speed = into * (j.point_velocity(p.point_j) - i.point_velocity(p.point_i) - arm)
             rates = sympy.Matrix([*speed, *(into * spin if p.space.dimension == 3 else spin)])
             yield uqmbd.VirtualWork(-c * rates, rates)
 
 
-def _left(vector: sympy.Matrix) -> sympy.Matrix:
+def _perpendicular(vector: sympy.Matrix) -> sympy.Matrix:
     """Return a vector of the plane, rotated by a right angle."""
     return sympy.Matrix([-vector[1], vector[0]])
 

@@ -46,7 +46,7 @@ class RoadFollower(uqmbd.extend.TypedComponent):
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the constraint equation."""
-        place = _place(p)
+        place = _point_in_road_frame(p)
         road = law_at(p, p.road, {distance: place[0]}, what="road")
         yield uqmbd.Constraint(place[-1] - p.height - road, "road")
 
@@ -96,7 +96,7 @@ class RadialTyre(uqmbd.extend.TypedComponent):
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the virtual work of the load."""
-        place = _place(p)
+        place = _point_in_road_frame(p)
         road = law_at(p, p.road, {distance: place[0]}, what="road")
         compression = p.let("compression", road + p.radius - place[-1])
         rate = p.rate_of(compression)
@@ -105,7 +105,7 @@ class RadialTyre(uqmbd.extend.TypedComponent):
         yield uqmbd.VirtualWork(-(load + sympy.sqrt(load**2 + (p.stiffness * p.transition) ** 2)) / 2, rate)
 
 
-def _place(p: uqmbd.extend.Local) -> sympy.Matrix:
+def _point_in_road_frame(p: uqmbd.extend.Local) -> sympy.Matrix:
     """Return the point in the frame of body i, forward coordinate first, upward coordinate last (0, x on a line)."""
     place = p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position)
     found: sympy.Matrix = p.let("place", [0, place[0]] if p.space.dimension == 1 else place)

@@ -95,7 +95,7 @@ def check_exporter(
         done, why = 0, ""
         for about, study, node in cases:
             where = f"{name}, {what}, {about}"
-            told = _refused(made, what, study, where)
+            told = _refusal(made, what, study, where)
             source = node if what == "surrogate" else study.mechanism
             why = told or why
             if not told and source is not None:
@@ -109,7 +109,7 @@ def check_exporter(
             _check_without_surrogate(made, f"{name}, surrogate")
 
 
-def _refused(made: Any, what: str, study: Study, where: str) -> str:
+def _refusal(made: Any, what: str, study: Study, where: str) -> str:
     """Return the reason of a refusal, which must be a text and the same twice."""
     found: list[Any] = []
     for _ in range(2):

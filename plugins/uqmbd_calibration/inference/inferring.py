@@ -29,7 +29,7 @@ from uqmbd_calibration.inference.working import CHECKED, CalibrationState, peak_
 __all__ = ["PART", "PosteriorCheck", "Inferred", "Mode", "infer"]
 
 
-EVEN, SHIFT = 0.8, 0.1
+LEAST_SHARE, MOST_SHIFT = 0.8, 0.1
 """Accepted surrogates: least effective share of weights; largest shift of a mean, in standard deviations."""
 
 
@@ -41,10 +41,10 @@ WITHIN = 4.0
 the dimension."""
 
 
-WIDENED, WIDEST = 4.0, 1e3
+GROWTH, WIDEST = 4.0, 1e3
 """Factor by which the radius grows if it cuts off draws; radius from which on the region is unlimited instead."""
 
-NEAR_LIMIT, CUT = 0.8, 1e-3
+NEAR_LIMIT, MOST_NEAR_LIMIT = 0.8, 1e-3
 """Share of the radius beyond which a draw is near the limit; share of draws near the limit above which the region
 grows. A normal distribution has fewer than one of 10^9 draws there."""
 
@@ -69,7 +69,7 @@ class PosteriorCheck:
     @property
     def passed(self) -> bool:
         """Whether realisations confirm the surrogate."""
-        return self.share >= EVEN and self.shift <= SHIFT
+        return self.share >= LEAST_SHARE and self.shift <= MOST_SHIFT
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +157,7 @@ def _sampled(
         limits = dict(about)
         found = sample(density, peak, factor, seed=next(seeds), **limits)
         while np.isfinite(limits["within"]) and _at_limit(found, peak, factor, limits["within"]):
-            limits["within"] = WIDENED * limits["within"] if limits["within"] < WIDEST else np.inf
+            limits["within"] = GROWTH * limits["within"] if limits["within"] < WIDEST else np.inf
             found = sample(density, peak, factor, seed=next(seeds), **limits)
         mass = log_mass_of(density, peak, factor, found, next(seeds), limits["within"]) if several else 0.0
         return PartOfPosterior(target, peak, found, mass)
@@ -178,7 +178,7 @@ def _at_limit(found: Draws, peak: Array, factor: Array, within: float) -> bool:
     """Return whether the limit of the sampled region cuts off draws, for example of a posterior along a curve."""
     local = np.linalg.solve(factor, (found.flat - peak).T)
     far = (local**2).sum(axis=0) > (NEAR_LIMIT * within) ** 2
-    return bool(far.mean() > CUT)
+    return bool(far.mean() > MOST_NEAR_LIMIT)
 
 
 def _combined(

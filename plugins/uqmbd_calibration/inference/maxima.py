@@ -142,7 +142,7 @@ def combined_draws(parts: Sequence[PartOfPosterior], seed: int) -> Draws:
     count = min(count, *(part.draws.log_density.shape[1] for part in parts))
     vectors, density = [], []
     for chain in range(chains):
-        chosen = generator.permutation(np.repeat(np.arange(len(parts)), _whole(shares, count)))
+        chosen = generator.permutation(np.repeat(np.arange(len(parts)), _rounded_counts(shares, count)))
         rows = generator.permuted(np.tile(np.arange(count), (len(parts), 1)), axis=1)
         each = [rows[k][: np.count_nonzero(chosen == k)] for k in range(len(parts))]
         own, lp = np.empty((count, parts[0].draws.vectors.shape[2])), np.empty(count)
@@ -168,7 +168,7 @@ def combined_draws(parts: Sequence[PartOfPosterior], seed: int) -> Draws:
     )
 
 
-def _whole(shares: Array, count: int) -> Index:
+def _rounded_counts(shares: Array, count: int) -> Index:
     """Return integers (M,) in proportion to shares, with the sum `count`."""
     found = np.floor(shares * count).astype(int)
     left = np.argsort(found - shares * count, kind="stable")[: count - int(found.sum())]

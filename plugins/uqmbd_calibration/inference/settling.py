@@ -20,14 +20,14 @@ from uqmbd_calibration.inference.working import CHECKED, CalibrationState
 __all__ = ["Mode", "settle"]
 
 
-MODES, WORSE = 4, 30.0
+MODES, MOST_BELOW = 4, 30.0
 """Largest number of maxima computed on the mechanism, and their largest distance in log-density below the best one."""
 
 AS_LIKELY = 3.0
 """A maximum without a search is reported if its log-mass is at most this much below the log-mass of the best
 maximum."""
 
-SETTLED, SETTLING = 0.3, 24
+SMALL_STEP, MOST_STEPS = 0.3, 24
 """End of a search: step length, in standard deviations of the posterior, and largest number of steps."""
 
 POOR, GOOD, MORE = 0.25, 0.75, 2.0
@@ -66,13 +66,13 @@ class _Computed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Followed:
+class _SearchResult:
     """Result of a search: the maximum, and the best realisation."""
 
     mode: Mode
     at: _Computed
 
-    def same(self, other: _Followed) -> bool:
+    def same(self, other: _SearchResult) -> bool:
         """Return whether another search ended within one deviation of the same maximum."""
         away = other.mode.vector - self.mode.vector
         return bool(away @ self.mode.hessian @ away < 1.0)
@@ -84,13 +84,13 @@ def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Arra
     Return the maxima, the best first, and the vector (N,) to start from. Return also the number of maxima of the
     surrogate that are about as likely as the best one but had no search.
     """
-    found: list[_Followed] = []
+    found: list[_SearchResult] = []
     mass = -peaks.cost - 0.5 * np.linalg.slogdet(peaks.hessian)[1]
     unseen = mass > mass.max() - AS_LIKELY
     # also start from the median of the prior, because the surrogate may be wrong about all its maxima
     centre = np.zeros_like(peaks.vectors[0])
     for k in range(min(MODES, len(peaks.cost))):
-        if peaks.cost[k] > peaks.cost[0] + WORSE:
+        if peaks.cost[k] > peaks.cost[0] + MOST_BELOW:
             break
         best = min((one.at.cost for one in found), default=np.inf)
         if not work.affordable(2 + (CHECKED if found else 0)):
@@ -100,7 +100,7 @@ def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Arra
         tried = [begun for start in starts if np.isfinite((begun := _computed(work, start)).cost)]
         if not tried:
             continue
-        one = _followed(work, min(tried, key=lambda begun: begun.cost), best)
+        one = _search_from(work, min(tried, key=lambda begun: begun.cost), best)
         if not any(other.same(one) for other in found):
             found.append(one)
     if not found:
@@ -110,7 +110,7 @@ def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Arra
     return tuple(one.mode for one in found), found[0].mode.vector, int(unseen.sum())
 
 
-def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followed:
+def _search_from(work: CalibrationState, start: _Computed, best: float) -> _SearchResult:
     """Climb from a realisation to a maximum; stop a climb that stays far above the cost `best` of another maximum."""
     at, width, exact, tested, possible, settled = start, WIDEST, False, False, True, False
     inputs = len(work.unknowns.inputs)
@@ -118,11 +118,11 @@ def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followe
     reserve = CHECKED if work.affordable(2 * CHECKED) else 0
     work.shift(at.vector, at.real)
     peak = climb(work.target, at.vector[None], within=width)
-    for taken in range(SETTLING):
+    for taken in range(MOST_STEPS):
         metric = peak.hessian[0]
         step = peak.vectors[0] - at.vector
         length = float(np.abs(step[:inputs]).max())
-        near = float(np.sqrt(max(step @ metric @ step, 0.0))) < SETTLED and length < 0.99 * width
+        near = float(np.sqrt(max(step @ metric @ step, 0.0))) < SMALL_STEP and length < 0.99 * width
         settled = near and (exact or (tested and width >= WIDEST) or not possible)
         if settled or not work.affordable(1 + reserve):
             break
@@ -146,12 +146,12 @@ def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followe
         if not exact:
             work.shift(at.vector, at.real)
         peak = climb(work.target, at.vector[None], within=width)
-        if -float(peak.cost[0]) < -best - WORSE:
+        if -float(peak.cost[0]) < -best - MOST_BELOW:
             break
     # without a nearby realisation, the peak of the surrogate is not a maximum on the mechanism
     place, cost = (peak.vectors[0], float(peak.cost[0])) if settled else (at.vector, at.cost)
     mass = -cost - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
-    return _Followed(Mode(place, -cost, mass, peak.hessian[0], tuple(work.predictors)), at)
+    return _SearchResult(Mode(place, -cost, mass, peak.hessian[0], tuple(work.predictors)), at)
 
 
 def _computed(work: CalibrationState, vector: Array) -> _Computed:

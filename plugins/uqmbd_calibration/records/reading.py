@@ -32,7 +32,7 @@ def csv_columns(path: Path) -> list[OutputColumn]:
         raise uqmbd.StudyError(f"{path}: the file has no header; expected a line such as 'time [s],angle [rad]'.")
     number, header = lines[0]
     mark = next((mark for mark in "\t;" if mark in header), ",")
-    heads = [_head(cell, f"{path}, line {number}") for cell in _cells(header, mark, path, number)]
+    heads = [_name_and_units(cell, f"{path}, line {number}") for cell in _cells(header, mark, path, number)]
     names = [name for name, _ in heads]
     for name in names:
         if names.count(name) > 1:
@@ -85,7 +85,7 @@ def _cells(line: str, mark: str, path: Path, number: int) -> list[str]:
         raise uqmbd.StudyError(f"{path}, line {number} is not valid CSV: {error}.") from None
 
 
-def _head(cell: str, where: str) -> tuple[str, str | None]:
+def _name_and_units(cell: str, where: str) -> tuple[str, str | None]:
     """Return the name and the units of a column."""
     found = _HEAD.fullmatch(cell)
     name, units = (found["name"], found["units"]) if found else (cell, None)

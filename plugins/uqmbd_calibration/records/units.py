@@ -16,7 +16,7 @@ def same_units(one: str, other: str) -> bool:
     >>> same_units("m/s²", "m/s^2"), same_units("N·m", "N  m"), same_units("mm", "m"), same_units("mN", "m N")
     (True, True, False, False)
     """
-    return _spelt(one) == _spelt(other)
+    return _normalised(one) == _normalised(other)
 
 
 def seconds(units: str) -> bool:
@@ -28,6 +28,6 @@ def seconds(units: str) -> bool:
     return units.strip() in ("s", "sec", "second", "seconds")
 
 
-def _spelt(units: str) -> str:
+def _normalised(units: str) -> str:
     plain = _RAISED.sub(lambda found: "^" + found.group().translate(_POWERS), units).replace("**", "^")
     return re.sub(r"\s*([/^])\s*", r"\1", " ".join(re.sub("[·⋅*]", " ", plain).split()))

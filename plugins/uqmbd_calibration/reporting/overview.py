@@ -62,14 +62,14 @@ def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:
         one = data.sel(input=name)
         yield (
             with_units(name, str(one["units"].item())) + of,
-            _unbroken(mean_and_deviation(one["prior_mean"], one["prior_sd"])),
-            _unbroken(mean_and_deviation(one["mean"], one["sd"])),
-            _unbroken(interval(one)),
+            _with_no_break_spaces(mean_and_deviation(one["prior_mean"], one["prior_sd"])),
+            _with_no_break_spaces(mean_and_deviation(one["mean"], one["sd"])),
+            _with_no_break_spaces(interval(one)),
             reduction_in_words(one),
         )
 
 
-def _unbroken(numbers: str) -> str:
+def _with_no_break_spaces(numbers: str) -> str:
     """Replace the spaces in a text of numbers by no-break spaces, so that a narrow column does not break the line."""
     return numbers.replace(" ", "\N{NO-BREAK SPACE}")
 

@@ -56,7 +56,7 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
             tried.append(arranged.physical(at)[:, k])
         tried.append(increasing_cubic(normal[:, k], values[:, k]))
         lower, upper = map(float, variable.joint.bounds[variable.component])
-        tables[:, k] = _chosen(tried, normal[:, k], values[:, k], lower, upper)
+        tables[:, k] = _selected_table(tried, normal[:, k], values[:, k], lower, upper)
     names = np.array([one.name for one in unknown], dtype=np.str_)
     return xr.Dataset(
         {
@@ -88,7 +88,7 @@ def curvature(normal: Array) -> Array:
     return np.asarray(found)
 
 
-def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
+def _selected_table(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
     """Return the first table within bounds and close to the draws; without such a table, a curve through quantiles."""
     # the stated bounds of an infinite support are finite: if draws are beyond a bound, the support is infinite
     lower = lower if lower <= values.min() else -np.inf
@@ -133,11 +133,11 @@ def increasing_cubic(normal: Array, values: Array) -> Array:
         found = np.polynomial.polynomial.polyval(GRID, coefficients)
         if np.all(np.diff(found[np.abs(GRID) <= 6.0]) > 0):
             # extrapolate linearly beyond the draws
-            return np.asarray(_straight(found))
+            return np.asarray(_extrapolated(found))
     return np.asarray(values.mean() + max(values.std(), 1e-12) * GRID)
 
 
-def _straight(values: Any) -> Array:
+def _extrapolated(values: Any) -> Array:
     inner = np.abs(GRID) <= 4.0
     first, last = np.flatnonzero(inner)[[0, -1]]
     step = GRID[1] - GRID[0]

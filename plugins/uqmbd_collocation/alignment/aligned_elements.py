@@ -85,9 +85,9 @@ class _AlignedElements(ElementFits):
         lost = float(np.mean([other != sequence for other in sequences]))
         watching = Watching(problem, paths)
         verified = CollocationRuns(watching, local)
-        verification = self._known(box, points) or verified.verification(points)
+        verification = self._given_in(box, points) or verified.verification(points)
         if (elsewhere := watching.elsewhere(sequence)).any():
-            share, count = _share(verified, points, elsewhere), len(verification)
+            share, count = _weighted_share(verified, points, elsewhere), len(verification)
             lost = (lost * len(nodes) + count * share) / (len(nodes) + count)
         warn_of_failures(verification, problem.label)
         scale = _scale(verification, problem.times) if plans.adaptive != "no" else None
@@ -150,7 +150,7 @@ class _AlignedElements(ElementFits):
         """Number of realisations so far."""
         return int(self.source.spent + sum(len(one.verified) for one in self.done))
 
-    def _known(
+    def _given_in(
         self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints
     ) -> uqmbd.extend.Verification | None:
         """Return given verification realisations in a box; None unless there is one for each of `points`."""
@@ -272,7 +272,7 @@ def _remedy(limits: uqmbd.extend.ElementLimits, count: int) -> str:
     return "Raise max_elements" if limits.adaptive else "Raise elements"
 
 
-def _share(runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
+def _weighted_share(runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
     """Return the share of successful realisations with a property, weighted by the weights of the points (V,)."""
     where = runs.at(points.germs)
     good = np.flatnonzero(runs.good(where))
@@ -288,7 +288,7 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int)
         nodes = plans.first_nodes(box.local)
         sequences = paths.sequences(space.to_inputs(nodes))
         room = len(done) + len(boxes) + 2 <= most
-        if len(set(sequences)) > 1 and room and (germ := _guilty(box, nodes, sequences)) is not None:
+        if len(set(sequences)) > 1 and room and (germ := _split_index(box, nodes, sequences)) is not None:
             boxes += box.split(germ)
         else:
             done.append(box)
@@ -309,7 +309,7 @@ def _scale(known: uqmbd.extend.Verification, times: Array) -> Array:
     return np.concatenate([[tick], np.where(std > 0, std, np.inf)])
 
 
-def _guilty(box: uqmbd.extend.GermBox, nodes: Array, sequences: list[Sequence]) -> int | None:
+def _split_index(box: uqmbd.extend.GermBox, nodes: Array, sequences: list[Sequence]) -> int | None:
     """Return the index of the germ along which a split separates the sequences best."""
     best, germ = np.inf, None
     for k in range(nodes.shape[1]):

@@ -43,7 +43,7 @@ def chosen_over_time(
     near = (own <= NEAR * least + REST * scale) | ~np.isfinite(least)
     # a single verification realisation is no reason to reject the family with the smallest error over all times
     least_of_all = int(np.argmin([max(float(over[name][output]), EQUAL) for name in chaoses]))
-    near[least_of_all] |= _near_without_one(given, chaoses, least_of_all, output, scale)
+    near[least_of_all] |= _near_without_worst(given, chaoses, least_of_all, output, scale)
     always = [name for name, row in zip(chaoses, near, strict=True) if row.all()]
     if always:
         best = min(always, key=lambda name: max(float(over[name][output]), EQUAL))
@@ -71,7 +71,7 @@ def chosen_over_time(
     return found
 
 
-def _near_without_one(
+def _near_without_worst(
     given: uqmbd.extend.Verification, chaoses: Mapping[str, Any], best: int, output: int, scale: float
 ) -> Mask:
     """Return the times (T,), as a mask, at which a family is near the smallest error without its worst realisation.

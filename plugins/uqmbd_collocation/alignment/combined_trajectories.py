@@ -63,7 +63,7 @@ class _PhaseHistory:
         edges, parts = [self.history.edges[:1]], []
         for k, own in enumerate(marks.phases):
             begin, end = self.history.edges[k : k + 2]
-            at = np.concatenate([[0.0], _passed(self.phase[k], own), [1.0]])
+            at = np.concatenate([[0.0], _passage_times(self.phase[k], own), [1.0]])
             at = at[:-1] if marks.ending and k + 1 == len(marks.phases) else at
             edges.append(begin + (end - begin) * at[1:])
             moments = at[:-1, None] + where * np.diff(at)[:, None]
@@ -150,7 +150,7 @@ class CombinedTrajectories:
         self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]
     ) -> MarkerRule:
         """Return the rule that divides realisations of an element; see `marks`."""
-        return self._cutting(sequence, self.marks(space, germs, spread, sequence))
+        return self._rule(sequence, self.marks(space, germs, spread, sequence))
 
     def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Merged:
         """Return the markers of an element with nodes `germs` (K, d) and a sequence of events.
@@ -166,20 +166,20 @@ class CombinedTrajectories:
         if all(motion.history.final and len(motion.history.labels) == count for motion in motions):
             # add one mark after the largest phase at the last output time
             end = float(self.problem.times[-1])
-            last = np.array([[_at(motion, count - 1, end)] for motion in motions])
+            last = np.array([[_phase_at(motion, count - 1, end)] for motion in motions])
             step = TURN / PER_TURN
             reached = step * (np.ceil(float(everywhere(space, germs[same], spread, last).max()) / step) + 1)
-            if not self._reach(values[same], count, reached):
+            if not self._extend_to(values[same], count, reached):
                 reached = np.inf
         found = merged(edges, reached)
         self._marks[germs.tobytes() + values.tobytes()] = found
         return found
 
-    def _cutting(self, sequence: tuple[str, ...], marks: Merged) -> MarkerRule:
+    def _rule(self, sequence: tuple[str, ...], marks: Merged) -> MarkerRule:
         labels = marks.labels(sequence)
 
         def farther(late: float, pace: float) -> MarkerRule:
-            return self._cutting(sequence, marks.farther(late, pace))
+            return self._rule(sequence, marks.farther(late, pace))
 
         kind: Markers = "events" if any(labels) else "phase"
         return MarkerRule(
@@ -191,7 +191,7 @@ class CombinedTrajectories:
     ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
         """Return realisations in segments; another order of markers excludes a realisation from the element."""
         if marks.ending:
-            self._reach(values, len(sequence), float(marks.phases[-1][-1]))
+            self._extend_to(values, len(sequence), float(marks.phases[-1][-1]))
         count, outputs = len(marks.labels(sequence)), self.problem.labels.shape[0]
         edges = np.full((len(values), count + 1), np.nan)
         response = np.full((len(values), count, outputs, POINTS), np.nan)
@@ -209,7 +209,7 @@ class CombinedTrajectories:
             values, nothing, status, tuple(messages), {}, 0.0
         )
 
-    def _reach(self, values: Array, count: int, phase: float) -> bool:
+    def _extend_to(self, values: Array, count: int, phase: float) -> bool:
         """Integrate realisations to a phase if no event ends their last segment; return whether all reach it."""
         while True:
             motions = [
@@ -249,14 +249,14 @@ class CombinedTrajectories:
         return [self._known[key] for key in keys]
 
 
-def _at(motion: _PhaseHistory, segment: int, time: float) -> float:
+def _phase_at(motion: _PhaseHistory, segment: int, time: float) -> float:
     """Return the phase at a time of a segment, rad."""
     begin, end = motion.history.edges[segment : segment + 2]
     where = np.array((time - begin) / (end - begin) if end > begin else 0.0)
     return float(read(motion.phase[segment : segment + 1], where)[0])
 
 
-def _passed(phase: Array, marks: Array) -> Array:
+def _passage_times(phase: Array, marks: Array) -> Array:
     """Return the normalised times at which a growing phase (P,) equals marks (N,)."""
     where = AlignedElement.points(len(phase))
     right = np.clip(np.searchsorted(phase, marks), 1, len(phase) - 1)

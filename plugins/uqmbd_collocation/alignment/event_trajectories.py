@@ -92,9 +92,9 @@ class EventTrajectories:
         self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]
     ) -> MarkerRule:
         """Return the rule that divides realisations of an element into segments."""
-        return self._cutting(space.to_inputs(germs), sequence)
+        return self._rule(space.to_inputs(germs), sequence)
 
-    def _cutting(self, values: Array, sequence: tuple[str, ...]) -> MarkerRule:
+    def _rule(self, values: Array, sequence: tuple[str, ...]) -> MarkerRule:
         """Return the rule that divides realisations; nodes at inputs (K, d) supply further events for its extension."""
 
         def farther(late: float, pace: float) -> MarkerRule | None:
@@ -106,7 +106,7 @@ class EventTrajectories:
             same = {labels[: len(sequence) + more] for labels in known if labels[: len(sequence)] == sequence}
             # extend only by events that are the same in all nodes
             common = tuple(each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*same, strict=False)))
-            return self._cutting(values, common) if len(common) > len(sequence) else None
+            return self._rule(values, common) if len(common) > len(sequence) else None
 
         return MarkerRule(lambda values: self.cut(values, sequence), sequence, "events", farther)
 
@@ -140,7 +140,7 @@ class EventTrajectories:
         """
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         while True:
-            missing = [k for k, key in enumerate(keys) if not self._enough(self._known.get(key), count)]
+            missing = [k for k, key in enumerate(keys) if not self._is_long_enough(self._known.get(key), count)]
             if missing:
                 self.problem.progress.start(self.problem.label, len(missing))
                 about = POINTS, max(self.least, count), self.longer
@@ -214,7 +214,7 @@ class EventTrajectories:
         """Return whether a motion must be integrated further to have enough segments."""
         return history is None or (not history.final and len(history.labels) < count)
 
-    def _enough(self, history: uqmbd.extend.History | None, count: int) -> bool:
+    def _is_long_enough(self, history: uqmbd.extend.History | None, count: int) -> bool:
         if history is None:
             return False
         if not history.final:

@@ -158,7 +158,7 @@ class PhaseTrajectories:
         return float(self.problem.times[-1])
 
     @property
-    def _ahead(self) -> float:
+    def _initial_end(self) -> float:
         """Initial end of the integration, s."""
         return self.begin + AHEAD * (self.end - self.begin)
 
@@ -173,7 +173,7 @@ class PhaseTrajectories:
         self.clock, why = uqmbd.extend.choose_clock(self.problem, found, self.end, self.wanted)
         if self.clock is not None and self.wanted is not None:
             other, _ = uqmbd.extend.choose_clock(self.problem, found, self.end, None)
-            if other is not None and other.name != self.clock.name and self._in_all(other, found):
+            if other is not None and other.name != self.clock.name and self._runs_in_all(other, found):
                 self.better = other.name
         swings = self.clock.kinds[-1] if self.clock else None
         if swings and not swings.turn:
@@ -202,7 +202,7 @@ class PhaseTrajectories:
                     raise without_clock(self.problem, why)
                 return
         some = np.unique(np.linspace(0, len(values) - 1, FIRST).round().astype(int))
-        self._follow(values[some], self._ahead, lambda found: clock(found)[0] is not None)
+        self._follow(values[some], self._initial_end, lambda found: clock(found)[0] is not None)
         groups, _ = self._groups(values[some])
         if not groups:
             return
@@ -211,15 +211,15 @@ class PhaseTrajectories:
         if any(one is not None for one, _ in clocks):
             return
         if len(others):
-            found, realised = self._until_the_end(others, self._fine)
+            found, realised = self._at_even_times(others, self._fine)
             good = np.flatnonzero(realised.good).tolist()
-            if good and (not _seen(found.of(good)) or clock(found)[0] is not None):
+            if good and (not _is_resolved(found.of(good)) or clock(found)[0] is not None):
                 return
             for n, row in enumerate(np.ascontiguousarray(others, dtype=float)):
                 self._known[row.tobytes()] = _PhaseTrajectory(found, n, int(realised.status[n]), realised.messages[n])
         raise without_clock(self.problem, clocks[0][1])
 
-    def _until_the_end(self, values: Array, count: int) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations]:
+    def _at_even_times(self, values: Array, count: int) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations]:
         """Compute realisations at `count` evenly spaced times until the last output time, and at the output times."""
         times = np.linspace(self.begin, self.end, count)
         every = np.union1d(times, self.problem.times)
@@ -282,7 +282,7 @@ class PhaseTrajectories:
 
     def _common(self, kind: uqmbd.extend.Clock, values: Array, marks: Array) -> Marks:
         """Return the marks (S,) that all realisations pass before their clock comes to rest, if it does."""
-        groups, _ = self._reaching(kind, values, float(marks[-1]))
+        groups, _ = self._integrated_to(kind, values, float(marks[-1]))
         common = marks[marks <= min((p.lasting.min(initial=np.inf) for _, p, _ in groups), default=np.inf) + 1e-9]
         if len(common) in (0, len(marks)):
             return Marks(common)
@@ -294,13 +294,13 @@ class PhaseTrajectories:
 
     def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> MarkerRule:
         """Return the rule that divides realisations of an element; see `marks`."""
-        return self._cutting(sequence, self.marks(space, germs, spread, sequence))
+        return self._rule(sequence, self.marks(space, germs, spread, sequence))
 
-    def _cutting(self, sequence: Sequence, marks: Marks) -> MarkerRule:
+    def _rule(self, sequence: Sequence, marks: Marks) -> MarkerRule:
         if marks.count:
 
             def farther(late: float, pace: float) -> MarkerRule:
-                return self._cutting(sequence, marks.farther(late, pace))
+                return self._rule(sequence, marks.farther(late, pace))
 
             return MarkerRule(lambda values: self.cut(values, marks, sequence), ("",) * marks.count, "phase", farther)
         segments = -(-len(self.problem.times) // STANDING)
@@ -311,15 +311,15 @@ class PhaseTrajectories:
     ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
         """Return realisations from phase to phase; a realisation that does not reach the last phase has failed."""
         outputs = self.problem.labels.shape[0]
-        groups, paths = self._reaching(self._kind(sequence), values, float(marks.phases[-1]), marks.tail)
+        groups, paths = self._integrated_to(self._kind(sequence), values, float(marks.phases[-1]), marks.tail)
         edges = np.full((len(values), marks.count + 1), np.nan)
         response = np.full((len(values), marks.count, outputs, POINTS), np.nan)
         for seen, phases, rows in groups:
             part = phase_markers(seen, phases, marks, outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
-        return MarkedRealisations(edges, response), self._told(values, paths, edges, sequence)
+        return MarkedRealisations(edges, response), self._as_realisations(values, paths, edges, sequence)
 
-    def _reaching(
+    def _integrated_to(
         self, kind: uqmbd.extend.Clock, values: Array, last: float, more: float = 0.0
     ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_PhaseTrajectory]]:
         """Integrate realisations (K, d) to the phase `last`, rad, and for `more` s after it, if they reach it."""
@@ -342,7 +342,7 @@ class PhaseTrajectories:
         for seen, rows in groups:
             part = time_markers(seen, np.linspace(self.begin, self.end, segments + 1), outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
-        return MarkedRealisations(edges, response), self._told(values, paths, edges, STANDS)
+        return MarkedRealisations(edges, response), self._as_realisations(values, paths, edges, STANDS)
 
     def at_times(self, values: Array) -> uqmbd.extend.Realisations:
         """Return realisations at the output times; missing or failed realisations are computed."""
@@ -372,11 +372,11 @@ class PhaseTrajectories:
         ends = {(len(path.found.times), float(path.found.times[-1])) for path in known}
         if len(known) != len(values) or len(ends) != 1:
             return None
-        found, outputs = _together(known), self.problem.labels.shape[0]  # variables of the phase come after the outputs
+        found, outputs = _joined(known), self.problem.labels.shape[0]  # variables of the phase come after the outputs
         requested = None if found.asked is None else found.asked[:, :outputs]
         return uqmbd.extend.Dense(found.times, found.values[:, :outputs], found.error, requested, found.integrations)
 
-    def _told(
+    def _as_realisations(
         self, values: Array, paths: list[_PhaseTrajectory], edges: Array, sequence: Sequence
     ) -> uqmbd.extend.Realisations:
         status = np.array([path.status for path in paths])
@@ -418,7 +418,7 @@ class PhaseTrajectories:
     def _kind(self, sequence: Sequence) -> uqmbd.extend.Clock:
         return self._clock.kinds[self._kinds.index(sequence)]
 
-    def _in_all(self, clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense) -> bool:
+    def _runs_in_all(self, clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense) -> bool:
         good = np.isfinite(found.values).all(axis=(1, 2))
         if not good.all():
             return False
@@ -434,13 +434,13 @@ class PhaseTrajectories:
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
         if missing:
-            self._follow(values[list(missing.values())], self._ahead)
+            self._follow(values[list(missing.values())], self._initial_end)
         paths = [self._known[key] for key in keys]
         groups: dict[tuple[int, float], list[int]] = {}
         for k, path in enumerate(paths):
             if path.status == Status.OK:
                 groups.setdefault((len(path.found.times), float(path.found.times[-1])), []).append(k)
-        found_groups = [(_together([paths[k] for k in members]), members) for members in groups.values()]
+        found_groups = [(_joined([paths[k] for k in members]), members) for members in groups.values()]
         return found_groups, paths
 
     def _continue(self, values: Array, paths: list[_PhaseTrajectory], needed: Array) -> bool:
@@ -492,7 +492,7 @@ class PhaseTrajectories:
                 self._known[key] = replace(self._known[key], limit=until, beyond=reasons[n])
 
 
-def _together(paths: list[_PhaseTrajectory]) -> uqmbd.extend.Dense:
+def _joined(paths: list[_PhaseTrajectory]) -> uqmbd.extend.Dense:
     """Return realisations that have equal times as one object."""
     found, first = [path.found for path in paths], paths[0].found
     if all(one is first for one in found):
@@ -507,7 +507,7 @@ def _together(paths: list[_PhaseTrajectory]) -> uqmbd.extend.Dense:
     )
 
 
-def _seen(found: uqmbd.extend.Dense) -> bool:
+def _is_resolved(found: uqmbd.extend.Dense) -> bool:
     """Return whether splines through every second value reproduce the others, so that the times resolve the motion."""
     half = uqmbd.extend.Dense(found.times[::2], found.values[..., ::2], 0.0)
     inside = np.arange(half.degree, len(found.times) - half.degree) // 2 * 2 + 1

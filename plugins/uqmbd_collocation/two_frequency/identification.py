@@ -114,7 +114,7 @@ def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
         return best
     # if the middle realisation is not quasi-periodic, stop, but try a few others for more complete error messages
     others = [k for k in range(0, len(signals), max(1, len(signals) // PROBES)) if k != begin][:PROBES]
-    alone = [_alone(signals[k], base)[1] for k in others for base in _bases(signals[k])[-1:]]
+    alone = [_with_base(signals[k], base)[1] for k in others for base in _bases(signals[k])[-1:]]
     return Identified(best.kind, (*best.series[:1], *alone))
 
 
@@ -138,7 +138,7 @@ def follow(
         k = left[int(np.argmin(distance.min(axis=1)))]
         guesses = _guesses(places[k], np.array(where), np.array([one.frequencies for one in done]))
         usual = max(float(one.residual.max(initial=0.0)) for one in done)
-        found[k] = _followed(signals[k], guesses, kind, min(QUASI_PERIODIC, ALIKE * max(usual, GOAL)))
+        found[k] = _fitted(signals[k], guesses, kind, min(QUASI_PERIODIC, ALIKE * max(usual, GOAL)))
         if found[k].residual.max(initial=0.0) <= QUASI_PERIODIC:
             done.append(found[k])
             where.append(places[k])
@@ -152,7 +152,7 @@ def _bases(signals: Signals) -> list[Base]:
 
 def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Base) -> Identified:
     """Fit all realisations, starting from realisation `begin`, whose base is known."""
-    kind, first = _alone(signals[begin], base)
+    kind, first = _with_base(signals[begin], base)
     if first.residual.max(initial=0.0) > QUASI_PERIODIC:
         return Identified(kind, (first,))
     if len(signals) > 1:
@@ -169,7 +169,7 @@ def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Bas
     return Identified(kind, tuple(found))
 
 
-def _alone(signals: Signals, base: Base) -> tuple[FrequencyCombinations, HarmonicSeries]:
+def _with_base(signals: Signals, base: Base) -> tuple[FrequencyCombinations, HarmonicSeries]:
     """Return main lines, harmonics and series of a realisation with a known base."""
     series = fit_series(signals, base.frequencies, base.lattice)
     size = np.sqrt(np.mean(series.sizes() ** 2, axis=1))
@@ -229,20 +229,20 @@ def _guesses(place: Array, places: Array, frequencies: Array) -> list[Array]:
     return found
 
 
-def _followed(signals: Signals, guesses: list[Array], kind: FrequencyCombinations, goal: float) -> HarmonicSeries:
+def _fitted(signals: Signals, guesses: list[Array], kind: FrequencyCombinations, goal: float) -> HarmonicSeries:
     """Fit a series from approximate frequencies, or from pairs of lines if the residual stays above a goal."""
-    best = _sharpened(signals, guesses[0], kind)
+    best = _refined(signals, guesses[0], kind)
     others = iter(guesses[1:])
     for further in (False, True):
         for guess in _from_lines(signals, guesses[0], kind) if further else others:
             if best.residual.max(initial=0.0) <= goal:
                 return best
-            other = _sharpened(signals, guess, kind)
+            other = _refined(signals, guess, kind)
             best = other if other.misfit < best.misfit else best
     return best
 
 
-def _sharpened(signals: Signals, guess: Array, kind: FrequencyCombinations) -> HarmonicSeries:
+def _refined(signals: Signals, guess: Array, kind: FrequencyCombinations) -> HarmonicSeries:
     """Fit frequencies in windows of doubling length, then all harmonics in the whole window."""
     lines = np.sort(np.abs(kind.main @ guess))
     closest = float(np.diff(np.concatenate([[0.0], lines])).min())

@@ -58,7 +58,7 @@ def bases(lines: SpectralLines, resolution: float) -> list[Base]:
     f = lines.frequencies
     pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]
     several = np.array([*f, *(f / 2), *(f / 3), *pairs, *(x / 2 for x in pairs)])
-    several = _different(several[several > resolution], NEAR / 4 * resolution)
+    several = _without_repetitions(several[several > resolution], NEAR / 4 * resolution)
     found = []
     for dimension in (1, 2):
         terms = ball(HIGHEST[dimension], dimension)
@@ -94,7 +94,7 @@ def _combinations(lines: Array, base: Array, terms: Index, tolerance: float) -> 
     return found
 
 
-def _different(values: Array, tolerance: float) -> Array:
+def _without_repetitions(values: Array, tolerance: float) -> Array:
     """Return values in their order; omit each value whose distance to an earlier one is within the tolerance."""
     kept: list[float] = []
     for value in values:

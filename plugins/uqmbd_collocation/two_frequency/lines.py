@@ -64,7 +64,7 @@ def strongest_lines(signals: Signals, count: int) -> SpectralLines:
         if np.diff(np.concatenate([[0.0], lines])).min() < resolution:
             break
         found = np.abs(joint.frequencies).tolist()
-        left = signals.values - _explained(signals, np.array(found))
+        left = signals.values - _fit(signals, np.array(found))
     frequencies = np.array(found)
     sizes = _sizes(signals, frequencies)
     kept = np.argsort(-sizes)
@@ -74,10 +74,10 @@ def strongest_lines(signals: Signals, count: int) -> SpectralLines:
 
 def _smooth(signals: Signals) -> Array:
     """Return the least-squares fit by a constant and a linear drift for each output, shape (N, O)."""
-    return _explained(signals, np.zeros(0))
+    return _fit(signals, np.zeros(0))
 
 
-def _explained(signals: Signals, frequencies: Array) -> Array:
+def _fit(signals: Signals, frequencies: Array) -> Array:
     """Return the least-squares fit by lines, a constant and a linear drift, shape (N, O)."""
     series = fit_series(signals, frequencies, np.eye(len(frequencies), dtype=np.int64))
     return series.at(signals.times)

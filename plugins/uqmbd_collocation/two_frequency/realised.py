@@ -123,22 +123,22 @@ class SeriesProblem(DerivedSource):
         self._spread = np.where(spread > 0, spread, 1.0)
         best: tuple[Identified | None, NDArray[np.intp], float, int] | None = None
         while True:
-            found, realised, good = self._followed(values)
+            found, realised, good = self._integrated(values)
             self.scales = self._scales(found.values[good])
             signals = [self._signals(found, k) for k in good]
             identified = identify(signals, values[good] / self._spread)
             if best is None or (identified and best[0] and identified.residuals.max() < best[0].residuals.max()):
                 best = identified, good, self.longer, len(found.times)
-            if identified is None or self._enough(identified) or 2 * self.longer > LONGEST:
+            if identified is None or self._is_long_enough(identified) or 2 * self.longer > LONGEST:
                 break
             self.longer *= 2
         identified, good, self.longer, self._count = best
         if identified is None:
             raise uqmbd.StudyError(f"{self.label}: {NOTHING}")
-        self._refuse(identified.series)
-        self.kind, self.kept = identified.kind, _needed(identified.series)
-        self._keep(values[good], identified.series)
-        self._lose(values, realised)
+        self._require_series(identified.series)
+        self.kind, self.kept = identified.kind, _retained_harmonics(identified.series)
+        self._store_series(values[good], identified.series)
+        self._store_failures(values, realised)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Return realisations as series, with the response (K, 1 + O, 2 + 2 H).
@@ -149,13 +149,13 @@ class SeriesProblem(DerivedSource):
         missing = list(dict.fromkeys(k for k in keys if k not in self._known and k not in self._lost))
         if missing:
             rows = values[[keys.index(key) for key in missing]]
-            found, realised, good = self._followed(rows, known=bool(self._count))
+            found, realised, good = self._integrated(rows, known=bool(self._count))
             signals = [self._signals(found, k) for k in good]
             places = np.array([np.frombuffer(key) for key in self._known]) / self._spread
             series = follow(signals, rows[good] / self._spread, self._kind, list(self._known.values()), places)
-            self._refuse(series)
-            self._keep(rows[good], series)
-            self._lose(rows, realised)
+            self._require_series(series)
+            self._store_series(rows[good], series)
+            self._store_failures(rows, realised)
         used = self.kept.any(axis=0)
         base, half, waves = self.lattice.shape[1], len(self.lattice), np.tile(self.kept[:, used], 2)
         response = np.full((len(values), 1 + len(self.scales), 2 + 2 * half), np.nan)
@@ -184,7 +184,7 @@ class SeriesProblem(DerivedSource):
             outputs[:, :, 2 : 2 + half] - 1j * outputs[:, :, 2 + half :],
         )
 
-    def _followed(
+    def _integrated(
         self, values: Array, known: bool = False
     ) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations, NDArray[np.intp]]:
         """Compute realisations over their times; return also the rows of the successful ones."""
@@ -221,7 +221,7 @@ class SeriesProblem(DerivedSource):
         scales = np.maximum(moving, least)
         return np.asarray(np.where(scales > 0, scales, 1.0))
 
-    def _enough(self, found: Identified) -> bool:
+    def _is_long_enough(self, found: Identified) -> bool:
         """Return whether longer realisations would add no information."""
         turns = self.longer * self.length / (2 * np.pi)
         if found.bad.any():
@@ -234,7 +234,7 @@ class SeriesProblem(DerivedSource):
         slowest = min(float(np.abs(one.frequencies).min()) for one in found.series)
         return bool(found.residuals.max() <= ACCURATE or slowest * turns > PERIODS)
 
-    def _refuse(self, series: Sequence[HarmonicSeries]) -> None:
+    def _require_series(self, series: Sequence[HarmonicSeries]) -> None:
         """Raise StudyError if some realisations are not sums of harmonics."""
         left = np.array([one.residual for one in series])
         worst = left.max(axis=1, initial=0.0)
@@ -269,10 +269,10 @@ class SeriesProblem(DerivedSource):
             "oscillation persists, or use alignment=None."
         )
 
-    def _keep(self, values: Array, series: Sequence[HarmonicSeries]) -> None:
+    def _store_series(self, values: Array, series: Sequence[HarmonicSeries]) -> None:
         self._known.update(zip(_keys(values), series, strict=True))
 
-    def _lose(self, values: Array, realised: uqmbd.extend.Realisations) -> None:
+    def _store_failures(self, values: Array, realised: uqmbd.extend.Realisations) -> None:
         """Record realisations without a series as failed."""
         for k, key in enumerate(_keys(values)):
             if key not in self._known:
@@ -281,7 +281,7 @@ class SeriesProblem(DerivedSource):
                 self._lost[key] = status, realised.messages[k] or "an output is not finite"
 
 
-def _needed(series: Sequence[HarmonicSeries]) -> Mask:
+def _retained_harmonics(series: Sequence[HarmonicSeries]) -> Mask:
     """Return a mask (O, H) of the harmonics to keep; the smallest harmonics are omitted while their sum is small."""
     size = np.max([one.sizes() for one in series], axis=0).T
     order = np.argsort(size, axis=1)

@@ -129,7 +129,7 @@ def cheapest(
     if tight > target:
         still = fine.probability(tightest)
         return Tightest(tightest, still, _slope(coarse, tightest, width), tightened.cost(tightest))
-    start = _closed(coarse, loose, target, narrowest)
+    start = _scaled_to_target(coarse, loose, target, narrowest)
     width = _width(coarse, start)
     index = -float(norm.ppf(target))
     scale = tightened.cost(start)
@@ -151,9 +151,9 @@ def cheapest(
         options={"maxiter": ITERATIONS, "ftol": 1e-7},
     )
     shape = np.exp(np.clip(outcome.x, np.log(narrowest), 0.0))
-    if tightened.cost(_closed(coarse, shape, target, narrowest)) > scale:  # not better than one common factor
+    if tightened.cost(_scaled_to_target(coarse, shape, target, narrowest)) > scale:  # not better than one common factor
         shape = start
-    factors = _closed(fine, shape, target, narrowest, near=0.1)
+    factors = _scaled_to_target(fine, shape, target, narrowest, near=0.1)
     return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width), scale)
 
 
@@ -168,7 +168,9 @@ def _slope(samples: MarginSamples, factors: Array, width: float) -> Array:
     return np.asarray(slope / max(probability, 1e-300))
 
 
-def _closed(samples: MarginSamples, factors: Array, target: float, narrowest: float, near: float = np.inf) -> Array:
+def _scaled_to_target(
+    samples: MarginSamples, factors: Array, target: float, narrowest: float, near: float = np.inf
+) -> Array:
     """Multiply factors by one number, within their bounds, so that the count of violations equals the target.
 
     The search first tries numbers within `near` of 1, in logarithms.

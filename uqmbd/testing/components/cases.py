@@ -177,7 +177,7 @@ def _value(
         return parameter.words[0] if parameter.required else None
     if parameter.kind == "scalar":
         value = sympy.Float(rng.uniform(0.5, 1.5)) * (1 + u)
-        return _ranged(parameter, value + sympy.sin(t) / 5 if moving else value)
+        return _in_range(parameter, value + sympy.sin(t) / 5 if moving else value)
     if parameter.kind == "rotation":
         if not space.turns:
             return None
@@ -189,7 +189,7 @@ def _value(
         # frames on a random axis are long expressions, so one random entry in one case is sufficient
         change = change * (np.arange(size) == 0) * turning
     entries = [sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True)]
-    return tuple(_ranged(parameter, x + 2) if parameter.ranged else x for x in entries)
+    return tuple(_in_range(parameter, x + 2) if parameter.ranged else x for x in entries)
 
 
 def _varied(parameter: Parameter, example: Any) -> Any:
@@ -209,7 +209,7 @@ def _varied(parameter: Parameter, example: Any) -> Any:
     return made[0] if parameter.kind == "scalar" else made
 
 
-def _ranged(parameter: Parameter, value: sympy.Expr) -> sympy.Expr:
+def _in_range(parameter: Parameter, value: sympy.Expr) -> sympy.Expr:
     """Move a value between 0.2 and 3.2 into the range of a parameter."""
     low, high = parameter.minimum, parameter.maximum
     if math.isfinite(low) and math.isfinite(high):

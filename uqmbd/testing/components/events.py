@@ -32,11 +32,11 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
         (_, e), (v, de) = (np.split(x, [space.dimension], axis=2) for x in parts)
         de = de - (e * de).sum(axis=2, keepdims=True) * e
         state["v"][:, :last] = np.concatenate([v, de], axis=2).reshape(len(parameters), last)
-    here = _seen(bench, state, parameters)
+    here = _evaluate(bench, state, parameters)
     ahead, behind = (
         {**state, "q": state["q"] + sign * STEP * state["v"], "t": state["t"] + sign * STEP} for sign in (1, -1)
     )
-    change = (_seen(bench, ahead, parameters)["guard"] - _seen(bench, behind, parameters)["guard"]) / (2 * STEP)
+    change = (_evaluate(bench, ahead, parameters)["guard"] - _evaluate(bench, behind, parameters)["guard"]) / (2 * STEP)
     directions = np.cumsum([0, *(len(e.directions) for e in block.events)])
     jumps = [k for k, e in enumerate(block.events) if e.directions]
     for k in jumps if not block.states else ():
@@ -59,7 +59,7 @@ def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> No
             f"{bench.title}: the impulses of its events do not cancel: in a rigid motion of all bodies, a speed "
             f"changes by {power:.2g}; expected 0."
         )
-    there = _seen(bench, moved, parameters)
+    there = _evaluate(bench, moved, parameters)
     for k in jumps:
         first, last = directions[k], directions[k + 1]
         pairs = [
@@ -76,7 +76,7 @@ def _length(x: Array) -> Array:
     return np.asarray(np.linalg.norm(x, axis=1))
 
 
-def _seen(bench: Bench, state: dict[str, Array], parameters: Array) -> dict[str, Array]:
+def _evaluate(bench: Bench, state: dict[str, Array], parameters: Array) -> dict[str, Array]:
     """Return guards (K, event), speeds (K, direction) and slopes (K, direction * coordinate)."""
     block, targets = bench.instance.type, bench.kernel("contact")[1]
     directions = sum(len(e.directions) for e in block.events)

@@ -65,7 +65,7 @@ def check_studies(
     if not chosen:
         return
     with quiet():
-        study = _possible(lambda: moving_case(component, space, given, rng), title, conservative=conservative)
+        study = _solvable_study(lambda: moving_case(component, space, given, rng), title, conservative=conservative)
     found = {}
     for propagator in chosen:
         what = f"{title} with {described(propagator)}"
@@ -82,7 +82,7 @@ def check_studies(
     _compare(found)
 
 
-def _possible(make: Callable[[], ComponentCase], title: str, *, conservative: bool) -> Study:
+def _solvable_study(make: Callable[[], ComponentCase], title: str, *, conservative: bool) -> Study:
     """Return a study with successful assembly and motion over the whole range of its inputs."""
     reason = ""
     for _ in range(POSES):

@@ -70,12 +70,12 @@ def check_units(title: str, component: Component, space: Space) -> None:
             states[term.state] = _stated(states[term.state].name, units)
     named = _named(title, local, states)
     for term in terms:
-        for what, expression, units in _claims(term, states):
+        for what, expression, units in _requirements(term, states):
             inserted = expression.xreplace(named)
             symbols = expression.free_symbols | _within(expression, local)
             stated = [states[s] for s in symbols & declared_states]
             stated += [x for pair in pairs.values() for x in pair if x in symbols]
-            if _tells(inserted, symbols | set(stated), [*values.values(), *stated]):
+            if _is_explicit(inserted, symbols | set(stated), [*values.values(), *stated]):
                 _require(title, what, inserted, units)
 
 
@@ -92,7 +92,7 @@ def _named(title: str, local: Local, states: dict[sympy.Symbol, _Stated]) -> dic
     return named
 
 
-def _claims(term: object, states: dict[sympy.Symbol, _Stated]) -> Iterator[tuple[str, sympy.Expr, str]]:
+def _requirements(term: object, states: dict[sympy.Symbol, _Stated]) -> Iterator[tuple[str, sympy.Expr, str]]:
     """Yield, for each part of a term, its name, its expression, and its required units."""
     match term:
         case Auxiliary(state, rate, initial):
@@ -126,7 +126,7 @@ def _within(expression: sympy.Expr, local: Local) -> set[Any]:
     return found
 
 
-def _tells(term: sympy.Expr, symbols: set[Any], values: Any) -> bool:
+def _is_explicit(term: sympy.Expr, symbols: set[Any], values: Any) -> bool:
     """Return whether parameters and states show that a term contains no implicit number with units.
 
     This is so if one of them has units other than m and 1, or is a factor of the term or of its reciprocal.

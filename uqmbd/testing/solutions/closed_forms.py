@@ -171,7 +171,7 @@ def driven_ball(floor: bool = True) -> ClosedForm:
     height = uniform_variable("height", 0.5, 50, "m")
     mechanism = Mechanism("driven ball" if floor else "driven body", Translational(gravity=(0, -GRAVITY)))
     body = mechanism.body("ball", mass=1, position=(0, height))
-    loop = Controller("loop", measured=[body.velocity[0]], commanded=["force"], rate=SAMPLES, function=_to_one)
+    loop = Controller("loop", measured=[body.velocity[0]], commanded=["force"], rate=SAMPLES, function=_force_command)
     mechanism.add(loop)
     if floor:
         mechanism.add(Floor("floor", body, restitution=BOUNCE, mark=MARK))
@@ -188,7 +188,7 @@ def driven_ball(floor: bool = True) -> ClosedForm:
     return _form(mechanism, [0, 0.3, 0.5, 0.9, 1.2, 1.7, 2.0], [0.9, 1.0, 25.0, 1.1], exact)
 
 
-def _to_one(time: float, measured: Array) -> Array:
+def _force_command(time: float, measured: Array) -> Array:
     """Return a force command that controls the speed to 1 m/s."""
     return GAIN * (1 - measured)
 
