@@ -150,7 +150,7 @@ def refine_dimensions(
             )
             helpful = "samples" if ended else "neither"
             break
-        # changes far below the tolerance count as equal, so that small levels come first
+        # changes far below the tolerance count as equal; small levels then come first
         size = {w: max(1e-3 * limits.tolerance, *scale.measure(*change)) for w, change in waiting.items()}
         worst = max(waiting, key=lambda level: (size[level], -sum(level), level))
         done.add(worst)

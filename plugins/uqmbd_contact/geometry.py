@@ -78,7 +78,7 @@ class OnSphere(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the drawn side of point j relative to point i on a line."""
+        """Return the drawn side of point j relative to point i, 1 or -1, in a mechanism on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:

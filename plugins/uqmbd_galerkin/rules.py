@@ -16,7 +16,7 @@ Terms = Literal["total", "tensor", "hyperbolic"]
 MOST_NODES = 20_000
 """Largest number of nodes of the coupled problem."""
 MOST_WORK = 2e10
-"""Largest number of products in the search for a remedy; the products take about a second."""
+"""Largest number of products that the search for a remedy evaluates, in about a second."""
 STREAM = 0x6A1E12
 """Random stream of the verification points."""
 ALIASED = 0.5

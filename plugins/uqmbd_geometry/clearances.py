@@ -28,7 +28,7 @@ SPEED = 1.2
 """Bound of the speed in an interval, relative to the largest speed at its `PLACES`."""
 
 PLACES = np.linspace(0.0, 1.0, 9)
-"""Places of an interval at which speeds are computed."""
+"""Relative positions in an interval at which speeds are computed."""
 
 ROUNDS = 40
 """Largest number of bisections of an interval."""

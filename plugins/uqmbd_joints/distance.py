@@ -38,7 +38,7 @@ class Distance(uqmbd.extend.TypedComponent):
     length: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def prepare(self) -> dict[str, Any]:
-        """Return the drawn side of point j relative to point i on a line."""
+        """Return the drawn side of point j relative to point i, 1 or -1, in a mechanism on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

@@ -83,7 +83,7 @@ def _disabled_features(loaded: ParsedFile, model: Any) -> set[str]:
     """Return the names of features that the file disables."""
     flags = loaded.mujoco.mjtDisableBit.__members__
     off = {name.removeprefix("mjDSBL_") for name, bit in flags.items() if int(bit) & model.opt.disableflags}
-    if "PASSIVE" in off:  # earlier versions have one name for both
+    if "PASSIVE" in off:  # earlier versions of MuJoCo have one flag for springs and dampers
         off |= {"SPRING", "DAMPER"}
     return off | ({"EQUALITY", "FRICTIONLOSS", "LIMIT"} if "CONSTRAINT" in off else set())
 

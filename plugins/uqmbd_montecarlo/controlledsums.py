@@ -70,7 +70,7 @@ class ControlledSums:
 
     @property
     def _reference_values(self) -> Array:
-        """Reference values of the estimates, in units of the outputs."""
+        """Reference values that are subtracted from the outputs, in units of the outputs."""
         shift = 0.0 if self._shift is None else self._shift
         return self._control.centre + self._control.unit * shift
 

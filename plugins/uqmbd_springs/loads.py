@@ -100,7 +100,7 @@ class Torque(uqmbd.extend.TypedComponent):
     body: uqmbd.extend.NamedFrame
     torque: uqmbd.Parameter[Vector] = uqmbd.Parameter("N m", "the torque", kind="moment")
     frame: uqmbd.Parameter[Literal["world", "body"]] = uqmbd.Parameter(
-        "", "axes it is given in", kind="option", default="world", choices=("world", "body")
+        "", "axes of the components of the torque", kind="option", default="world", choices=("world", "body")
     )
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:

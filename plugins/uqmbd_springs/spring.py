@@ -42,7 +42,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the drawn side of point j relative to point i on a line."""
+        """Return the drawn side of point j relative to point i, 1 or -1, in a mechanism on a line."""
         return (
             {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length, strict=True).is_zero))}
             if len(self.point_i) == 1

@@ -110,7 +110,7 @@ def check_exporter(
 
 
 def _refusal(made: Any, what: str, study: Study, where: str) -> str:
-    """Return the reason of a refusal, which must be a text and the same twice."""
+    """Return the reason of a refusal; check that it is a text, and that two calls return the same text."""
     found: list[Any] = []
     for _ in range(2):
         with Isolated() as work:

@@ -20,7 +20,7 @@ POINTS = 600
 """Number of draws in a chart of a pair."""
 
 OUTER = 4.0
-"""Limit of drawn residuals, divided by the noise; larger values are drawn at the edge."""
+"""Largest drawn residual, divided by the noise; larger residuals are drawn at the edge."""
 
 REACH, REACH_BEFORE = 5.0, 3.0
 """Plotted range of an input about its mean, in standard deviations, for posterior and prior."""

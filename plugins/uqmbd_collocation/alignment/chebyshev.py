@@ -40,7 +40,7 @@ def coefficients(values: Array) -> Array:
 
 
 def read_at_times(history: uqmbd.extend.History, times: Array) -> Array:
-    """Return outputs (O, T) at times (T,), s: NaN after the end, and at an event the values after the event."""
+    """Return outputs (O, T) at times (T,), s: NaN after the end; at an event, the values immediately after it."""
     found = np.full((history.response.shape[1], len(times)), np.nan)
     segment = np.searchsorted(history.edges, times, side="right") - 1
     segment[times == history.edges[-1]] = len(history.labels) - 1

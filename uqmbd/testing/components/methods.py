@@ -145,7 +145,7 @@ def _compare(found: Mapping[str, Any]) -> None:
         statistics, errors = node.children["statistics"].to_dataset(), stated_errors(node)
         for k, name in enumerate(("mean", "std")):
             if name == "std" and not surrogate_parts(node) and "std_error_std" not in statistics:
-                continue  # the method states no error, and possibly no spread
+                continue  # the method states no error, and may state no standard deviation
             a, b = statistics[name].values, reference[name].values
             size = np.abs(reference["mean"]).max("time").values[:, None]
             allowed = LOOSE * scale + errors[k] + known[k] + 100 * RTOL * (1 + size)
