@@ -20,7 +20,7 @@ FURTHER = 2
 """Number of further points."""
 
 AMONG, MOST = 32, 1024
-"""Number of candidates per verification point, and largest number of candidates."""
+"""Number of candidates for each verification point, and largest total number of candidates."""
 
 OPPOSITE, SIMILAR = 0.5, 2.0
 """Least cosine of the directions to two points on both sides of a gap, and largest ratio of their distances."""

@@ -35,7 +35,8 @@ STREAM = 0x7E51F1
 EXTREMES, FEWEST = 2, 8
 """Number of verification points at extremes; smallest number of verification points with which extremes are used."""
 FEW = 100
-"""Up to this number of samples, sparse regression has the same default as ordinary regression."""
+"""The default number of samples of sparse regression is at most this number, or the number of terms if that is
+larger."""
 
 
 class TooManyNodes(uqmbd.StudyError):

@@ -422,7 +422,10 @@ class Collocation(uqmbd.extend.Propagator):
         return tuple(name for name in ways if not reasons[name]), f"; {text}" if text else ""
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: no random input, a distribution without moments, too many nodes, or too few samples."""
+        """Return why the method cannot compute a study, or None.
+
+        Reasons are: no random input, a distribution without moments, too many nodes, or too few samples.
+        """
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:

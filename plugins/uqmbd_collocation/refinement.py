@@ -63,12 +63,12 @@ class RefinementStep:
 
     @property
     def settled(self) -> float:
-        """Larger of both changes."""
+        """Larger one of the changes of mean and standard deviation."""
         return float(np.nanmax([self.change_mean, self.change_std]))
 
     @property
     def change(self) -> float:
-        """Largest of all changes."""
+        """Largest one of both changes and of the missed part of the standard deviation."""
         return float(np.nanmax([self.change_mean, self.change_std, self.missed_std]))
 
     def log(self, label: str, limits: Limits) -> None:

@@ -175,7 +175,7 @@ def _urdf_shape(element: Any, position: Array, rotation: Array, file: Path, insi
 
 
 def _mesh_path(name: str, file: Path, inside: Path) -> Path:
-    """Return the path of a mesh file, which must be in a folder; links are followed first."""
+    """Return the path of a mesh file, which must be in a folder after symbolic links are resolved."""
     bare = name.removeprefix("file://")
     package = bare.startswith("package://")
     bare = bare.removeprefix("package://")

@@ -164,7 +164,7 @@ def load(path: str) -> ParsedFile:
 
 @contextmanager
 def listening(mujoco: ModuleType) -> Iterator[list[str]]:
-    """Collect warnings of MuJoCo, which it would write to the terminal and to a file in the current folder."""
+    """Collect the warnings of MuJoCo; otherwise it writes them to the terminal and to a file in the current folder."""
     lines: list[str] = []
 
     def note(text: object) -> None:

@@ -139,7 +139,7 @@ def unknown_words(document: Document) -> list[uqmbd.extend.Omission]:
 
 
 def _unknown(element: XmlElement, tag: str, where: str) -> Iterator[tuple[str, str]]:
-    """Yield unknown words of an element and its children, and duplicates."""
+    """Yield unknown attributes and elements, and repeated elements, in an element and its descendants."""
     for key in element.attrib:
         if key not in ATTRIBUTES[tag] and prefix(key) not in ("xmlns", "xml") and key != "xmlns":
             yield ("foreign" if prefix(key) else "unknown"), f"{key} of <{tag}>{where}"

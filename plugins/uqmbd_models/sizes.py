@@ -62,7 +62,7 @@ class _SizeCheck:
 
     bodies: float = 0.0
     files: dict[str, tuple[XmlElement, float, float]] = field(default_factory=dict)
-    """Root, largest number of examined copies, and number of bodies of each copy, for each included file."""
+    """Examined files, by path: root, largest number of copies so far, and number of bodies of each copy."""
 
 
 def _examine(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:

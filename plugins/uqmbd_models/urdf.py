@@ -22,7 +22,7 @@ WORLD = "world"
 """Name of a first link that is the ground."""
 
 GRAVITY = (0.0, 0.0, -9.81)
-"""Gravity, m/s^2, because a URDF file does not state it."""
+"""Gravity of imported robots, m/s^2; a URDF file does not state it."""
 
 ONE = (1.0, 0.0, 0.0, 0.0)
 
@@ -275,7 +275,7 @@ def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: flo
 
 
 def _limits(robot: Robot, joint: XmlElement) -> tuple[float, float] | None:
-    """Return the limits of a joint, with zero for a missing one; None if they leave no range."""
+    """Return the limits of a joint, where a missing limit is zero; None if they leave no range."""
     limit = joint.find("limit")
     if limit is None:
         robot.note(

@@ -28,7 +28,7 @@ class Control(Protocol):
 
     @property
     def useful(self) -> Mask:
-        """Mask (C,): whether the control varies; defined only after all values."""
+        """Mask (C,) of the outputs and times at which the control varies; defined only after all values."""
 
     def standardised(self, first: int, count: int) -> Array:
         """Return (value - centre) / unit, shape (count, C), at samples from index `first` on."""

@@ -240,10 +240,10 @@ def reduced(
 ) -> dict[str, NDArray[Any]]:
     """Return the sums over a chunk of samples, in a worker; `first` is the index of its first sample.
 
-    `edges`: starts of the replicates, and the end of the last one or a larger number. The result contains ``replicate``
-    (R,), the replicates with samples in the chunk. Further entries are ``count``, ``mean``, ``second``, ``third`` and
-    ``fourth`` (R, ...) of `uqmbd.extend.Moments`, and ``by_time``, ``total`` and ``failed`` (R, ...) of
-    `uqmbd.extend.Violations`.
+    `edges`: index of the first sample of each replicate, then the end of the last replicate or a larger number. The
+    result contains ``replicate`` (R,), the replicates with samples in the chunk. Further entries are ``count``,
+    ``mean``, ``second``, ``third`` and ``fourth`` (R, ...) of `uqmbd.extend.Moments`, and ``by_time``, ``total`` and
+    ``failed`` (R, ...) of `uqmbd.extend.Violations`.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]

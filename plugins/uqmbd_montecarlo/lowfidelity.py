@@ -231,7 +231,7 @@ class PairedControl:
 
     @property
     def useful(self) -> Mask:
-        """Mask (C,): whether the control varies."""
+        """Mask (C,) of the outputs and times at which the control varies."""
         if self._spread is None:
             return np.zeros(len(self.unit), dtype=bool)
         return np.asarray(self._spread.products[0, 0] > 0)

@@ -224,7 +224,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: no random input in the mechanism, or an impossible option."""
+        """Return why the method cannot compute a study: no random input, or an impossible option. None: it can."""
         inputs = study.mechanism.inputs
         nothing = uqmbd.extend.nothing_random(inputs, study.mechanism.name)
         if reason := nothing or no_surrogate(self.control, inputs):

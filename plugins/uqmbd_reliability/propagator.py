@@ -254,7 +254,7 @@ class Reliability(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return the obstacle: no random input, or an unknown requirement."""
+        """Return why the method cannot compute a study: no random input, or an unknown requirement. None: it can."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_few_left(study)):

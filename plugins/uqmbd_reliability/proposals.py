@@ -89,7 +89,7 @@ def round_region(points: Array, requirement: int) -> Region:
 
 
 def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) -> Proposal:
-    """Return the mixture of regions, with equal parts of the requirements, divided into shares of their regions.
+    """Return the mixture of regions: all requirements have equal weight, which is divided among their regions.
 
     `shares` (region,): probabilities of the regions within their requirement; default: the estimated ones.
     """

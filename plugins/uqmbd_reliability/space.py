@@ -53,7 +53,11 @@ class StandardSpace:
         return factor, inverse
 
     def scores(self, points: Array) -> Array:
-        """Return the scores by mean and logarithm of the deviation of each input's normal variable, shape (K, 2, d)."""
+        """Return the scores of the normal variables of the inputs, shape (K, 2, d).
+
+        A score is the derivative of the log-density with respect to the mean, or to the logarithm of the standard
+        deviation.
+        """
         factor, inverse = self.own()
         shifted = points @ np.nan_to_num(inverse).T
         own = points @ np.nan_to_num(factor).T
@@ -62,7 +66,7 @@ class StandardSpace:
         return np.asarray(found)
 
     def moment_slopes(self) -> Array:
-        """Return the derivatives of mean and deviation of each input by those of its normal variable, shape (2, 2, d).
+        """Return the derivatives of the moments of each input by the moments of its normal variable, shape (2, 2, d).
 
         The axes are the moment of the input (mean, deviation), the parameter of its normal variable, and the input.
         The derivatives follow from Stein's identity, so they exist for discrete inputs, too.

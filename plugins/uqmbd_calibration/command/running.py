@@ -42,7 +42,7 @@ def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
 def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
     """Return the numbers of an option, by name.
 
-    Raise StudyError if a value is not a finite number, or under the conditions of `texts_of`.
+    Raise StudyError if a value is not a finite number, or if `texts_of` raises it.
 
     >>> numbers_of(["force=2", "angle=1e-3"], "--noise")
     {'force': 2.0, 'angle': 0.001}

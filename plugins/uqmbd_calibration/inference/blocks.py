@@ -115,7 +115,8 @@ class Block:
     def normal_equations(self, misfit: Array, jacobian: Array, sigma: Array) -> NormalEquations:
         """Return gradient and Hessian of minus the log-likelihood.
 
-        `misfit` (K, n); `jacobian` (K, n, D): derivatives of predictions by the unknown inputs; `sigma` (K,).
+        `misfit` (K, n); `jacobian` (K, n, D): derivatives of predictions with respect to the unknown inputs; `sigma`
+        (K,).
         """
         variance = sigma[:, None] ** 2 + self.variance
         columns = np.arange(jacobian.shape[2])

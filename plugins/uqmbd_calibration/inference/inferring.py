@@ -217,7 +217,7 @@ def _combined(
 
 
 def _checked(work: CalibrationState, found: Draws, seed: int) -> PosteriorCheck:
-    """Weight draws by the ratio of the likelihoods by the mechanism and by the surrogate."""
+    """Weight draws by the ratio of two likelihoods: by the mechanism, and by the surrogate."""
     flat = found.flat
     rows = np.sort(np.random.default_rng(seed).choice(len(flat), CHECKED, replace=False))
     vectors = flat[rows]

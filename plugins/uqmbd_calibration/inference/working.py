@@ -55,7 +55,7 @@ class CalibrationState:
         return Posterior(self.unknowns, self.cases, tuple(self.predictors))
 
     def affordable(self, count: int) -> bool:
-        """Return whether this number of vectors can be computed on the mechanism."""
+        """Return whether enough realisations remain to compute this number of vectors on the mechanism."""
         wanted: dict[int, int] = {}
         for case in self.cases:
             wanted[id(case.point)] = wanted.get(id(case.point), 0) + count
@@ -79,7 +79,7 @@ class CalibrationState:
             )
 
     def tangent(self, k: int, vector: Array, scale: Array, values: list[Array]) -> None:
-        """Set the predictions of a case to the base, with values and slopes of the mechanism at a vector.
+        """Correct the base of a case, so that it has the values and slopes of the mechanism at a vector.
 
         ``values`` (1 + f, n) of each block are realisations at the vector, and with each unknown input moved by one
         divided by its ``scale`` (f,).

@@ -25,7 +25,7 @@ REPETITION = "repetition"
 
 
 def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory; times remain numbers, with any units."""
+    """Read a netCDF file into memory; times are not decoded to dates."""
     from uqmbd.extend import read_root
 
     try:

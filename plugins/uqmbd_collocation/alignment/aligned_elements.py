@@ -47,7 +47,7 @@ EXTENSIONS = 6
 """Largest number of fits, each with more markers, until all samples of the statistics reach the last time."""
 
 FOLLOWED = 0.15
-"""Share of an element's realisations that are verification realisations integrated from event to event."""
+"""Largest share of an element's realisations for verification realisations that are integrated from event to event."""
 
 LATE = 1e-12
 """Largest distance of the last marker from the last output time, relative to the range of times."""

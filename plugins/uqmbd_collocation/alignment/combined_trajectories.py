@@ -189,7 +189,7 @@ class CombinedTrajectories:
     def cut(
         self, values: Array, sequence: tuple[str, ...], marks: Merged
     ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations in segments; another order of markers excludes a realisation from the element."""
+        """Return realisations in segments; a realisation with another order of markers counts as failed."""
         if marks.ending:
             self._extend_to(values, len(sequence), float(marks.phases[-1][-1]))
         count, outputs = len(marks.labels(sequence)), self.problem.labels.shape[0]

@@ -30,7 +30,7 @@ class Merged:
         return sum(map(len, self.phases))
 
     def labels(self, events: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the ends of all segments, from the ends of segments between events; empty for a phase."""
+        """Return the event at the end of each segment, from the sequence of events; empty for a phase."""
         found = list[str]()
         for phases, event in zip(self.phases, events, strict=True):
             found += [*("",) * len(phases), event]

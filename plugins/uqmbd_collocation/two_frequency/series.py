@@ -1,8 +1,8 @@
 """Quasi-periodic series fitted to signals: frequencies by the Gauss-Newton method, amplitudes by least squares.
 
-The derivative of the residuals by a frequency is analytical (variable projection). The analytical derivative takes a
-fifth of the time of :func:`scipy.optimize.least_squares`, which computes the whole design matrix again for each
-difference quotient.
+The derivative of the residuals with respect to a frequency is analytical (variable projection). The analytical
+derivative takes a fifth of the time of :func:`scipy.optimize.least_squares`, which computes the whole design matrix
+again for each difference quotient.
 
 References
 ----------

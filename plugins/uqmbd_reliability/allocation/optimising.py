@@ -81,7 +81,7 @@ class MarginSamples:
         return float(np.mean(self.least(factors) < 0))
 
     def smooth(self, logarithms: Array, width: float) -> tuple[float, Array]:
-        """Return a smooth estimate of the probability, and its derivative by the logarithms of the factors, (n,)."""
+        """Return a smooth estimate of the probability, and its derivatives by the logarithms of the factors, (n,)."""
         factors = np.exp(logarithms)
         least = self.least(factors)
         probability = float(ndtr(-least / width).mean())

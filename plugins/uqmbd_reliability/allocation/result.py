@@ -88,7 +88,7 @@ class Allocation:
 
     @property
     def factors(self) -> Array:
-        """Remaining share of each tolerance, shape (n,)."""
+        """Ratio of the allocated to the present tolerance of each input, shape (n,)."""
         return np.asarray(self.after / self.before)
 
     def dataset(self) -> xr.Dataset:

@@ -12,10 +12,10 @@ from uqmbd.typing import Array, Index
 __all__ = ["MarginSurrogate", "fitted"]
 
 HIGHEST = 8
-"""Highest order."""
+"""Highest order of a polynomial."""
 
 MOST = 700
-"""Largest number of terms."""
+"""Largest number of terms of a polynomial."""
 
 ENOUGH = 1e-3
 """Error, relative to the standard deviation, below which no higher order is tried."""

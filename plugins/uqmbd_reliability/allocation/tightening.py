@@ -47,7 +47,7 @@ class Tightened:
         return float(sum(c(float(w)) for c, w in zip(self.costs, factors * self.widths, strict=True)))
 
     def slope(self, factors: Array) -> Array:
-        """Return the derivative of the cost by the logarithms of the factors, shape (n,)."""
+        """Return the derivatives of the cost with respect to the logarithms of the factors, shape (n,)."""
         found = []
         for one, width in zip(self.costs, factors * self.widths, strict=True):
             above, below = one(float(width * math.exp(STEP))), one(float(width * math.exp(-STEP)))

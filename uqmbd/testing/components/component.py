@@ -143,7 +143,7 @@ def _check_declaration(component: type[Component]) -> None:
 
 
 def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]], given: Mapping[str, Any]) -> None:
-    """Require that each parameter is in a term in one of its spaces, with at least one of the options."""
+    """Require that some term contains each parameter, in at least one space and with at least one option."""
     unused = set(component.parameters())
     for space in (*spaces, *(other for other in component.spaces if other not in spaces)):
         rng = np.random.default_rng(0)

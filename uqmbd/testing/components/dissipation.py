@@ -46,7 +46,7 @@ class _Laws:
     parameters: Array  # (parameter,)
 
     def __call__(self, s: Array, v: Array) -> tuple[Array, Array]:
-        """Return forces of virtual work (M, n) and rates of states (M, s), of states (M, s) and velocities (M, n)."""
+        """Return forces of virtual work (M, n) and rates of states (M, s), at states (M, s) and velocities (M, n)."""
         count = len(v)
         fixed = [np.repeat(x[None, :], count, axis=0) for x in (self.q, np.array([self.time]), self.parameters)]
         found = _kernel(self.instance)(np.ascontiguousarray(np.concatenate([fixed[0], s, v, *fixed[1:]], axis=1)))
@@ -144,7 +144,7 @@ def _check_growth(bench: Bench, laws: _Laws) -> None:
 
 
 def _check_memory(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Generator) -> None:
-    """Require that changes of auxiliary states by an initial motion oppose this motion."""
+    """Require that the forces of auxiliary states, after an initial motion has changed these, oppose this motion."""
     if not len(motions):
         return
     u = rng.normal(size=(LOOPS, len(motions))) @ motions

@@ -16,7 +16,7 @@ from uqmbd.typing import Array
 __all__ = ["check_quantiles", "check_samples", "check_stated_errors"]
 
 GRID = 0.005
-"""Error in probability of the exact distribution, which is known on a grid."""
+"""Error of probabilities of the exact distribution, which is tabulated on a grid."""
 
 ROUNDING = 1e-6
 """Allowed error of numbers that are exact except for the integration, relative to the standard deviation."""
