@@ -17,7 +17,7 @@ INACCURATE = 0.1
 errors."""
 
 FURTHER = 2
-"""Number of further points."""
+"""Number of further points that are added."""
 
 AMONG, MOST = 32, 1024
 """Number of candidates for each verification point, and largest total number of candidates."""

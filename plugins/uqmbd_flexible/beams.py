@@ -161,7 +161,7 @@ class _BeamElement:
     torsion: float
 
     def _shear_ratio(self, moment: float) -> float:
-        """Return the ratio of the flexibilities by shear and by bending."""
+        """Return the ratio of shear flexibility to bending flexibility."""
         if self.shear_factor is None:
             return 0.0
         return 24 * (1 + self.poisson) * moment / (self.shear_factor * self.area * self.length**2)

@@ -25,7 +25,7 @@ Mass = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class NodalLayout:
-    """Layout of degrees of freedom: nodes with translations and, if `turns`, rotations; numbers node by node."""
+    """Layout of degrees of freedom, node by node: translations and, if `turns`, rotations of each node."""
 
     nodes: Array  # (node, d)
     turns: bool

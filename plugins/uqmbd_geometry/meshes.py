@@ -35,7 +35,8 @@ def formats() -> str:
 def read_surface(path: str | os.PathLike[str], where: str) -> Any:
     """Return the mesh of a file as an object of trimesh, with merged vertices.
 
-    Only the file itself is read: materials and buffers in other files are ignored or refused. Raise StudyError.
+    Only the file itself is read: materials and buffers in other files are ignored or refused. Raise StudyError if the
+    mesh cannot be read.
     """
     try:
         import trimesh

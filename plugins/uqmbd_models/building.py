@@ -189,7 +189,7 @@ def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
 
 
 def _zero_position(placed: PlacedJoint, component: Any) -> float | None:
-    """Return the position of a hinge or slide in the file at zero position of the component; None for other joints."""
+    """Return the position, as in the file, of a hinge or slide whose component is at zero; None for other joints."""
     if placed.joint.kind == "hinge":
         return float(placed.joint.start[0] - component.joint_angle().near)
     return float(placed.joint.reference[0]) if placed.joint.kind == "slide" else None

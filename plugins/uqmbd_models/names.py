@@ -35,7 +35,7 @@ class Names:
         return found
 
     def take_all(self, names: Sequence[str], suffix: str) -> dict[int, str]:
-        """Return the names by index; unused names are assigned first, so that they do not change."""
+        """Return the names by index; names that are valid and unused are assigned first, so that they do not change."""
         order = sorted(range(len(names)), key=lambda k: names[k] in self.taken)
         found = {k: self.take(names[k], suffix) for k in order}
         return {k: found[k] for k in range(len(names))}

@@ -39,7 +39,7 @@ class SobolIndices:
     varies: Any = field(kw_only=True)  # (...) whether the response varies by more than rounding errors
 
     def part(self, members: slice) -> SobolIndices:
-        """Return the indices of some inputs."""
+        """Return the Sobol' indices of selected inputs."""
         whole = self.first[members], self.total[members], self.shared[members]
         ends = self.first_interval, self.total_interval, self.shared_interval
         return SobolIndices(*whole, *(x[:, members] for x in ends), varies=self.varies)

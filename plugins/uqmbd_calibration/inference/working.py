@@ -51,7 +51,7 @@ class CalibrationState:
 
     @property
     def target(self) -> Posterior:
-        """Posterior by the present surrogates."""
+        """Posterior density by the current surrogates."""
         return Posterior(self.unknowns, self.cases, tuple(self.predictors))
 
     def affordable(self, count: int) -> bool:

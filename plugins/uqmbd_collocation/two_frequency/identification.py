@@ -52,7 +52,7 @@ LINES = 10
 """Number of spectral lines that determine the base."""
 
 MAIN = 0.03
-"""Lines of at least this ratio to the strongest line are used in short windows."""
+"""In short windows, only lines with at least this share of the strongest line are used."""
 
 APART = 3.0
 """Smallest distance of main lines from each other and from zero, in units of the resolution of the first window."""

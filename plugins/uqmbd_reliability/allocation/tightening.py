@@ -18,7 +18,7 @@ Cost = Mapping[str, float | Callable[[float], float]]
 """Cost of a tolerance, by the name of the input: c for c / tolerance, or a function of the tolerance."""
 
 NATURAL = 3.0
-"""Number of standard deviations that is the tolerance of an input without a stated tolerance."""
+"""Tolerance of an input without a stated tolerance, in standard deviations."""
 
 STEP = 1e-5
 """Relative step of the derivative of a cost function."""

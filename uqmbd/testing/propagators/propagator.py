@@ -37,7 +37,7 @@ REMEDY = re.compile(
 
 
 def check_failures(subject: PropagatorUnderTest) -> None:
-    """Check failures of realisations with lengths below 0.9 m: a quarter of them, then all."""
+    """Check studies in which rods shorter than 0.9 m make realisations fail: a quarter of them, then all."""
     study, recorder, title = fragile(0.7, 1.5), RecordingExecutor(), f"{subject.title}: failures"
     with quiet() as caught:
         try:

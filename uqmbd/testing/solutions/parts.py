@@ -12,7 +12,7 @@ __all__ = ["Floor", "Pin", "Push", "Rod", "Spring", "Strip"]
 
 
 class Spring(Component):
-    """A spring without length between the ground and a body."""
+    """A spring of zero free length between the ground and a body."""
 
     stiffness = Parameter("N/m", "spring rate")
 
@@ -23,7 +23,7 @@ class Spring(Component):
 
 
 class Pin(Component):
-    """A point of a body that stays at the origin of another."""
+    """A point of a body that stays at the origin of another body."""
 
     point = Parameter("m", "pinned point, frame of body j", kind="point")
 
