@@ -23,7 +23,8 @@ AMONG, MOST = 32, 1024
 """Number of candidates for each verification point, and largest total number of candidates."""
 
 OPPOSITE, SIMILAR = 0.5, 2.0
-"""Least cosine of the directions to two points on both sides of a gap, and largest ratio of their distances."""
+"""A candidate is in a gap between two points in nearly opposite directions: the cosine of their angle is at most
+-`OPPOSITE`. The ratio of their distances is at most `SIMILAR`."""
 
 STREAM = 0x7E51F3
 """Random stream of the candidates."""

@@ -20,7 +20,7 @@ from uqmbd.typing import Array
 __all__ = ["NodalLayout", "shape_integrals"]
 
 Mass = Callable[[Array], Array]
-"""Product of the mass matrix with columns."""
+"""Function that returns the product of the mass matrix and columns."""
 
 
 @dataclass(frozen=True)

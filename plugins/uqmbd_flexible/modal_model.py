@@ -218,7 +218,7 @@ class ModalModel:
 
     @property
     def central_inertia(self) -> Any:
-        """Inertia about the centre of mass, kg m^2, as `Mechanism.body` takes it."""
+        """Inertia about the centre of mass, kg m^2, in the form of the argument of `Mechanism.body`."""
         c = self.com
         if self.dimension == 2:
             return float(self.inertia[0, 0] - self.mass * (c @ c))

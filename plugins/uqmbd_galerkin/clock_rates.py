@@ -33,7 +33,7 @@ STARTED = 1.0
 
 
 def watched_rates(mechanism: Any) -> Mapping[str, Any]:
-    """Return possible clocks in addition to the outputs, and rates of all possible clocks, as expressions by name."""
+    """Return expressions by name: possible clocks that are no outputs, and the rates of all possible clocks."""
     found = dict(uqmbd.extend.watched_angles(mechanism))
     known = {name: output.expression for name, output in mechanism.outputs.items()} | found
     for name, expression in known.items():

@@ -52,7 +52,7 @@ class Side:
 
     @property
     def random(self) -> int:
-        """Number of random numbers of the shapes."""
+        """Number of random parameters of the shapes."""
         return int(np.isnan(np.concatenate(self.fixed)).sum())
 
 

@@ -130,7 +130,7 @@ def prefix(tag: str) -> str:
 
 
 class _TooDeep(Exception):
-    """Elements are nested too deeply."""
+    """Error: elements are nested too deeply."""
 
 
 def _without_leading_space(text: bytes, slips: list[str]) -> tuple[bytes, int]:

@@ -39,7 +39,7 @@ class JointMoments:
         return cls(len(samples), mean, products)
 
     def empty(self) -> JointMoments:
-        """Return the moments of no samples."""
+        """Return the moments of an empty set of samples."""
         return JointMoments(0, np.zeros_like(self.mean), np.zeros_like(self.products))
 
     def merge(self, other: JointMoments) -> JointMoments:

@@ -242,7 +242,7 @@ class PairedControl:
 
 
 def _of_kind(made: uqmbd.extend.Problem, problem: uqmbd.extend.Problem, names: tuple[str, ...]) -> uqmbd.extend.Problem:
-    """Return the control problem `made` with only the named outputs, and of the same kind as `problem`."""
+    """Return the control problem `made` with only the named outputs, over time or scalar as in `problem`."""
     made = replace(made, model=replace(made.model, margins=None)).using(progress=problem.progress)
     if problem.kind == "outputs":
         return replace(made, model=replace(made.model, scalars=None))

@@ -19,7 +19,7 @@ A margin below zero is a violation. Margins of failed realisations do not matter
 
 
 class BudgetExhausted(Exception):
-    """All allowed realisations are spent."""
+    """Error: more realisations are requested than remain."""
 
 
 class LimitStateLedger:

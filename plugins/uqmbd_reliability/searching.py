@@ -82,7 +82,7 @@ def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: A
             break
         edges = np.cumsum([0, *map(len, requested)])
         for path, low, high in zip(going, edges, edges[1:], strict=False):
-            path.hear(found[low:high, path.requirement])
+            path.process(found[low:high, path.requirement])
     ended = []
     for path in paths:
         if path.ended:
@@ -109,7 +109,7 @@ class _SearchPath:
             return self.tried[None]
         return np.concatenate([self.tried[None], self.tried + STEP * np.eye(len(self.tried))])
 
-    def hear(self, margins: Array) -> None:
+    def process(self, margins: Array) -> None:
         """Process the margins of the requested points, and choose the next step."""
         margin, slope = float(margins[0]), self.slope
         if self.fresh and len(margins) > 1:

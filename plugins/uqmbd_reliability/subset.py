@@ -28,7 +28,7 @@ LEAST, BLOCK = 500, 100
 errors for rare events."""
 
 DEPENDENCE = 1.8
-"""Ratio of the measured standard deviation to that stated by OpenTURNS, which ignores dependence between levels."""
+"""Ratio of the measured to the stated standard deviation; OpenTURNS ignores the dependence between levels."""
 
 
 def available() -> bool:

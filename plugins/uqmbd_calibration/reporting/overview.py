@@ -22,7 +22,8 @@ MOST_OUTPUTS = 3
 """Largest number of measured outputs in the figure of the fit, with the worst fit first."""
 
 TOGETHER, WIDE = 0.9, 0.3
-"""Limits for unseparated inputs: their correlation, and the ratio of posterior to prior width of both."""
+"""Limits above which two inputs cannot be distinguished: their correlation, and the ratio of posterior to prior width
+of both."""
 
 
 def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:

@@ -130,7 +130,7 @@ class CombinedTrajectories:
             raise Impossible(self.problem.label, why, "Use only events or only phases.")
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Return false for each realisation (K, output, T): outputs alone cannot reveal another sequence."""
+        """Return False for all realisations (K,): outputs `seen` (K, output, T) cannot show another sequence."""
         return self.events.elsewhere(sequence, seen)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:

@@ -211,7 +211,7 @@ class SeriesProblem(DerivedSource):
         return Signals(found.times - found.times[0], found.values[k].T / self.scales).thinned(UNSEEN)
 
     def _scales(self, values: Array) -> Array:
-        """Return the largest root mean squares (O,) over realisations of outputs (K, O, T) less constant and drift."""
+        """Return root mean squares (O,) of outputs (K, O, T) without constant and drift, largest over realisations."""
         times = np.linspace(0.0, 1.0, values.shape[2])
         plain = [fit_series(Signals(times, one.T), np.zeros(0), np.zeros((0, 0), dtype=np.int64)) for one in values]
         moving = np.max([one.residual for one in plain], axis=0)

@@ -93,7 +93,7 @@ FEWEST, LARGEST = 2**16, 2**20
 """Least and largest number of samples of a surrogate."""
 
 FIRST = 6
-"""Realisations for the first surrogate, for each term of order two."""
+"""Number of realisations for the first surrogate, for each term of a polynomial of order two."""
 
 ROUNDS = 5
 """Largest number of surrogates; each is fitted also to the realisations of earlier verifications."""
