@@ -14,8 +14,8 @@ __all__ = ["FREEDOM", "Block", "NormalEquations"]
 
 
 FREEDOM = 4.0
-"""Degrees of freedom of Student's t for robust noise. Its density at ten standard deviations is 1e-4 of the maximum;
-for normal noise, it is 1e-22."""
+"""Degrees of freedom of Student's t for robust noise. Its density at ten standard deviations is 3e-4 of the maximum;
+for normal noise, it is 2e-22."""
 
 NormalEquations = tuple[Index, Array, Array]
 """Indices (c,) of unknowns, with gradient (K, c) and Gauss-Newton Hessian (K, c, c) of minus the log-likelihood."""

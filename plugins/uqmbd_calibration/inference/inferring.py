@@ -46,7 +46,7 @@ GROWTH, WIDEST = 4.0, 1e3
 
 NEAR_LIMIT, MOST_NEAR_LIMIT = 0.8, 1e-3
 """Share of the radius beyond which a draw is near the limit; share of draws near the limit above which the region
-grows. A normal distribution has fewer than one of 10^9 draws there."""
+grows. Fewer than one of 10^7 draws of a normal distribution are near the limit."""
 
 
 @dataclass(frozen=True)
