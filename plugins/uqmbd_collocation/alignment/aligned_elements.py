@@ -47,7 +47,8 @@ EXTENSIONS = 6
 """Largest number of fits, each with more markers, until all samples of the statistics reach the last time."""
 
 FOLLOWED = 0.15
-"""Largest share of an element's realisations for verification realisations that are integrated from event to event."""
+"""Initial number of verification realisations that are integrated from event to event, over the number of
+realisations."""
 
 LATE = 1e-12
 """Largest distance of the last marker from the last output time, relative to the range of times."""
@@ -169,8 +170,9 @@ def with_event_errors(
 ) -> AlignedChaos:
     """Return the chaos of an element with the errors of its event times, from a few verification points.
 
-    Some verification realisations are also integrated from event to event: at most a fifth of the realisations of the
-    element. If none of them has an error of the event times, more are integrated, up to `room` realisations.
+    Some verification realisations are also integrated from event to event. Their number is initially 15 % of the
+    realisations of the element. If none of them has an error of the event times, more are integrated, up to `room`
+    realisations.
     """
     element = chaos.elements[0]
     events = np.array([bool(label) for label in element.events])
