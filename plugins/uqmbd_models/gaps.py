@@ -25,7 +25,7 @@ def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omis
     places = [link.position for link in tree.links] + [x for loop in tree.loops for x in (loop.point_i, loop.point_j)]
     size = {"rad": 1.0, "m": max(float(np.linalg.norm(x)) for x in places) or 1.0}
     found = tuple(
-        f"{name} by {gap:.3g} {units}" for name, gap, units in _gaps(tree, poses) if gap > CLOSED * size[units]
+        f"{name} by {gap:.3g} {units}" for name, gap, units in _yield_gaps(tree, poses) if gap > CLOSED * size[units]
     )
     why = (
         "the assembly moves joints until these constraints are satisfied, so the start configuration "
@@ -34,7 +34,7 @@ def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omis
     return [uqmbd.extend.Omission("constraints violated in the start configuration", found, why)] if found else []
 
 
-def _gaps(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
+def _yield_gaps(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
     """Yield name, gap and units of loops and couplings."""
     for loop in tree.loops:
         i, j = poses[loop.link_i], poses[loop.link_j]
