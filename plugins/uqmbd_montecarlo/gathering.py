@@ -10,15 +10,17 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.extend import Moments, Violations
 from uqmbd.results import SampleStore
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = [
     "Gathered",
+    "WorstRealisations",
     "allowed_pairs",
     "allowed_samples",
     "gather",
@@ -26,6 +28,7 @@ __all__ = [
     "reduced",
     "replicate_sizes",
     "uniform_samples",
+    "with_worst",
 ]
 
 
@@ -121,6 +124,69 @@ SUMS = ("mean", "second", "third", "fourth")
 
 
 @dataclass(frozen=True)
+class WorstRealisations:
+    """Successful realisations with the smallest margin of each requirement; a margin of infinity if there is none."""
+
+    margins: Array  # (requirement,), in the units of the requirement
+    inputs: Array  # (requirement, input)
+    frames: Index  # (requirement,), the index of the output time at which the margin is smallest
+
+    @classmethod
+    def of(cls, running: Array, failed: Mask, values: Array) -> WorstRealisations:
+        """Find them among running margins (K, requirement, T), with inputs (K, input).
+
+        >>> running = np.array([[[1.0, 0.5, 0.5]], [[2.0, -1.0, -1.0]], [[-9.0, -9.0, -9.0]]])
+        >>> found = WorstRealisations.of(running, np.array([False, False, True]), np.array([[1.0], [2.0], [3.0]]))
+        >>> found.margins.tolist(), found.inputs.tolist(), found.frames.tolist()
+        ([-1.0], [[2.0]], [1])
+        """
+        ends = np.where(failed[:, None] | np.isnan(running[:, :, -1]), np.inf, running[:, :, -1])
+        rows, columns = ends.argmin(axis=0), np.arange(ends.shape[1])
+        frames = (running[rows, columns] <= ends[rows, columns][:, None]).argmax(axis=1)
+        return cls(ends[rows, columns], values[rows], frames)
+
+    def or_worse(self, other: WorstRealisations) -> WorstRealisations:
+        """Return the realisations with the smaller margins; equal margins keep the first realisation."""
+        less = other.margins < self.margins
+        return WorstRealisations(
+            np.where(less, other.margins, self.margins),
+            np.where(less[:, None], other.inputs, self.inputs),
+            np.where(less, other.frames, self.frames),
+        )
+
+
+def with_worst(counted: xr.Dataset, worst: WorstRealisations, problem: uqmbd.extend.Problem) -> xr.Dataset:
+    """Add the realisation with the smallest margin of each requirement to the dataset ``requirements``.
+
+    The row ``any`` has no margin.
+    """
+    times = np.asarray(problem.times if problem.over is None else problem.over, dtype=float)
+    over_time = np.array([one.over_time for one in problem.requirements])
+    known = np.isfinite(worst.margins)
+    found = {
+        "worst_margin": np.where(known, worst.margins, np.nan),
+        "worst_inputs": np.where(known[:, None], worst.inputs, np.nan),
+        "worst_time": np.where(known, times[np.where(over_time, worst.frames, -1)], np.nan),
+    }
+    about = {
+        "worst_margin": {"long_name": "smallest margin", "comment": "in the requirement's units"},
+        "worst_inputs": {"long_name": "inputs with the smallest margin", "comment": "in the inputs' units"},
+        "worst_time": {
+            "long_name": "time of the smallest margin",
+            "units": "s",
+            "comment": "the last output time for requirements that are not over time",
+        },
+    }
+    rows = counted.sizes["requirement"] - len(known)
+    data = {}
+    for name, values in found.items():
+        dims = ("requirement", "input")[: values.ndim]
+        padded = np.concatenate([values, np.full((rows, *values.shape[1:]), np.nan)])
+        data[name] = (dims, padded, about[name])
+    return counted.assign(data).assign_coords(input=[one.name for one in problem.labels.inputs])
+
+
+@dataclass(frozen=True)
 class Gathered:
     """Sums over all samples, and the stored samples."""
 
@@ -136,6 +202,8 @@ class Gathered:
     store: SampleStore | None  # all samples, if `kept` does not contain all and the run has a folder
     violations: tuple[Violations, ...] = ()
     """Counts of violations in each replicate, if requirements are evaluated."""
+    worst: WorstRealisations | None = None
+    """Realisations with the smallest margins, if requirements are evaluated."""
 
     @property
     def moments(self) -> Moments:
@@ -201,6 +269,7 @@ def gather(
         wall,
         None if streamed is None else streamed.store,
         tuple(one for one in gathered.violations if one is not None),
+        gathered.worst,
     )
 
 
@@ -222,17 +291,21 @@ class _Sums:
         self.moments = moments
         self.replicates = [Moments.of(np.zeros((0, *shape)))] * count if moments else []
         self.violations: list[Violations | None] = [None] * count
+        self.worst: WorstRealisations | None = None
 
     def add(self, result: dict[str, NDArray[Any]]) -> None:
         """Add the result of `reduced` for a chunk."""
         for k, r in enumerate(result["replicate"].tolist()):
             if self.moments:
-                one = Moments(int(result["count"][k]), *(result[name][k] for name in SUMS))
-                self.replicates[r] = self.replicates[r].merge(one)
+                moments = Moments(int(result["count"][k]), *(result[name][k] for name in SUMS))
+                self.replicates[r] = self.replicates[r].merge(moments)
             if "by_time" in result:
                 more = Violations(result["by_time"][k], int(result["total"][k]), int(result["failed"][k]))
                 before = self.violations[r]
                 self.violations[r] = more if before is None else before + more
+        if "worst_margin" in result:
+            one = WorstRealisations(result["worst_margin"], result["worst_inputs"], result["worst_frame"])
+            self.worst = one if self.worst is None else self.worst.or_worse(one)
 
 
 def reduced(
@@ -242,8 +315,8 @@ def reduced(
 
     `edges`: index of the first sample of each replicate, then the end of the last replicate or a larger number. The
     result contains ``replicate`` (R,), the replicates with samples in the chunk. Further entries are ``count``,
-    ``mean``, ``second``, ``third`` and ``fourth`` (R, ...) of `uqmbd.extend.Moments`, and ``by_time``, ``total`` and
-    ``failed`` (R, ...) of `uqmbd.extend.Violations`.
+    ``mean``, ``second``, ``third`` and ``fourth`` (R, ...) of `uqmbd.extend.Moments`, ``by_time``, ``total`` and
+    ``failed`` (R, ...) of `uqmbd.extend.Violations`, and ``worst_margin``, ``worst_inputs`` and ``worst_frame`` of `WorstRealisations`.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]
@@ -258,4 +331,6 @@ def reduced(
         found["by_time"] = np.stack([one.by_time for one in counts])
         found["total"] = np.array([one.total for one in counts])
         found["failed"] = np.array([one.failed for one in counts])
+        worst = WorstRealisations.of(part.margins.running, part.margins.failed, part.values)
+        found |= {"worst_margin": worst.margins, "worst_inputs": worst.inputs, "worst_frame": worst.frames}
     return found

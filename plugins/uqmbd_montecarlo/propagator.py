@@ -33,6 +33,7 @@ from uqmbd_montecarlo.gathering import (
     paired_samples,
     replicate_sizes,
     uniform_samples,
+    with_worst,
 )
 from uqmbd_montecarlo.lowfidelity import (
     LowFidelity,
@@ -407,7 +408,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
         children = {}
         if found.violations:
             times = problem.times if problem.over is None else problem.over
-            children["requirements"] = Violations.dataset(problem.requirements, found.violations, times)
+            counted = Violations.dataset(problem.requirements, found.violations, times)
+            children["requirements"] = counted if found.worst is None else with_worst(counted, found.worst, problem)
         return problem.node(
             self,
             statistics,

@@ -137,6 +137,7 @@ def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str
         first=first,
         sections=shown,
         outputs=[output["name"] for output in contents.get("outputs", {}).get("outputs", ())],
+        surfaces=bool((contents.get("answers", {}).get("mechanism") or {}).get("surfaces")),
         scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,
     )
     return _with_shared(text), contents

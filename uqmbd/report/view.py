@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import Finding, Severity
+from uqmbd.report.mechanisms import without_named
 from uqmbd.results import failed_methods, propagator_nodes, varying
 from uqmbd.results.assessment import (
     Assessment,
@@ -271,10 +272,15 @@ class StudyResult:
         return dataset_of(self.tree, "convergence")
 
     @cached_property
+    def stored_motion(self) -> xr.Dataset | None:
+        """Return the stored motion: at the means, in named realisations, and in other realisations."""
+        return dataset_of(self.tree, "motion")
+
+    @cached_property
     def motion(self) -> xr.Dataset | None:
         """Return the data of the animation: the motion at the means, and realisations, without named realisations."""
-        data = dataset_of(self.tree, "motion")
-        return None if data is None else _without_named(data)
+        data = self.stored_motion
+        return None if data is None else without_named(data)
 
     @cached_property
     def histories(self) -> list[str]:
@@ -344,19 +350,6 @@ class StudyResult:
                 found += [replace(one, place=label, message=f"{label}: {one.message}") for one in mine]
                 known.update(one.text for one in mine)
         return found
-
-
-def _without_named(data: xr.Dataset) -> xr.Dataset:
-    """Return poses without the realisations of the attribute ``named``, which are not samples of the inputs."""
-    try:
-        rows = {int(one["realisation"]) for one in json.loads(str(data.attrs.get("named", "[]")))}
-    except (KeyError, TypeError, ValueError):  # another program may have written the node
-        return data
-    if not rows or "realisation" not in data.dims:
-        return data
-    found = data.isel(realisation=[k for k in range(data.sizes["realisation"]) if k not in rows])
-    found.attrs = {name: value for name, value in data.attrs.items() if name != "named"}
-    return found
 
 
 def dataset_of(node: xr.DataTree, child: str) -> xr.Dataset | None:

@@ -7,6 +7,7 @@ from html import escape
 from importlib.resources import files
 
 from uqmbd.javascript import joined_modules
+from uqmbd.report.live import surface_library
 
 __all__ = ["viewer_page"]
 
@@ -21,6 +22,7 @@ def viewer_page(source: str) -> tuple[str, str]:
     nonce = secrets.token_urlsafe(16)
     page = (files(__package__) / "page.html").read_text(encoding="utf-8")
     script = joined_modules("viewer.js") + "startViewer();\n"
-    for mark, text in (("@NONCE@", nonce), ("@SOURCE@", escape(source)), ("@SCRIPT@", script)):
+    marks = {"@NONCE@": nonce, "@SOURCE@": escape(source), "@SURFACES@": surface_library(), "@SCRIPT@": script}
+    for mark, text in marks.items():
         page = page.replace(mark, text)
     return page, nonce

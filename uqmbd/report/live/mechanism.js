@@ -5,8 +5,9 @@ import { poseAt, resolvedBy, weightsAt } from "./between.js";
 import { hullOf, isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
 import { nearestIndex } from "./numbers.js";
 import { gltfOf } from "./gltf.js";
-import { Solids, shadeOf } from "./solids.js";
+import { Solids } from "./solids.js";
 import { bodyShapes, ghostShape, strokeShape } from "./strokes.js";
+import { Surfaces, drawsSurfaces } from "./surfaces.js";
 
 // inches: a mark that is nearer to a joint is left out
 const CLEAR = 0.1;
@@ -101,26 +102,20 @@ export class Mechanism {
   /** Return the shapes of one pose. */
   draw(view, points, palette, radii = this.radii) {
     if (!points.every(isKnown)) return [];
-    const order = this.bodies.map((_, b) => b).filter((b) => this.own[b].length);
+    const surfaces = this.solids && this.spatial ? this.surfacesHere() : null;
+    const solid = this.solids && (surfaces || !this.spatial) ? this.solids.shaped : new Set();
+    const order = this.bodies.map((_, b) => b).filter((b) => this.own[b].length && !solid.has(b));
     if (view.spatial) {
       const depths = this.own.map((own) => (own.length ? view.depth(meanOf(own.map((k) => points[k]))) : 0));
       order.sort((a, b) => depths[b] - depths[a]);
     }
     const shapes = order.flatMap((b, place) => {
       const page = this.own[b].map((k) => view.project(points[k]));
-      if (this.solids?.shaped.has(b)) return [];
       if (this.boxed.includes(b) && page.every((p) => lengthOf(minus(p, page[0])) < 1e-3)) return [];
       return bodyShapes(page, this.colours[b], 2 + (0.5 * place) / order.length);
     });
-    if (this.solids) {
-      const shades = new Map();
-      const look = (role) => this.roles[role][palette.dark ? 1 : 0];
-      shapes.push(...this.solids.draw(view, points, (b, level) => {
-        const key = 100 * b + level;
-        if (!shades.has(key)) shades.set(key, shadeOf(look(`pale-${this.colours[b]}`), look(this.colours[b]), level));
-        return shades.get(key);
-      }));
-    }
+    if (surfaces) shapes.push(this.surfacePicture(surfaces, view, points, palette));
+    else if (solid.size) shapes.push(...this.solids.draw(view, points, (b) => `pale-${this.colours[b]}`));
     const taken = this.joints.map((k) => view.project(points[k]));
     for (const stroke of this.strokes) {
       const own = stroke.clear && view.project(points[stroke.at[0]]);
@@ -129,6 +124,19 @@ export class Mechanism {
       if (shape !== null) shapes.push(shape);
     }
     return this.painted(shapes, palette);
+  }
+
+  /** Surfaces in space; null where the browser cannot draw them. */
+  surfacesHere() {
+    if (this.surfaces === undefined) this.surfaces = drawsSurfaces() ? new Surfaces(this.solids) : null;
+    return this.surfaces;
+  }
+
+  /** A shape that is a picture: the surfaces of one pose, behind the symbols. */
+  surfacePicture(surfaces, view, points, palette) {
+    const look = (role) => this.roles[role][palette.dark ? 1 : 0];
+    const colours = this.colours.map((role) => [look(`pale-${role}`), look(role)]);
+    return { order: 2.5, edge: null, face: null, picture: (width, height) => surfaces.picture(view, points, colours, width, height) };
   }
 
   /** The shapes of one pose as the text of a glTF file; null where there are none. */

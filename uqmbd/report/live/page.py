@@ -10,7 +10,7 @@ from importlib.resources import files
 from uqmbd.javascript import joined_modules
 from uqmbd.report.charts import json_script
 
-__all__ = ["PageScripts", "cell_html", "joined_modules", "page_scripts"]
+__all__ = ["PageScripts", "cell_html", "joined_modules", "page_scripts", "surface_library"]
 
 
 START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\nstartFolds();\nstartSearch();\n"
@@ -23,19 +23,30 @@ class PageScripts:
 
     style: str  # for ``<style>``: the style of the library
     uplot: str  # for ``<script>``: uPlot, with its licence as a comment
+    three: str  # for ``<script>`` of a page with surfaces in space: three.js, with its licence as a comment
     module: str  # for ``<script type="module">``: makes charts, players and sliders from the data
 
 
 @functools.cache
 def page_scripts() -> PageScripts:
     """Return the scripts of a page with charts."""
-    vendor = files(__package__) / "vendor"
-    library, style, licence = (
-        (vendor / name).read_text(encoding="utf-8")
-        for name in ("uPlot.iife.min.js", "uPlot.min.css", "LICENSE-uPlot.txt")
-    )
     own = joined_modules("charts.js", "player.js", "explorer.js", "folds.js", "search.js")
-    return PageScripts(style, f"/*\nuPlot\n{licence}\n*/\n{library}", own + START)
+    return PageScripts(
+        _vendor("uPlot.min.css"), _library("uPlot", "uPlot.iife.min.js"), surface_library(), own + START
+    )
+
+
+def surface_library() -> str:
+    """Return the script of three.js, which draws surfaces in space."""
+    return _library("three", "three.min.js")
+
+
+def _library(name: str, file: str) -> str:
+    return f"/*\n{name}\n{_vendor(f'LICENSE-{name}.txt')}\n*/\n{_vendor(file)}"
+
+
+def _vendor(name: str) -> str:
+    return (files(__package__) / "vendor" / name).read_text(encoding="utf-8")
 
 
 def cell_html(fragment: str, style: str) -> str:

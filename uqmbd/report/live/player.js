@@ -6,6 +6,7 @@ import { fileName, saveBlob } from "./exports.js";
 import { onInputs, pageInputs } from "./inputs_bus.js";
 import { Mechanism } from "./mechanism.js";
 import { formatError, formatNumber, nearestIndex } from "./numbers.js";
+import { listenToOrbit } from "./orbit.js";
 import { LivePoses } from "./poses.js";
 import { speedsOf } from "./speeds.js";
 import { paintShapes } from "./strokes.js";
@@ -14,7 +15,6 @@ import { announceTime, beginAt, onTime } from "./time_bus.js";
 import { View } from "./view.js";
 
 const REST = 0.7;
-const TURN = 10;
 
 /**
  * Make a player.
@@ -35,6 +35,8 @@ export function makePlayer(figure, data) {
   let found = null;
   let cloud = data.realisations > 1;
   let earlier = null;
+  // the named realisation that is drawn; null: at the inputs of the page
+  let named = null;
 
   const canvas = element("canvas", { role: "img" });
   const stage = element("div", { class: "stage", role: "group", "aria-label": `The mechanism ${data.mechanism}` }, canvas);
@@ -56,11 +58,16 @@ export function makePlayer(figure, data) {
     });
     controls.append(element("label", {}, others, ` ${data.realisations - 1} realisations`));
   }
+  const pose = element("select", { title: "Realisation that is drawn; the outline is the mechanism at the means" });
+  const poseNames = ["at the means of the inputs", ...data.named.map((one) => one.name)];
+  pose.append(...poseNames.map((name, k) => element("option", { value: k }, name)));
+  pose.addEventListener("change", () => showNamed(Number(pose.value) - 1));
+  if (data.named.length && !small) controls.append(element("label", {}, "Pose ", pose));
   if (view.spatial) {
     stage.tabIndex = 0;
     stage.classList.add("turns");
-    stage.title = "Drag to rotate. Keys: ← → ↑ ↓ rotate, 0 resets the view, space plays.";
-    if (!small) controls.append(button("Reset view", "Reset the view (key 0)", () => turn(null)));
+    stage.title = "Drag to rotate, Shift and drag to move, Ctrl and wheel to enlarge. Keys: ← → ↑ ↓, +, −, 0 (reset), space (play).";
+    if (!small) controls.append(button("Reset view", "Reset the view (key 0)", resetView));
   }
   if (!small && mechanism.solids) controls.append(button("glTF", "Save the shapes in this pose for three-dimensional programs", saveShapes));
   if (!small) controls.append(button("PNG", "Save the view as a picture", save));
@@ -83,23 +90,26 @@ export function makePlayer(figure, data) {
     paint(canvas, palette());
   });
 
+  /** Points of the drawn realisation at a time. */
+  function drawnAt(at) {
+    if (named !== null) return mechanism.storedAt(data.realisations + named, at);
+    return found ? mechanism.foundAt(found, at) : mechanism.storedAt(0, at);
+  }
+
   function shapesOf(colours) {
     const shapes = [];
-    const chosen = found && mechanism.foundAt(found, time);
+    const means = named === null && !found;
     const way = data.followed ? minusWay(mechanism.storedAt(0, time)) : null;
     const moved = (points) => (way ? mechanism.shifted(points, way) : points);
-    if (!data.followed) {
-      const pointsAt = (k) => (found ? mechanism.foundAt(found, times[k]) : mechanism.storedAt(0, times[k]));
-      shapes.push(...mechanism.tracks(view, pointsAt, colours));
-    }
-    if (cloud || chosen) {
+    if (!data.followed) shapes.push(...mechanism.tracks(view, (k) => drawnAt(times[k]), colours));
+    if (cloud || !means) {
       const alpha = Math.min(Math.max(5 / Math.max(data.realisations - 1, 1), 0.15), 0.6);
-      const from = chosen ? 0 : 1;
+      const from = means ? 1 : 0;
       const to = cloud ? data.realisations : 1;
       for (let r = from; r < to; r++) shapes.push(...mechanism.ghosts(view, moved(mechanism.storedAt(r, time)), colours, r ? alpha : 0.9));
     }
-    const radii = found?.points ? mechanism.owners.map((_, n) => Math.abs(found.points[(n + 1) * (data.dimension + 1) - 1])) : mechanism.radii;
-    shapes.push(...mechanism.draw(view, moved(chosen ?? mechanism.storedAt(0, time)), colours, radii));
+    const radii = named === null && found?.points ? mechanism.owners.map((_, n) => Math.abs(found.points[(n + 1) * (data.dimension + 1) - 1])) : mechanism.radii;
+    shapes.push(...mechanism.draw(view, moved(drawnAt(time)), colours, radii));
     return shapes;
   }
 
@@ -134,7 +144,7 @@ export function makePlayer(figure, data) {
     canvas.setAttribute("aria-label", `The mechanism ${data.mechanism} at ${clock(time)}, ${words()}.`);
   }
 
-  const words = () => (found ? "at the chosen inputs" : "at the means of the inputs");
+  const words = () => (named !== null ? poseNames[named + 1] : found ? "at the chosen inputs" : "at the means of the inputs");
 
   // what a picture is that stands still while the time runs
   const held = mechanism.resolved ? "" : ` The motion is too fast to be interpolated between ${times.length} times; the nearest time is shown.`;
@@ -145,7 +155,8 @@ export function makePlayer(figure, data) {
   }
 
   function tellInputs() {
-    if (!pageInputs()) status.textContent = atMeans;
+    if (named !== null) status.textContent = `The ${poseNames[named + 1]}, integrated; outline: at the means of the inputs.`;
+    else if (!pageInputs()) status.textContent = atMeans;
     else if (!found) status.textContent = `At the means of the inputs, not at the chosen ones: ${data.reason}`;
     else {
       const rms = live.largestError(mechanism.reaches);
@@ -159,6 +170,14 @@ export function makePlayer(figure, data) {
     time = Math.min(Math.max(to, begin), end);
     repaint();
     if (announced) announceTime(time, holder);
+  }
+
+  /** Draw a named realisation at its time; -1: draw the inputs of the page. */
+  function showNamed(k) {
+    named = k < 0 ? null : k;
+    pose.value = String(k + 1);
+    say();
+    named === null ? repaint() : go(data.named[k].time);
   }
 
   function start() {
@@ -194,9 +213,8 @@ export function makePlayer(figure, data) {
     requestAnimationFrame(tick);
   }
 
-  function turn(by) {
-    if (by === null) view.reset();
-    else view.look(view.azimuth + by[0], view.elevation + by[1]);
+  function resetView() {
+    view.reset();
     repaint();
   }
 
@@ -207,7 +225,7 @@ export function makePlayer(figure, data) {
   }
 
   function saveShapes() {
-    const text = mechanism.gltf(found ? mechanism.foundAt(found, time) : mechanism.storedAt(0, time));
+    const text = mechanism.gltf(drawnAt(time));
     saveBlob(new Blob([text], { type: "model/gltf+json" }), fileName(`${data.mechanism}-${clock(time)}`, "gltf"));
   }
 
@@ -215,27 +233,13 @@ export function makePlayer(figure, data) {
     pause();
     go(times[Number(scrub.value)]);
   });
-  const turns = { ArrowLeft: [TURN, 0], ArrowRight: [-TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN], 0: null };
   holder.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === " " && (event.target === stage || event.target === scrub)) playing ? pause() : start();
-    else if (event.target === stage && Object.hasOwn(turns, event.key)) turn(turns[event.key]);
-    else return;
+    if (event.key !== " " || (event.target !== stage && event.target !== scrub)) return;
+    playing ? pause() : start();
     event.preventDefault();
   });
-  let grip = null;
-  if (view.spatial) {
-    stage.addEventListener("pointerdown", (event) => {
-      grip = [event.clientX, event.clientY];
-      stage.setPointerCapture(event.pointerId);
-    });
-    stage.addEventListener("pointermove", (event) => {
-      if (grip === null) return;
-      turn([-(event.clientX - grip[0]) * 0.5, (event.clientY - grip[1]) * 0.5]);
-      grip = [event.clientX, event.clientY];
-    });
-    for (const over of ["pointerup", "pointercancel"]) stage.addEventListener(over, () => (grip = null));
-  }
+  if (view.spatial) listenToOrbit(stage, () => view, repaint, false);
   onTime(holder, (to) => {
     if (playing) pause();
     go(to, false);
@@ -243,6 +247,9 @@ export function makePlayer(figure, data) {
   function evaluate() {
     stale = false;
     found = live && pageInputs() ? live.evaluate(pageInputs().germs) : null;
+    pose.options[0].textContent = found ? "at the chosen inputs" : "at the means of the inputs";
+    named = null;
+    pose.value = "0";
     say();
   }
   function follow() {

@@ -11,7 +11,7 @@ import numpy as np
 
 from uqmbd.report.charts import packed, packed_within
 from uqmbd.report.drawing import ROLES, mixed
-from uqmbd.report.mechanisms import Film
+from uqmbd.report.mechanisms import Film, named_poses, without_named
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -35,18 +35,23 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     pose values. The result has these keys:
 
     ``solids``: surfaces of shapes, only if bodies have shapes. ``poses``:
-    (realisation, time, body, width), the first realisation at the means. ``local``: points (realisation,
-    point, axis) in the frames of the bodies. ``owners``: indices of bodies; -1 is the ground. ``symbols``: strokes,
+    (realisation, time, body, width), the first realisation at the means; named realisations follow the
+    ``realisations`` others. ``named``: their names and times, s. ``local``: points (realisation, point, axis) in the
+    frames of the bodies. ``owners``: indices of bodies; -1 is the ground. ``symbols``: strokes,
     whose points are indices in ``lists``. ``roles``: colours on a light and on a dark page. ``corners``: points that
     outline each body. ``bounds``: bounds of the drawing. ``start``: the frame with the largest distance between
     realisations.
     """
-    count = int(np.clip(most // max(motion["pose"][0].size, 1), 1, motion.sizes["realisation"]))
-    data = motion.isel(realisation=slice(0, count))
+    named, others = named_poses(motion), without_named(motion)
+    room = most // max(motion["pose"][0].size, 1) - len(named)
+    count = int(np.clip(room, 1, others.sizes["realisation"]))
+    data = others.isel(realisation=slice(0, count))
+    rows = [one.realisation for one in named]
+    shown = motion.isel(realisation=[*[k for k in range(len(motion["pose"])) if k not in rows][:count], *rows])
     film = Film(data, 6.4, 100)
     sketch = film.sketch
     number = {name: k for k, name in enumerate(sketch.bodies)}
-    bounds = film.bounds
+    bounds = Film(shown, 6.4, 100).bounds
     symbols, lists = _symbols(film.strokes)
     roles = {role for stroke in film.strokes for role in (stroke.edge, stroke.face)}
     bodies = [sketch.colour(body) for body in sketch.bodies]
@@ -61,8 +66,9 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
         "width": data.sizes["coordinate"],
         "realisations": count,
         "times": packed(data["time"].values),
-        "poses": _packed_poses(data["pose"].values, bounds, data.sizes["axis"]),
-        "local": packed(data["local"].values, "float32"),
+        "named": [{"name": one.name, "time": one.time} for one in named],
+        "poses": _packed_poses(shown["pose"].values, bounds, data.sizes["axis"]),
+        "local": packed(shown["local"].values, "float32"),
         "radii": sketch.radii,
         "kinds": sketch.kinds,
         "owners": [number.get(owner, -1) for owner in sketch.owners],

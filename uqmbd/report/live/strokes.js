@@ -89,6 +89,13 @@ export function ghostShape(page, spatial, looks) {
 /** Put shapes on a canvas, from the back to the front; `inch`: pixels of an inch, `high`: of the canvas. */
 export function paintShapes(context, shapes, inch, high) {
   for (const shape of [...shapes].sort((a, b) => a.order - b.order)) {
+    if (shape.picture) {
+      const { width, height } = context.canvas;
+      const picture = shape.picture(width, height);
+      context.globalAlpha = 1;
+      if (picture !== null) context.drawImage(picture, 0, 0, (width * high) / height, high);
+      continue;
+    }
     context.globalAlpha = shape.alpha;
     context.beginPath();
     let begins = true;

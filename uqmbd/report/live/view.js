@@ -24,7 +24,26 @@ export class View {
 
   /** Look from where it is looked from at first. */
   reset() {
+    this.zoom = 1;
+    this.shift = this.centre.map(() => 0);
     this.look(SIDE.azimuth, SIDE.elevation);
+  }
+
+  /** Rotate by degrees; in the plane nothing rotates. */
+  turn([across, up]) {
+    if (this.spatial) this.look(this.azimuth + across, this.elevation + up);
+  }
+
+  /** Enlarge the drawing. */
+  enlarge(factor) {
+    this.zoom = clip(this.zoom * factor, 0.05, 200);
+  }
+
+  /** Move the drawing by pixels. */
+  pan(right, down) {
+    const metres = this.unit / this.inch;
+    const [along, up] = this.spatial ? [this.right, this.up] : [[1, 0], [0, 1]];
+    this.shift = plus(plus(this.shift, along, -right * metres), up, down * metres);
   }
 
   look(azimuth, elevation) {
@@ -51,12 +70,14 @@ export class View {
       this.high = height === null ? clip(up / this.unit + 2 * MARGIN, 1.9, across < SLENDER * up ? 3.6 : 4.8) : height / this.inch;
       this.unit = Math.max(this.unit, up / (this.high - 2 * MARGIN));
     }
+    this.unit /= this.zoom;
+    this.middle = plus(this.centre, this.shift);
     return this.high * this.inch;
   }
 
   project(point) {
-    const { centre, unit, wide, high } = this;
-    const from = minus(point, centre);
+    const { middle, unit, wide, high } = this;
+    const from = minus(point, middle);
     const [x, y] = this.spatial ? [dot(this.right, from), dot(this.up, from)] : from;
     return [wide / 2 + x / unit, high / 2 + y / unit];
   }

@@ -57,7 +57,7 @@ export function startViewer() {
     pause();
     show(false);
   });
-  const reset = button("Reset view", "Reset the view (key 0)", () => stage.turn(null));
+  const reset = button("Reset view", "Reset the view (key 0)", () => stage.reset());
   const shapes = button("glTF", "Save the shapes in this pose for three-dimensional programs", () =>
     saveBlob(new Blob([stage.mechanism.gltf(stage.points())], { type: "model/gltf+json" }), fileName(scene.mechanism, "gltf")));
   shapes.hidden = true;

@@ -1,15 +1,15 @@
 // The drawing of the viewer: a mechanism in its pose, looked at from any side, nearer or further.
 
 import { element, oncePerPicture } from "./dom.js";
-import { hullOf, isKnown, plus } from "./geometry.js";
+import { hullOf, isKnown } from "./geometry.js";
 import { Mechanism } from "./mechanism.js";
+import { listenToOrbit } from "./orbit.js";
 import { paintShapes } from "./strokes.js";
 import { onTheme, palette } from "./theme.js";
 import { View } from "./view.js";
 import { bodyPose, distanceTo, ellipsoids, gapMarks, highlight, jointAxes } from "./viewer_marks.js";
 
 const [NEAR_JOINT, NEAR_BODY] = [0.14, 0.1];
-const clampedZoom = (x) => Math.min(Math.max(x, 0.05), 200);
 
 /** Bounds in the plane with room for discs of inertia, a fifth of the largest extent on all sides. */
 function widened([low, high]) {
@@ -34,8 +34,6 @@ export class Stage {
     this.gaps = [];
     this.marked = null;
     this.time = 0;
-    this.zoom = 1;
-    this.shift = null;
     this.cost = 0; // ms of scripts for the last picture, without painting
     this.repaint = oncePerPicture(() => this.paint());
     new ResizeObserver(this.repaint).observe(holder);
@@ -50,9 +48,6 @@ export class Stage {
     this.time = this.mechanism.times[0];
     if (anew || !this.view || this.view.spatial !== this.mechanism.spatial) {
       this.view = new View(widened(data.bounds));
-      this.middle = this.view.centre;
-      this.zoom = 1;
-      this.shift = this.middle.map(() => 0);
     }
     this.repaint();
   }
@@ -69,9 +64,7 @@ export class Stage {
 
   look() {
     const [width, height] = [Math.max(this.holder.clientWidth, 100), Math.max(this.holder.clientHeight, 100)];
-    this.view.centre = plus(this.middle, this.shift);
     this.view.fit(width, height);
-    this.view.unit /= this.zoom;
     return [width, height];
   }
 
@@ -136,50 +129,25 @@ export class Stage {
     return near.sort((a, b) => a.away - b.away)[0] ?? null;
   }
 
+  reset() {
+    this.view?.reset();
+    this.repaint();
+  }
+
   mark(part) {
     this.marked = part;
     this.repaint();
   }
 
-  /** Look from another side, degrees; null: from where it is looked at first. */
-  turn(by) {
-    if (!this.view) return;
-    if (by === null) {
-      this.view.reset();
-      this.zoom = 1;
-      this.shift = this.middle.map(() => 0);
-    } else if (this.view.spatial) this.view.look(this.view.azimuth + by[0], this.view.elevation + by[1]);
-    this.repaint();
-  }
-
-  /** Move the drawing by pixels. */
-  pan(right, down) {
-    const { view } = this;
-    const metres = view.unit / view.inch;
-    const [along, up] = view.spatial ? [view.right, view.up] : [[1, 0], [0, 1]];
-    this.shift = plus(plus(this.shift, along, -right * metres), up, down * metres);
-    this.repaint();
-  }
-
   listen() {
     const { holder } = this;
-    let grip = null;
     const placeOf = (event) => {
       const box = this.canvas.getBoundingClientRect();
       return [(event.clientX - box.left) / this.view.inch, (box.bottom - event.clientY) / this.view.inch];
     };
-    holder.addEventListener("pointerdown", (event) => {
-      grip = [event.clientX, event.clientY, event.button !== 0 || event.shiftKey || !this.view?.spatial];
-      holder.setPointerCapture(event.pointerId);
-    });
+    const held = listenToOrbit(holder, () => (this.mechanism ? this.view : null), this.repaint, true);
     holder.addEventListener("pointermove", (event) => {
-      if (!this.view || !this.mechanism) return;
-      if (grip) {
-        const [right, down] = [event.clientX - grip[0], event.clientY - grip[1]];
-        grip[2] ? this.pan(right, down) : this.turn([-0.5 * right, 0.5 * down]);
-        grip = [event.clientX, event.clientY, grip[2]];
-        return;
-      }
+      if (!this.view || !this.mechanism || held()) return;
       const part = this.partAt(placeOf(event));
       this.named(part);
       this.tip.hidden = part === null;
@@ -190,26 +158,9 @@ export class Stage {
         this.tip.style.top = `${event.clientY - box.top + 14}px`;
       }
     });
-    for (const over of ["pointerup", "pointercancel"]) holder.addEventListener(over, () => (grip = null));
     holder.addEventListener("pointerleave", () => {
       this.tip.hidden = true;
       this.named(null);
-    });
-    holder.addEventListener("contextmenu", (event) => event.preventDefault());
-    holder.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.zoom = clampedZoom(this.zoom * Math.exp(-0.0015 * event.deltaY));
-      this.repaint();
-    }, { passive: false });
-    const turns = { ArrowLeft: [10, 0], ArrowRight: [-10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10], 0: null };
-    holder.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (Object.hasOwn(turns, event.key)) this.turn(turns[event.key]);
-      else if (event.key === "+" || event.key === "-") {
-        this.zoom = clampedZoom(this.zoom * (event.key === "+" ? 1.25 : 0.8));
-        this.repaint();
-      } else return;
-      event.preventDefault();
     });
   }
 

@@ -309,7 +309,7 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     try:
         from uqmbd.report.mechanisms.body_poses import motion as compute
 
-        named = _most_likely_violations(tree, study)
+        named = [*_most_likely_violations(tree, study), *_worst_realisations(tree, study)]
         begin = clock.perf_counter()
         alone = compute(study, samples=0, named=named)
         spent = clock.perf_counter() - begin
@@ -326,7 +326,7 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
 
 
 MOST_NAMED = 3
-"""Maximum number of named realisations with a pose in the report."""
+"""Maximum number of named realisations of each kind with a pose in the report."""
 
 
 def _most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
@@ -353,6 +353,32 @@ def _most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealis
                 probability = float(one["violation_probability"])
                 found[name] = (probability, NamedRealisation(f"most likely violation of {name}", values, time))
     return [one for _, one in sorted(found.values(), key=lambda pair: -pair[0])[:MOST_NAMED]]
+
+
+def _worst_realisations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
+    """Return the realisation with the smallest margin of each requirement, at most `MOST_NAMED`; violations are first.
+
+    A method may store ``worst_inputs``, ``worst_time`` and ``worst_margin`` in its dataset ``requirements``. Of several
+    methods, the method with the smallest margin is used.
+    """
+    from uqmbd.report.mechanisms.body_poses import NamedRealisation
+    from uqmbd.results import propagator_nodes
+
+    found: dict[str, tuple[float, float, NamedRealisation]] = {}
+    inputs = list(study.mechanism.inputs.names)
+    for label, node in propagator_nodes(tree).items():
+        part = node.children.get("requirements")
+        if part is None or not {"worst_inputs", "worst_time", "worst_margin"} <= set(part.data_vars):
+            continue
+        data = part.to_dataset()
+        for name in (str(one) for one in data["requirement"].values if str(one) != ANY):
+            one = data.sel(requirement=name, input=inputs)
+            values, time = np.asarray(one["worst_inputs"].values, dtype=float), float(one["worst_time"])
+            margin, share = float(one["worst_margin"]), float(one["violation_probability"])
+            if np.isfinite([*values, time, margin]).all() and (name not in found or margin < found[name][1]):
+                words = f"worst realisation of {label} for {name}"
+                found[name] = (share, margin, NamedRealisation(words, values, time, pictured=False))
+    return [one for *_, one in sorted(found.values(), key=lambda each: -each[0])[:MOST_NAMED]]
 
 
 def _duration(data: xr.Dataset) -> float:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Study
 
 __all__ = [
+    "NamedPose",
     "NamedRealisation",
     "coordinate_names",
     "drawn_pose",
@@ -43,18 +44,56 @@ __all__ = [
     "marked_points",
     "motion",
     "motion_at",
+    "named_poses",
     "observed_bodies",
     "stated_pose",
+    "without_named",
 ]
 
 
 @dataclass(frozen=True, eq=False)
 class NamedRealisation:
-    """Realisation whose pose at a time is in the report: its name, inputs (input,) and the time, s."""
+    """Realisation with a pose in the report: name, inputs (input,) and time, s.
+
+    `pictured`: whether the first screen may contain a picture of the pose.
+    """
 
     name: str
     inputs: Array
     time: float
+    pictured: bool = True
+
+
+@dataclass(frozen=True)
+class NamedPose:
+    """Entry of the attribute ``named`` of a stored motion: index of the realisation, name, and time, s."""
+
+    realisation: int
+    name: str
+    time: float
+    pictured: bool
+
+
+def named_poses(data: xr.Dataset) -> list[NamedPose]:
+    """Return the named realisations of a stored motion; none if another program wrote the attribute."""
+    try:
+        found = [
+            NamedPose(int(one["realisation"]), str(one["name"]), float(one["time"]), bool(one.get("pictured", True)))
+            for one in json.loads(str(data.attrs.get("named", "[]")))
+        ]
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return []
+    return [one for one in found if 0 < one.realisation < data.sizes.get("realisation", 0) and np.isfinite(one.time)]
+
+
+def without_named(data: xr.Dataset) -> xr.Dataset:
+    """Return poses without the named realisations, which are not samples of the inputs."""
+    rows = {one.realisation for one in named_poses(data)}
+    if not rows:
+        return data
+    found = data.isel(realisation=[k for k in range(data.sizes["realisation"]) if k not in rows])
+    found.attrs = {name: value for name, value in data.attrs.items() if name != "named"}
+    return found
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
@@ -187,7 +226,7 @@ def motion(
         raise AssemblyError(f"mechanism {study.mechanism.name!r}: {message}")
     places = (np.cumsum(good) - 1).tolist()
     listed = [
-        {"realisation": places[k], "name": one.name, "time": one.time}
+        {"realisation": places[k], "name": one.name, "time": one.time, "pictured": one.pictured}
         for k, one in enumerate(named if method is None and means.size else (), 1)
         if good[k]
     ]

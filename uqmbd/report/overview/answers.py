@@ -16,7 +16,7 @@ from uqmbd.report.drawing import still_image
 from uqmbd.report.figures import band_edges
 from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
-from uqmbd.report.overview.margins import chart_in_view, margin_words, named_poses, tightening, yield_words
+from uqmbd.report.overview.margins import chart_in_view, margin_words, pose_pictures, tightening, yield_words
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
@@ -207,11 +207,11 @@ def _of_scalar(method: Method, name: str) -> Content:
 def mechanism_picture(result: StudyResult) -> Content | None:
     """Return the data of the player, and a still picture for print and pages without scripts; None without a motion.
 
-    The keys are the keys of `still_image`, ``player`` (JSON), ``short`` (a shorter caption), and ``moving`` (a function
-    that returns the animation as a data URI).
+    The keys are the keys of `still_image`, ``player`` (JSON), ``surfaces`` (whether the player draws surfaces in space),
+    ``short`` (a shorter caption), and ``moving`` (a function that returns the animation as a data URI).
     """
-    data = result.motion
-    if data is None:
+    data, stored = result.motion, result.stored_motion
+    if data is None or stored is None:
         reason = str(result.tree.attrs.get("no_motion", ""))
         return {"problem": reason} if reason else None
     try:
@@ -232,7 +232,8 @@ def mechanism_picture(result: StudyResult) -> Content | None:
             f"{others}, at the time of the largest distance between realisations."
         )
         return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
-            "player": json_script({**live.collect_player_data(data), **_live(result), "caption": caption}),
+            "player": json_script({**live.collect_player_data(stored), **_live(result), "caption": caption}),
+            "surfaces": "solid_face" in data and data.sizes["axis"] == 3,
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
             "short": "At the means of the inputs" + ("; thin lines: other realisations." if count else "."),
         }
@@ -268,7 +269,7 @@ def content(result: StudyResult) -> Content:
         "mechanism": mechanism_picture(result),
         "timeless": all(node.dataset.sizes.get("time", 0) < 2 for node in result.tree.subtree),
         "picture": _picture(result, name),
-        "poses": named_poses(result),
+        "poses": pose_pictures(result),
         "in_view": name,
         "matters": None if found is None else _bars(found, quantity) | _tightened(result, shown, found, quantity),
         "no_influences": _why_no_influences(result, shown),
