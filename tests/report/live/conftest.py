@@ -46,8 +46,9 @@ def opened(browser):
             made = browser.new_context(viewport={"width": width, "height": height}, **context)
             closing.callback(made.close)
             page = made.new_page()
-            # reading pixels, as these tests do, is slow, which Chromium remarks
-            page.on("console", lambda said: "willReadFrequently" in said.text or wrong.append(said.text))
+            # Chromium remarks that reading pixels is slow: these tests do it, and so do drawings without a GPU
+            remarks = ("willReadFrequently", "GPU stall due to ReadPixels", "software WebGL")
+            page.on("console", lambda said: any(one in said.text for one in remarks) or wrong.append(said.text))
             page.on("pageerror", lambda error: wrong.append(str(error)))
             page.on(
                 "request", lambda asked: asked.url.startswith(("file:", "data:", "blob:")) or wrong.append(asked.url)

@@ -175,19 +175,20 @@ def test_a_limit_farther_than_twice_the_height_of_the_curves_is_not_drawn(node, 
 def test_the_vendored_library_is_whole_and_has_its_licence():
     vendor = files("uqmbd.report.live") / "vendor"
     stated = dict(re.findall(r"\| `([\w.]+)` \|.*\| `([0-9a-f]{64})` \|", (vendor / "README.md").read_text("utf-8")))
-    assert set(stated) == {"uPlot.iife.min.js", "uPlot.min.css"}
+    assert set(stated) == {"uPlot.iife.min.js", "uPlot.min.css", "three.min.js"}
     for name, digest in stated.items():
         assert hashlib.sha256((vendor / name).read_bytes()).hexdigest() == digest
     scripts = page_scripts()
     assert (
         "Permission is hereby granted" in scripts.uplot
+        and "Permission is hereby granted" in scripts.three
         and (vendor / "uPlot.min.css").read_text("utf-8") == scripts.style
     )
 
 
 def test_scripts_of_the_page_ask_for_nothing_and_make_no_markup():
     scripts = page_scripts()
-    for text in (scripts.uplot, scripts.module):
+    for text in (scripts.uplot, scripts.three, scripts.module):
         assert "</script" not in text.lower()
         assert not re.search(r"\beval\(|new Function|\bfetch\(|XMLHttpRequest|WebSocket|import\(|sendBeacon", text)
     assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|localStorage|cookie", scripts.module)

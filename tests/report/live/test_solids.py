@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.report.live import collect_player_data
+from uqmbd.report.live import collect_player_data, surface_library
 from uqmbd.report.mechanisms import Sketch, drawn_pose, world
 from uqmbd.report.mechanisms.sheet import sheet_for
 from uqmbd.shapes import Box, Cylinder
@@ -14,22 +14,24 @@ const mechanism = new Mechanism(given.data);
 const view = new View(given.data.bounds);
 view.fit(given.width, given.height);
 const palette = { dark: false };
-const shapes = mechanism.solids.draw(view, mechanism.storedAt(0, 0), (b, level) => shadeOf(mechanism.roles[`pale-${mechanism.colours[b]}`][0], mechanism.roles[mechanism.colours[b]][0], level));
-answer = { shapes, inch: view.inch };
+answer = { shapes: mechanism.draw(view, mechanism.storedAt(0, 0), palette).filter((one) => one.width === 0.4), inch: view.inch };
 """
 
 
-@pytest.mark.parametrize("space", [uqmbd.Spatial(), uqmbd.Planar()], ids=["spatial", "planar"])
-def test_the_page_draws_the_faces_that_python_draws(node, space):
+def two_bodies(space):
     mechanism = uqmbd.Mechanism("m", space)
     inertia = (1, 1, 1) if space.dimension == 3 else 1
     zero = (0,) * (space.dimension - 1)
     mechanism.body("one", mass=1, inertia=inertia, shape=[Box((1, 0.5, 0.3)), Cylinder(0.2, 1.0, position=(0, 0, 0.5))])
     mechanism.body("two", mass=1, inertia=inertia, position=(1.5, *zero), shape=Box((0.3, 0.3, 0.3)))
-    data = drawn_pose(mechanism)
+    return drawn_pose(mechanism)
+
+
+def test_the_page_draws_the_faces_that_python_draws_in_the_plane(node):
+    data = two_bodies(uqmbd.Planar())
     sketch, points = Sketch(data), world(data)[0, 0]
     player = collect_player_data(data)
-    found = node(["mechanism.js", "view.js", "solids.js"], DRAW, {"data": player, "width": 640, "height": 480})
+    found = node(["mechanism.js", "view.js"], DRAW, {"data": player, "width": 640, "height": 480})
     inch = found["inch"]
     sheet = sheet_for(np.array(player["bounds"]), 640 / inch, 480 / inch)
     mine = list(sketch.solids.draw(sheet, points, [sketch.colour(body) for body in sketch.solids.owners]))
@@ -42,7 +44,43 @@ def test_the_page_draws_the_faces_that_python_draws(node, space):
     for (face, place), (other, there) in zip(sorted(key(s.face, s.vertices) for s in mine), theirs, strict=True):
         assert place == pytest.approx(there, abs=0.02)
         assert [abs(int(face[k : k + 2], 16) - int(other[k : k + 2], 16)) <= 40 for k in (1, 3, 5)] == [True] * 3
-    assert [one["order"] for one in found["shapes"]] == sorted(one["order"] for one in found["shapes"])
+
+
+CAMERA = """
+globalThis.THREE = new Function(`${given.three}; return THREE;`)();
+const mechanism = new Mechanism(given.data);
+const view = new View(given.data.bounds);
+view.look(given.azimuth, given.elevation);
+view.enlarge(1.3);
+view.fit(640, 480);
+view.pan(40, -25);
+view.fit(640, 480);
+const points = mechanism.storedAt(0, 0);
+const surfaces = new Surfaces(mechanism.solids);
+surfaces.place(view, points);
+surfaces.look(view);
+surfaces.camera.updateMatrixWorld();
+const places = mechanism.solids.places(points);
+answer = Array.from(mechanism.solids.corners, (_, v) => {
+  const [x, y, z] = new THREE.Vector3(...surfaces.places.array.slice(3 * v, 3 * v + 3)).project(surfaces.camera).toArray();
+  const place = [0, 1, 2].map((k) => places[3 * v + k]);
+  return { camera: [((x + 1) / 2) * view.wide, ((y + 1) / 2) * view.high], depth: z, page: view.project(place), behind: view.depth(place) };
+});
+"""
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(-58, 24), (10, 0), (130, -70), (0, 90)])
+def test_the_camera_looks_as_the_symbols_are_projected(node, azimuth, elevation):
+    """The drawing of surfaces and that of symbols agree, and what is farther away is behind."""
+    player = collect_player_data(two_bodies(uqmbd.Spatial()))
+    given = {"data": player, "three": surface_library(), "azimuth": azimuth, "elevation": elevation}
+    found = node(["mechanism.js", "view.js", "surfaces.js"], CAMERA, given)
+    assert len(found) > 20
+    for one in found:
+        assert one["camera"] == pytest.approx(one["page"], abs=1e-4)
+        assert -1 <= one["depth"] <= 1
+    order = np.argsort([one["depth"] for one in found], kind="stable")
+    assert (np.diff(np.array([one["behind"] for one in found])[order]) > -1e-5).all()
 
 
 GLTF = """

@@ -149,9 +149,11 @@ export function makePlayer(figure, data) {
   // what a picture is that stands still while the time runs
   const held = mechanism.resolved ? "" : ` The motion is too fast to be interpolated between ${times.length} times; the nearest time is shown.`;
 
+  const flat = mechanism.solids && view.spatial && !mechanism.surfacesHere() ? " This browser has no WebGL; bodies are drawn as outlines." : "";
+
   function say() {
     tellInputs();
-    status.textContent += held;
+    status.textContent += held + flat;
   }
 
   function tellInputs() {
