@@ -16,8 +16,11 @@ from typing import Any
 
 from uqmbd.viewer.messages import Answer
 
-__all__ = ["Child", "ChildEnded", "ChildTimeout"]
+__all__ = ["Child", "ChildEnded", "ChildTimeout", "UNPREPARED"]
 
+
+UNPREPARED = "--unprepared"
+"""Argument of a process that does not draw a mechanism before its script."""
 
 START = 120.0
 """Time limit for the start of a process, which imports large packages, s."""
@@ -32,11 +35,15 @@ class ChildEnded(Exception):
 
 
 class Child:
-    """One child process (module `uqmbd.viewer.worker`), which loads at most one script."""
+    """One child process (module `uqmbd.viewer.worker`), which loads at most one script.
 
-    def __init__(self) -> None:
+    `prepared`: whether the process draws a small mechanism while it waits for its script. The first process does not,
+    because its script waits already.
+    """
+
+    def __init__(self, *, prepared: bool = True) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "uqmbd.viewer.worker"],
+            [sys.executable, "-m", "uqmbd.viewer.worker", *([] if prepared else [UNPREPARED])],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -64,7 +64,7 @@ class FileViewer:
         self._files: dict[str, Any] = {str(script.resolve()): None}
         self._good: Child | None = None
         self._loading: Child | None = None
-        self._spare: Child | None = Child()
+        self._spare: Child | None = Child(prepared=False)
         from uqmbd.viewer.page import viewer_page  # import while the child process starts
 
         page, nonce = viewer_page(str(script))

@@ -14,6 +14,7 @@ import threading
 from pathlib import Path
 from typing import TextIO
 
+from uqmbd.viewer.child import UNPREPARED
 from uqmbd.viewer.messages import Answer, as_json
 from uqmbd.viewer.session import Session, failure, loaded
 
@@ -29,7 +30,8 @@ def main() -> None:
     os.dup2(2, 1)
     os.dup2(nothing, 0)
     threading.Thread(target=_read, args=(source, requests), daemon=True).start()
-    _prepare()
+    if UNPREPARED not in sys.argv[1:]:
+        _prepare()
     _send(answers, {"kind": "ready"})
     session: Session | None = None
     while True:
