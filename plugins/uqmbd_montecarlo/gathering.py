@@ -316,7 +316,8 @@ def reduced(
     `edges`: index of the first sample of each replicate, then the end of the last replicate or a larger number. The
     result contains ``replicate`` (R,), the replicates with samples in the chunk. Further entries are ``count``,
     ``mean``, ``second``, ``third`` and ``fourth`` (R, ...) of `uqmbd.extend.Moments`, ``by_time``, ``total`` and
-    ``failed`` (R, ...) of `uqmbd.extend.Violations`, and ``worst_margin``, ``worst_inputs`` and ``worst_frame`` of `WorstRealisations`.
+    ``failed`` (R, ...) of `uqmbd.extend.Violations`, and ``worst_margin``, ``worst_inputs`` and ``worst_frame`` of
+    `WorstRealisations`.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]

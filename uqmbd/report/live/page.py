@@ -31,9 +31,7 @@ class PageScripts:
 def page_scripts() -> PageScripts:
     """Return the scripts of a page with charts."""
     own = joined_modules("charts.js", "player.js", "explorer.js", "folds.js", "search.js")
-    return PageScripts(
-        _vendor("uPlot.min.css"), _library("uPlot", "uPlot.iife.min.js"), surface_library(), own + START
-    )
+    return PageScripts(_vendor("uPlot.min.css"), _library("uPlot", "uPlot.iife.min.js"), surface_library(), own + START)
 
 
 def surface_library() -> str:

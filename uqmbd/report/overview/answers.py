@@ -207,7 +207,7 @@ def _of_scalar(method: Method, name: str) -> Content:
 def mechanism_picture(result: StudyResult) -> Content | None:
     """Return the data of the player, and a still picture for print and pages without scripts; None without a motion.
 
-    The keys are the keys of `still_image`, ``player`` (JSON), ``surfaces`` (whether the player draws surfaces in space),
+    The keys are the keys of `still_image`, ``player`` (JSON), ``surfaces`` (whether it draws surfaces in space),
     ``short`` (a shorter caption), and ``moving`` (a function that returns the animation as a data URI).
     """
     data, stored = result.motion, result.stored_motion
