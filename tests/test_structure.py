@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_680,
     "uqmbd.randomness": 5_570,
-    "uqmbd.report": 8_520,
+    "uqmbd.report": 8_550,
     "uqmbd.results": 9_680,
     "uqmbd.testing": 2_800,
     "uqmbd.units": 285,

@@ -28,7 +28,7 @@ __all__ = [
     "reduced",
     "replicate_sizes",
     "uniform_samples",
-    "with_worst",
+    "violations_dataset",
 ]
 
 
@@ -153,37 +153,6 @@ class WorstRealisations:
             np.where(less[:, None], other.inputs, self.inputs),
             np.where(less, other.frames, self.frames),
         )
-
-
-def with_worst(counted: xr.Dataset, worst: WorstRealisations, problem: uqmbd.extend.Problem) -> xr.Dataset:
-    """Add the realisation with the smallest margin of each requirement to the dataset ``requirements``.
-
-    The row ``any`` has no margin.
-    """
-    times = np.asarray(problem.times if problem.over is None else problem.over, dtype=float)
-    over_time = np.array([one.over_time for one in problem.requirements])
-    known = np.isfinite(worst.margins)
-    found = {
-        "worst_margin": np.where(known, worst.margins, np.nan),
-        "worst_inputs": np.where(known[:, None], worst.inputs, np.nan),
-        "worst_time": np.where(known, times[np.where(over_time, worst.frames, -1)], np.nan),
-    }
-    about = {
-        "worst_margin": {"long_name": "smallest margin", "comment": "in the requirement's units"},
-        "worst_inputs": {"long_name": "inputs with the smallest margin", "comment": "in the inputs' units"},
-        "worst_time": {
-            "long_name": "time of the smallest margin",
-            "units": "s",
-            "comment": "the last output time for requirements that are not over time",
-        },
-    }
-    rows = counted.sizes["requirement"] - len(known)
-    data = {}
-    for name, values in found.items():
-        dims = ("requirement", "input")[: values.ndim]
-        padded = np.concatenate([values, np.full((rows, *values.shape[1:]), np.nan)])
-        data[name] = (dims, padded, about[name])
-    return counted.assign(data).assign_coords(input=[one.name for one in problem.labels.inputs])
 
 
 @dataclass(frozen=True)
@@ -335,3 +304,37 @@ def reduced(
         worst = WorstRealisations.of(part.margins.running, part.margins.failed, part.values)
         found |= {"worst_margin": worst.margins, "worst_inputs": worst.inputs, "worst_frame": worst.frames}
     return found
+
+
+def violations_dataset(found: Gathered, problem: uqmbd.extend.Problem) -> xr.Dataset:
+    """Return the dataset ``requirements`` with the realisation with the smallest margin of each requirement.
+
+    The row ``any`` has no margin.
+    """
+    times = np.asarray(problem.times if problem.over is None else problem.over, dtype=float)
+    counted, worst = Violations.dataset(problem.requirements, found.violations, times), found.worst
+    if worst is None:
+        return counted
+    over_time = np.array([one.over_time for one in problem.requirements])
+    known = np.isfinite(worst.margins)
+    stored = {
+        "worst_margin": np.where(known, worst.margins, np.nan),
+        "worst_inputs": np.where(known[:, None], worst.inputs, np.nan),
+        "worst_time": np.where(known, times[np.where(over_time, worst.frames, -1)], np.nan),
+    }
+    about = {
+        "worst_margin": {"long_name": "smallest margin", "comment": "in the requirement's units"},
+        "worst_inputs": {"long_name": "inputs with the smallest margin", "comment": "in the inputs' units"},
+        "worst_time": {
+            "long_name": "time of the smallest margin",
+            "units": "s",
+            "comment": "the last output time for requirements that are not over time",
+        },
+    }
+    rows = counted.sizes["requirement"] - len(known)
+    data = {}
+    for name, values in stored.items():
+        dims = ("requirement", "input")[: values.ndim]
+        padded = np.concatenate([values, np.full((rows, *values.shape[1:]), np.nan)])
+        data[name] = (dims, padded, about[name])
+    return counted.assign(data).assign_coords(input=[one.name for one in problem.labels.inputs])

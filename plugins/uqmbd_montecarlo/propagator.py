@@ -13,7 +13,6 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.extend import (
-    Violations,
     replicate_errors,
     sample_dataset,
     statistics_dataset,
@@ -33,7 +32,7 @@ from uqmbd_montecarlo.gathering import (
     paired_samples,
     replicate_sizes,
     uniform_samples,
-    with_worst,
+    violations_dataset,
 )
 from uqmbd_montecarlo.lowfidelity import (
     LowFidelity,
@@ -407,9 +406,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             attrs |= {"all_samples": found.store.folder.name, "all_samples_count": len(found.store)}
         children = {}
         if found.violations:
-            times = problem.times if problem.over is None else problem.over
-            counted = Violations.dataset(problem.requirements, found.violations, times)
-            children["requirements"] = counted if found.worst is None else with_worst(counted, found.worst, problem)
+            children["requirements"] = violations_dataset(found, problem)
         return problem.node(
             self,
             statistics,

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import Finding, Severity
-from uqmbd.report.mechanisms import without_named
+from uqmbd.report.stored_motion import without_named
 from uqmbd.results import failed_methods, propagator_nodes, varying
 from uqmbd.results.assessment import (
     Assessment,

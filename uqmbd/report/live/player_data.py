@@ -11,7 +11,8 @@ import numpy as np
 
 from uqmbd.report.charts import packed, packed_within
 from uqmbd.report.drawing import ROLES, mixed
-from uqmbd.report.mechanisms import Film, named_poses, without_named
+from uqmbd.report.mechanisms import Film
+from uqmbd.report.stored_motion import named_poses, without_named
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:

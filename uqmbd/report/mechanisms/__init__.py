@@ -15,7 +15,7 @@ from uqmbd.report.mechanisms.animation import (
     poses,
     with_motion,
 )
-from uqmbd.report.mechanisms.body_poses import drawn_pose, motion_at, named_poses, stated_pose, without_named
+from uqmbd.report.mechanisms.body_poses import drawn_pose, motion_at, stated_pose
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.sketch import CLOSED, Sketch, world
 from uqmbd.report.mechanisms.still_picture import draw_named, draw_pose, mechanism, still
@@ -37,7 +37,6 @@ __all__ = [
     "mechanism",
     "motion",
     "motion_at",
-    "named_poses",
     "draw_named",
     "observed_bodies",
     "draw_pose",
@@ -45,6 +44,5 @@ __all__ = [
     "stated_pose",
     "still",
     "with_motion",
-    "without_named",
     "world",
 ]

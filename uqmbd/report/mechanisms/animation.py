@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, Seed, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.names import ANY
 from uqmbd.report.mechanisms.film import Film
+from uqmbd.report.mechanisms.named_realisations import most_likely_violations, worst_realisations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from uqmbd.propagation import Study
-    from uqmbd.report.mechanisms.body_poses import NamedRealisation
 
 __all__ = [
     "animate",
@@ -309,7 +308,7 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     try:
         from uqmbd.report.mechanisms.body_poses import motion as compute
 
-        named = [*_most_likely_violations(tree, study), *_worst_realisations(tree, study)]
+        named = [*most_likely_violations(tree, study), *worst_realisations(tree, study)]
         begin = clock.perf_counter()
         alone = compute(study, samples=0, named=named)
         spent = clock.perf_counter() - begin
@@ -323,62 +322,6 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     extended = tree.copy()
     extended["motion"] = xr.DataTree(data)
     return extended, ""
-
-
-MOST_NAMED = 3
-"""Maximum number of named realisations of each kind with a pose in the report."""
-
-
-def _most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
-    """Return inputs and time of the most likely violation of each requirement, of which at most `MOST_NAMED`.
-
-    The requirement with the largest probability of violation is first. The most likely violation is the design point
-    nearest to the origin of the standard normal space. Methods may store ``design_points`` and ``design_times`` in
-    their dataset ``requirements``.
-    """
-    from uqmbd.report.mechanisms.body_poses import NamedRealisation
-    from uqmbd.results import propagator_nodes
-
-    found: dict[str, tuple[float, NamedRealisation]] = {}
-    inputs = list(study.mechanism.inputs.names)
-    for node in propagator_nodes(tree).values():
-        part = node.children.get("requirements")
-        if part is None or not {"design_points", "design_times"} <= set(part.data_vars) or not part.sizes["point"]:
-            continue
-        data = part.to_dataset()
-        for name in (str(one) for one in data["requirement"].values if str(one) != ANY):
-            one = data.sel(requirement=name, input=inputs).isel(point=0)
-            values, time = np.asarray(one["design_points"].values, dtype=float), float(one["design_times"])
-            if np.isfinite(values).all() and np.isfinite(time) and name not in found:
-                probability = float(one["violation_probability"])
-                found[name] = (probability, NamedRealisation(f"most likely violation of {name}", values, time))
-    return [one for _, one in sorted(found.values(), key=lambda pair: -pair[0])[:MOST_NAMED]]
-
-
-def _worst_realisations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
-    """Return the realisation with the smallest margin of each requirement, at most `MOST_NAMED`; violations are first.
-
-    A method may store ``worst_inputs``, ``worst_time`` and ``worst_margin`` in its dataset ``requirements``. Of several
-    methods, the method with the smallest margin is used.
-    """
-    from uqmbd.report.mechanisms.body_poses import NamedRealisation
-    from uqmbd.results import propagator_nodes
-
-    found: dict[str, tuple[float, float, NamedRealisation]] = {}
-    inputs = list(study.mechanism.inputs.names)
-    for label, node in propagator_nodes(tree).items():
-        part = node.children.get("requirements")
-        if part is None or not {"worst_inputs", "worst_time", "worst_margin"} <= set(part.data_vars):
-            continue
-        data = part.to_dataset()
-        for name in (str(one) for one in data["requirement"].values if str(one) != ANY):
-            one = data.sel(requirement=name, input=inputs)
-            values, time = np.asarray(one["worst_inputs"].values, dtype=float), float(one["worst_time"])
-            margin, share = float(one["worst_margin"]), float(one["violation_probability"])
-            if np.isfinite([*values, time, margin]).all() and (name not in found or margin < found[name][1]):
-                words = f"worst realisation of {label} for {name}"
-                found[name] = (share, margin, NamedRealisation(words, values, time, pictured=False))
-    return [one for *_, one in sorted(found.values(), key=lambda each: -each[0])[:MOST_NAMED]]
 
 
 def _duration(data: xr.Dataset) -> float:

@@ -16,7 +16,6 @@ import copy
 import json
 import warnings
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation import build_observed_model, input_point
+from uqmbd.report.mechanisms.named_realisations import NamedRealisation
 from uqmbd.report.mechanisms.solids import collect_solids
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
@@ -36,64 +36,15 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Study
 
 __all__ = [
-    "NamedPose",
-    "NamedRealisation",
     "coordinate_names",
     "drawn_pose",
     "integrated",
     "marked_points",
     "motion",
     "motion_at",
-    "named_poses",
     "observed_bodies",
     "stated_pose",
-    "without_named",
 ]
-
-
-@dataclass(frozen=True, eq=False)
-class NamedRealisation:
-    """Realisation with a pose in the report: name, inputs (input,) and time, s.
-
-    `pictured`: whether the first screen may contain a picture of the pose.
-    """
-
-    name: str
-    inputs: Array
-    time: float
-    pictured: bool = True
-
-
-@dataclass(frozen=True)
-class NamedPose:
-    """Entry of the attribute ``named`` of a stored motion: index of the realisation, name, and time, s."""
-
-    realisation: int
-    name: str
-    time: float
-    pictured: bool
-
-
-def named_poses(data: xr.Dataset) -> list[NamedPose]:
-    """Return the named realisations of a stored motion; none if another program wrote the attribute."""
-    try:
-        found = [
-            NamedPose(int(one["realisation"]), str(one["name"]), float(one["time"]), bool(one.get("pictured", True)))
-            for one in json.loads(str(data.attrs.get("named", "[]")))
-        ]
-    except (AttributeError, KeyError, TypeError, ValueError):
-        return []
-    return [one for one in found if 0 < one.realisation < data.sizes.get("realisation", 0) and np.isfinite(one.time)]
-
-
-def without_named(data: xr.Dataset) -> xr.Dataset:
-    """Return poses without the named realisations, which are not samples of the inputs."""
-    rows = {one.realisation for one in named_poses(data)}
-    if not rows:
-        return data
-    found = data.isel(realisation=[k for k in range(data.sizes["realisation"]) if k not in rows])
-    found.attrs = {name: value for name, value in data.attrs.items() if name != "named"}
-    return found
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Callable, Sequence
 
@@ -10,13 +9,12 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.names import ANY
-from uqmbd.report import figures, live
-from uqmbd.report.charts import Chart, Views, charted, json_script
-from uqmbd.report.drawing import still_image
+from uqmbd.report import figures
+from uqmbd.report.charts import Chart, Views, charted
 from uqmbd.report.figures import band_edges
-from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
-from uqmbd.report.overview.margins import chart_in_view, margin_words, pose_pictures, tightening, yield_words
+from uqmbd.report.overview.margins import chart_in_view, margin_words, tightening, yield_words
+from uqmbd.report.overview.pictures import mechanism_picture, pose_pictures
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
@@ -28,12 +26,11 @@ from uqmbd.wording import (
     format_count,
     format_duration,
     format_interval_ends,
-    format_number,
     format_probability,
     resolved_width,
 )
 
-__all__ = ["ANSWERS", "answer_of", "in_view", "mechanism_picture", "results_table"]
+__all__ = ["ANSWERS", "answer_of", "in_view", "results_table"]
 
 
 ROWS = 5
@@ -202,53 +199,6 @@ def _of_scalar(method: Method, name: str) -> Content:
         "spread": str(spread),
         "interval": f"{format_cells(ends)[0]} to {format_cells(ends, units)[1]}" if known else "unknown",
     }
-
-
-def mechanism_picture(result: StudyResult) -> Content | None:
-    """Return the data of the player, and a still picture for print and pages without scripts; None without a motion.
-
-    The keys are the keys of `still_image`, ``player`` (JSON), ``surfaces`` (whether it draws surfaces in space),
-    ``short`` (a shorter caption), and ``moving`` (a function that returns the animation as a data URI).
-    """
-    data, stored = result.motion, result.stored_motion
-    if data is None or stored is None:
-        reason = str(result.tree.attrs.get("no_motion", ""))
-        return {"problem": reason} if reason else None
-    try:
-        times, bodies = data["time"].values, ", ".join(map(str, data["body"].values))
-        count = data.sizes["realisation"] - 1
-        others = f", and {format_count(count, 'realisation')} around it" if count else ""
-        failed = int(data.attrs.get("failures", 0))
-        left_out = f" {format_count(failed, 'realisation')} failed and {'is' if failed == 1 else 'are'} not shown."
-        caption = (
-            f"Motion of the mechanism from {format_number(times[0])} s to {format_number(times[-1])} s, at "
-            f"{format_count(len(times), 'time')}, at the means of the inputs"
-            + ("; thin lines: other realisations." if count else ".")
-            + (left_out if failed else "")
-            + " Bodies are drawn through their joint points, centres of mass and observed points."
-        )
-        alt = (
-            f"Picture of the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs"
-            f"{others}, at the time of the largest distance between realisations."
-        )
-        return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
-            "player": json_script({**live.collect_player_data(stored), **_live(result), "caption": caption}),
-            "surfaces": "solid_face" in data and data.sizes["axis"] == 3,
-            "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
-            "short": "At the means of the inputs" + ("; thin lines: other realisations." if count else "."),
-        }
-    except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must remain
-        return {"problem": f"{type(error).__name__}: {error}"}
-
-
-def _live(result: StudyResult) -> Content:
-    """Return the surrogates of the poses for the player, or the reason why they are missing."""
-    tree = result.tree
-    if "pose_surrogate" not in tree.children:
-        reason = tree["motion"].attrs.get("no_surrogate")
-        return {"live": None, "reason": str(reason or "These results contain no surrogate of the poses.")}
-    data, reason = live.live_poses(tree.children["pose_surrogate"], live.live_method(tree))
-    return {"live": data, "reason": reason}
 
 
 LINES = 5  # maximum number of lines on reliability, and of bars of main contributors, on the first screen

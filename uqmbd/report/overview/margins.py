@@ -1,18 +1,15 @@
-"""Requirements on the first screen: yield, margins, closest approach, effect of tighter tolerances, and poses."""
+"""Requirements on the first screen: yield, margins, closest approach and effect of tighter tolerances."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from uqmbd.names import ANY
 from uqmbd.report.charts import Chart, Views, several
-from uqmbd.report.drawing import still_image
 from uqmbd.report.figures import Approach, OutputLimit, bands_chart, closest_approach, deviation_chart
-from uqmbd.report.mechanisms import draw_named, named_poses, poses
 from uqmbd.report.sections import Content
 from uqmbd.report.view import StudyResult
 from uqmbd.results import Answer, answers
@@ -27,7 +24,7 @@ from uqmbd.wording import (
     resolved_width,
 )
 
-__all__ = ["chart_in_view", "margin_words", "pose_pictures", "tightening", "yield_words"]
+__all__ = ["chart_in_view", "margin_words", "tightening", "yield_words"]
 
 HALF = 0.5
 """Factor by which the standard deviation of an input is reduced in the statement on tighter tolerances."""
@@ -150,24 +147,3 @@ def _approach_words(nearest: Approach, time: float, units: str, label: str) -> s
         f"Closest approach to {nearest.limit.requirement} at {time:.4g} s: the mean is {margin} {side} the limit, "
         f"{deviations} standard deviations ({label})."
     )
-
-
-def pose_pictures(result: StudyResult) -> list[Content]:
-    """Return a picture of the first named realisation of the stored motion that has one on the first screen."""
-    data, found = result.stored_motion, []
-    if data is None:
-        return []
-    try:
-        times = np.asarray(data["time"].values, dtype=float)
-        for one in [one for one in named_poses(data) if one.pictured][:1]:
-            time = float(times[np.argmin(np.abs(times - one.time))])
-            words = f", the stored time nearest to {one.time:.4g} s" if abs(time - one.time) > 1e-9 else ""
-            caption = f"Pose of the {one.name} at {time:.4g} s{words}; outline: at the means of the inputs."
-            made = partial(draw_named, data, one.realisation, one.time)
-            one_time = data.isel(realisation=[one.realisation, 0])
-            found.append(
-                still_image(made, caption, caption, f"pose-{one.realisation}", partial(poses, one_time, one.time))
-            )
-        return found
-    except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must remain
-        return [{"problem": f"{type(error).__name__}: {error}", "caption": "named realisations"}]

@@ -1,4 +1,7 @@
-"""Assess the reliability of a result: agreement of methods, stated errors, outputs, and the recommended method."""
+"""Assess the reliability of a result: agreement of methods, stated errors, outputs, and the recommended method.
+
+Length: one class holds all results of the assessment, and each property has a docstring.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """Collect the stated errors of a method, as numbers and as one sentence for each output.
 
 Samples have standard errors; surrogates have a stated error.
+
+Length: each kind of stated error has a function, and the functions share the texts of the sentences.
 """
 
 from __future__ import annotations
