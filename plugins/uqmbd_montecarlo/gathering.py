@@ -283,10 +283,10 @@ def reduced(
     """Return the sums over a chunk of samples, in a worker; `first` is the index of its first sample.
 
     `edges`: index of the first sample of each replicate, then the end of the last replicate or a larger number. The
-    result contains ``replicate`` (R,), the replicates with samples in the chunk. Further entries are ``count``,
-    ``mean``, ``second``, ``third`` and ``fourth`` (R, ...) of `uqmbd.extend.Moments`, ``by_time``, ``total`` and
-    ``failed`` (R, ...) of `uqmbd.extend.Violations`, and ``worst_margin``, ``worst_inputs`` and ``worst_frame`` of
-    `WorstRealisations`.
+    result contains ``replicate`` (R,), the replicates with samples in the chunk. Further entries (R, ...) are
+    ``count``, ``mean``, ``second``, ``third`` and ``fourth`` of `uqmbd.extend.Moments`, and ``by_time``, ``total`` and
+    ``failed`` of `uqmbd.extend.Violations`. The fields of `WorstRealisations` are ``worst_margin``, ``worst_inputs``
+    and ``worst_frame``.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]

@@ -22,8 +22,8 @@ __all__ = ["mechanism_picture", "pose_pictures"]
 def mechanism_picture(result: StudyResult) -> Content | None:
     """Return the data of the player, and a still picture for print and pages without scripts; None without a motion.
 
-    The keys are the keys of `still_image`, ``player`` (JSON), ``surfaces`` (whether it draws surfaces in space),
-    ``short`` (a shorter caption), and ``moving`` (a function that returns the animation as a data URI).
+    The keys are the keys of `still_image`, ``player`` (JSON) and ``surfaces`` (whether it draws surfaces in space). The
+    key ``short`` is a shorter caption, and ``moving`` a function that returns the animation as a data URI.
     """
     data, stored = result.motion, result.stored_motion
     if data is None or stored is None:
