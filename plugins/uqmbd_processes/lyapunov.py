@@ -52,35 +52,44 @@ def covariances(a: Array, noise: Array) -> tuple[Array, Array]:
     """
     scale = _scales(a)
     scaled, driven = a * scale[:, :, None] / scale[:, None, :], noise * scale
-    found = _solve(scaled, driven[:, :, None] * driven[:, None, :])
+    systems = _systems(scaled)
+    found = _solve(scaled, driven[:, :, None] * driven[:, None, :], systems)
     errors = np.full(found.shape, np.inf)
     wide, wide_noise = scaled.astype(np.longdouble), driven.astype(np.longdouble)
-    waiting = np.arange(len(a))
+    waiting: Any = slice(None)  # all, without a copy
+    every = np.arange(len(a))
     for _ in range(REFINEMENTS):
         part = wide[waiting] @ found[waiting].astype(np.longdouble)
         source = wide_noise[waiting, :, None] * wide_noise[waiting, None, :]
         residual = (part + np.swapaxes(part, 1, 2) + source).astype(float)
-        step = _solve(scaled[waiting], residual)
+        step = _solve(scaled[waiting], residual, None if systems is None else systems[waiting])
         found[waiting] += step
         with np.errstate(invalid="ignore"):
             diagonal = np.sqrt(np.abs(np.einsum("kii->ki", found[waiting])))
             size = diagonal[:, :, None] * diagonal[:, None, :]
             errors[waiting] = np.abs(step) + 4 * EPS * np.abs(found[waiting])
-            waiting = waiting[(np.abs(step) > SMALL * size).any(axis=(1, 2))]
+            waiting = every[waiting][(np.abs(step) > SMALL * size).any(axis=(1, 2))]
         if not len(waiting):
             break
     back = scale[:, :, None] * scale[:, None, :]
     return np.asarray(found / back), np.asarray(errors / back)
 
 
-def _solve(a: Array, right: Array) -> Array:
-    """Solve ``A P + P A^T + Q = 0`` for K systems (K, n, n) and symmetric matrices Q; NaN if there is no solution."""
+def _systems(a: Array) -> Array | None:
+    """Return the matrices of Lyapunov's equation (K, m, m) for its unknowns above the diagonal; None for large n."""
     count, n = a.shape[:2]
     if n > DIRECT:
+        return None
+    to_system, rows, _ = _symmetric(n)
+    return np.asarray((a.reshape(count, -1) @ to_system).reshape(count, len(rows), len(rows)))
+
+
+def _solve(a: Array, right: Array, systems: Array | None) -> Array:
+    """Solve ``A P + P A^T + Q = 0`` for K systems (K, n, n) and symmetric matrices Q; NaN if there is no solution."""
+    count, n = a.shape[:2]
+    if systems is None:
         return _one_by_one(a, right)
-    to_system, rows, columns = _symmetric(n)
-    size = len(rows)
-    systems = (a.reshape(count, -1) @ to_system).reshape(count, size, size)
+    _, rows, columns = _symmetric(n)
     result = np.full((count, n, n), np.nan)
     try:
         found = np.linalg.solve(systems, -right[:, rows, columns, None])[:, :, 0]
@@ -101,6 +110,8 @@ def _scales(a: Array) -> Array:
         usable = (row > 0) & (column > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.exp2(np.round(np.log2(np.where(usable, column, 1.0) / np.where(usable, row, 1.0)) / 4))
+        if (factor == 1.0).all():
+            break
         scale *= factor
     return scale
 
@@ -129,6 +140,50 @@ def is_stable(a: Array) -> NDArray[np.bool_]:
     count, n = a.shape[:2]
     if not n:
         return np.ones(count, dtype=bool)
+    stable = _clearly_stable(a) if n <= DIRECT else np.zeros(count, dtype=bool)
+    others = np.flatnonzero(~stable)
+    if len(others):
+        stable[others] = _decays(a[others])
+    return stable
+
+
+def _clearly_stable(a: Array) -> NDArray[np.bool_]:
+    """Return whether all eigenvalues (K, n, n) decay clearly, by Routh's array with bounds of rounding errors.
+
+    The test is sufficient: real parts are below -`SLOW` times the norm. It costs a small part of the eigenvalues.
+    """
+    n = a.shape[1]
+    with np.errstate(all="ignore"):
+        unit = a / np.linalg.norm(a, axis=(1, 2))[:, None, None] + SLOW * np.eye(n)
+        # characteristic polynomial (Faddeev and Le Verrier); its coefficients are at most 2^n
+        coefficients = [np.ones(len(a))]
+        power = unit
+        for k in range(1, n + 1):
+            coefficients.append(-np.einsum("kii->k", power) / k)
+            power = unit @ (power + coefficients[-1][:, None, None] * np.eye(n))
+        bound = np.full(len(a), 8 * n * n * 2.0**n * EPS)
+        zero = np.zeros(len(a))
+        first, second = coefficients[0::2], coefficients[1::2]
+        first_errors, second_errors = [bound] * len(first), [bound] * len(second)
+        clear = first[0] > 0
+        while second:
+            clear &= second[0] > 4 * second_errors[0]
+            ratio = first[0] / second[0]
+            ratio_error = (first_errors[0] + ratio * second_errors[0]) / (second[0] - second_errors[0])
+            width = len(first) - 1
+            padded, padded_errors = [*second[1:], zero][:width], [*second_errors[1:], zero][:width]
+            rest = [x - ratio * y for x, y in zip(first[1:], padded, strict=True)]
+            errors = [
+                ex + ratio * ey + ratio_error * (np.abs(y) + ey) + EPS * (np.abs(x) + ratio * np.abs(y))
+                for x, ex, y, ey in zip(first[1:], first_errors[1:], padded, padded_errors, strict=True)
+            ]
+            first, first_errors, second, second_errors = second, second_errors, rest, errors
+    return np.asarray(clear & np.isfinite(ratio))
+
+
+def _decays(a: Array) -> NDArray[np.bool_]:
+    """Return whether all eigenvalues (K, n, n) have negative real parts, by more than their rounding."""
+    n = a.shape[1]
     scale = _scales(a)
     scaled = a * scale[:, :, None] / scale[:, None, :]
     values, right = np.linalg.eig(scaled)

@@ -36,8 +36,9 @@ __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
 
 
 ITERATIONS = 200
-BLOCK = 256
-"""Number of realisations in a group that is solved together."""
+BLOCK, LARGEST_BLOCK, NUMBERS = 256, 4096, 1 << 21
+"""Least and largest number of realisations in a group that is solved together, and largest number of the entries of
+its matrices in groups that are not the least."""
 
 TURN = 0.15
 """Largest change of an entry of a quaternion in one step: a rotation by 0.3 rad."""
@@ -107,8 +108,9 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
     messages = list(start.messages)
     stable, steps = np.ones(len(q), dtype=bool), np.zeros(len(q), dtype=np.int64)
     good = np.flatnonzero(start.ok if len(ensemble.model.layout.free) else np.zeros(len(q), dtype=bool))
-    for first in range(0, len(good), BLOCK):
-        members = good[first : first + BLOCK]
+    block = min(max(NUMBERS // max(ensemble.model.layout.unknowns, 1) ** 2, BLOCK), LARGEST_BLOCK)
+    for first in range(0, len(good), block):
+        members = good[first : first + block]
         search = _EquilibriumSearch(ensemble.select(members))
         search.run()
         if len(ensemble.model.layout.nonholonomic):

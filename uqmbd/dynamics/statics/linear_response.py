@@ -217,11 +217,13 @@ class LinearMap:
                 else:
                     found = declared.function(system, *numbers)
                 values[part, column] = found[0]
-                for member, reason in zip(part.tolist(), found[1], strict=True):
-                    reasons[member] = reasons[member] or reason
+                if any(found[1]):
+                    for member, reason in zip(part.tolist(), found[1], strict=True):
+                        reasons[member] = reasons[member] or reason
         lost = not_linear(ensemble, q, s)
-        values[[bool(x) for x in lost]] = np.nan
-        reasons = [first or second for first, second in zip(lost, reasons, strict=True)]
+        if any(lost):
+            values[[bool(x) for x in lost]] = np.nan
+            reasons = [first or second for first, second in zip(lost, reasons, strict=True)]
         return columns, values, reasons
 
     def _systems(self, ensemble: Batch, q: Array, s: Array) -> Callable[[int], LinearSystem] | list[str]:

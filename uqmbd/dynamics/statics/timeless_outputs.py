@@ -254,6 +254,8 @@ def scalars_of(
     columns = np.full((count, int(ends[-1])), np.nan)
 
     def fail(members: Index, reasons: Sequence[str], kind: Status = Status.OTHER) -> None:
+        if not any(reasons):
+            return
         for k, reason in zip(members.tolist(), reasons, strict=True):
             if reason and status[k] == Status.OK:
                 messages[k], status[k] = reason, kind
@@ -335,7 +337,9 @@ def scalars_of(
     wrong = ~np.isfinite(values) & ~censored
     fail(
         good,
-        [
+        []
+        if not wrong.any()
+        else [
             f"output {seen.names[int(np.argmax(row))]!r} is not finite ({value[np.argmax(row)]:g})" if row.any() else ""
             for row, value in zip(wrong[good], values[good], strict=True)
         ],

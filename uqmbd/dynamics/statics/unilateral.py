@@ -61,7 +61,9 @@ def has_dry_friction(model: Model) -> bool:
 
 def not_linear(ensemble: Batch, q: Array, s: Array) -> list[str]:
     """Return reasons why small motions about poses at rest (K, coordinate) are not linear; empty texts for others."""
-    found = []
+    found: list[str] = []
+    if not _candidates(ensemble.model):
+        return [""] * len(q)
     for forces in map(list, _acting(ensemble, q, s, None)):
         reason = ""
         if dry := _named([x for x in forces if x.dry]):
@@ -77,7 +79,9 @@ def not_linear(ensemble: Batch, q: Array, s: Array) -> list[str]:
 
 def not_steady(ensemble: Batch, q: Array, s: Array, v: Array) -> list[str]:
     """Return reasons why steady motions with states (K, coordinate) are not those of the mechanism; empty: none."""
-    found = []
+    found: list[str] = []
+    if not _candidates(ensemble.model):
+        return [""] * len(q)
     for forces in map(list, _acting(ensemble, q, s, v)):
         kind = "dry friction" if any(x.dry for x in forces) else "rigid contacts"
         found.append(
@@ -91,7 +95,9 @@ def not_steady(ensemble: Batch, q: Array, s: Array, v: Array) -> list[str]:
 
 def overlaps(ensemble: Batch, q: Array, s: Array) -> list[str]:
     """Return reasons why poses at rest (K, coordinate) are impossible: overlaps of rigid contacts; empty: none."""
-    found = []
+    found: list[str] = []
+    if not _candidates(ensemble.model):
+        return [""] * len(q)
     limit = CLOSED * max(1.0, ensemble.model.length)
     for forces in _acting(ensemble, q, s, None):
         deep = [x for x in forces if not x.dry and x.size < -limit]
@@ -154,10 +160,15 @@ def ranges_by_friction(one: Batch, q: Array, s: Array, seen: OutputMap | None) -
     return tuple(Range(names, a, b) for a, b in zip(value.tolist(), width.tolist(), strict=True))
 
 
+def _candidates(model: Model) -> list[int]:
+    """Return the numbers of the events of rigid contacts and dry friction."""
+    return [k for k, (*_, count) in enumerate(model.events) if count]
+
+
 def _acting(ensemble: Batch, q: Array, s: Array, v: Array | None) -> Iterator[Iterator[_Force]]:
     """Yield, for each state, closed contacts and dry friction whose forces act in a free direction."""
     model = ensemble.model
-    bodies = [k for k, (*_, count) in enumerate(model.events) if count]
+    bodies = _candidates(model)
     if not bodies:
         yield from (iter(()) for _ in q)
         return

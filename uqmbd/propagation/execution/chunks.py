@@ -44,8 +44,8 @@ __all__ = [
 ]
 
 
-CHUNK, LARGEST = 64, 512
-"""Minimum and maximum number of realisations in a chunk."""
+CHUNK, LARGEST, LARGEST_AT_REST = 64, 512, 4096
+"""Minimum and maximum number of realisations in a chunk, and maximum without a motion, for small mechanisms."""
 
 CHUNKS = 16
 """Minimum number of chunks if a chunk has more than `CHUNK` realisations."""
@@ -54,7 +54,7 @@ NUMBERS = 1 << 21
 """Maximum number of state and output values (8 bytes each) in a chunk of more than `CHUNK` realisations."""
 
 
-def chunk_size(count: int, numbers: int) -> int:
+def chunk_size(count: int, numbers: int, largest: int = LARGEST) -> int:
     """Return the number of realisations in a chunk, a power of two: 64 for few or large realisations.
 
     `count` is the number of all realisations; `numbers` is the number of state and output values of one realisation
@@ -64,13 +64,19 @@ def chunk_size(count: int, numbers: int) -> int:
     >>> chunk_size(500, 1400), chunk_size(50_000, 1400), chunk_size(50_000, 20_000)
     (64, 512, 64)
     """
-    most = min(count // CHUNKS, NUMBERS // max(numbers, 1), LARGEST)
+    most = min(count // CHUNKS, NUMBERS // max(numbers, 1), largest)
     return max(CHUNK, 1 << (most.bit_length() - 1)) if most else CHUNK
 
 
 def chunk_size_of(model: Model, means: Array, times: Array, count: int) -> int:
-    """Return the number of realisations in a chunk, for `count` realisations over the times (T,), s."""
-    return chunk_size(count, numbers_of(model, means, times))
+    """Return the number of realisations in a chunk, for `count` realisations over the times (T,), s.
+
+    Without a motion, matrices of all realisations are in memory at once, and chunks of small mechanisms may be larger.
+    """
+    if model.outputs.names or needs_motion(model, "scalars"):
+        return chunk_size(count, numbers_of(model, means, times))
+    matrix = NUMBERS // max(model.layout.unknowns, 1) ** 2
+    return chunk_size(count, 1, min(max(matrix, LARGEST), LARGEST_AT_REST))
 
 
 Kind = Literal["outputs", "scalars", "requirements"]
