@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 import sympy
@@ -404,6 +404,16 @@ class RandomProcess:
             )
         value = uqmbd.extend.excitation(self, uqmbd.t if argument is None else argument)
         return value + sympy.Float(self.mean) if self.mean else value
+
+    def _without_argument(self, other: Any = None) -> NoReturn:
+        argument = "20 * uqmbd.t" if self.over == "distance" else "uqmbd.t"
+        raise uqmbd.StudyError(
+            f"random process {self.name!r}: an expression contains the process without its argument; call it, such as "
+            f"{self.name}({argument})."
+        )
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _without_argument
+    __pow__ = __neg__ = _without_argument
 
     @cached_property
     def description(self) -> dict[str, str]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from uqmbd.extend import LinearSystem
 
 Array = NDArray[np.float64]
-At = Literal["equilibrium", "start"]
+At = Literal["equilibrium", "start", "steady"]
 
 EULER = 0.5772156649015329
 
@@ -45,7 +45,8 @@ def _crossing_rate(system: LinearSystem, level: float) -> tuple[Array, list[str]
     found, reasons = moments(system, (0, 2))
     with np.errstate(all="ignore"):
         rate = np.sqrt(found[2] / found[0]) / (2 * np.pi)
-        return rate * np.exp(-((level - system.mean) ** 2) / (2 * found[0])), _unmoved(system, found[0], reasons)
+        values = rate * np.exp(-((level - system.mean) ** 2) / (2 * found[0]))
+        return values, _without_mean(system, _unmoved(system, found[0], reasons))
 
 
 @uqmbd.extend.linear_output(power=1)
@@ -108,7 +109,7 @@ def _extremes(system: LinearSystem, duration: float) -> tuple[Array, Array, list
     found, reasons = moments(system, (0, 2))
     with np.errstate(all="ignore"):
         crossings = np.sqrt(found[2] / found[0]) / (2 * np.pi) * duration
-    reasons = _unmoved(system, found[0], reasons)
+    reasons = _without_mean(system, _unmoved(system, found[0], reasons))
     few = [
         f"{system.name} crosses its mean {number:.3g} times in {duration:g} s; the expected maximum needs at least "
         f"{LEAST:g} crossings, so use a longer duration"
@@ -129,20 +130,30 @@ def _unmoved(system: LinearSystem, variance: Array, reasons: list[str]) -> list[
     return [reason or (text if value == 0 else "") for reason, value in zip(reasons, variance.tolist(), strict=True)]
 
 
+def _without_mean(system: LinearSystem, reasons: list[str]) -> list[str]:
+    """Return the reasons, including a reason for responses whose mean changes."""
+    text = (
+        f"the mean of {system.name} changes during the steady motion, so that levels and maxima are not defined; use a "
+        "quantity with a constant mean"
+    )
+    unknown = np.isnan(system.mean).tolist()
+    return [reason or (text if lost else "") for reason, lost in zip(reasons, unknown, strict=True)]
+
+
 def stationary_std(expression: Any, at: At = "equilibrium") -> sympy.Expr:
     """Return the standard deviation of the stationary response of an expression, for use in an output.
 
-    The mechanism is linearised about a pose at rest and responds to all its random processes, without an integration in
-    time.  A rational spectrum is solved by Lyapunov's equation, others by quadrature over frequency.  A realisation
-    fails if the estimated relative error of its variance is above 1e-6.  The output has one value per realisation and
-    no time.
+    The mechanism is linearised about a pose at rest, or a steady motion. It responds to all its random processes,
+    without an integration in time.  A rational spectrum is solved by Lyapunov's equation, others by quadrature over
+    frequency.  A realisation fails if the estimated relative error of its variance is above 1e-6.  The output has one
+    value per realisation and no time.
 
     Parameters
     ----------
     expression : SymPy expression
         Expression of the motion: positions, accelerations, reactions, and processes in the mechanism.
-    at : {"equilibrium", "start"}
-        Pose about which the motion is linearised, as for `uqmbd.eigenfrequency`.
+    at : {"equilibrium", "start", "steady"}
+        Pose, or steady motion, about which the motion is linearised, as for `uqmbd.eigenfrequency`.
 
     Returns
     -------
@@ -206,8 +217,8 @@ def stationary_psd(
         Sides of the density.
     per : {"Hz", "rad/s"}
         Unit of the frequency.
-    at : {"equilibrium", "start"}
-        Pose about which the motion is linearised.
+    at : {"equilibrium", "start", "steady"}
+        Pose, or steady motion, about which the motion is linearised.
 
     Returns
     -------
@@ -259,8 +270,8 @@ def crossing_rate(expression: Any, level: float, at: At = "equilibrium") -> symp
         Expression of the motion, as for `stationary_std`.
     level : float
         Level, in the units of the expression.
-    at : {"equilibrium", "start"}
-        Pose about which the motion is linearised.
+    at : {"equilibrium", "start", "steady"}
+        Pose, or steady motion, about which the motion is linearised.
 
     Returns
     -------
@@ -310,8 +321,8 @@ def expected_maximum(
         ``davenport``: ``mean + s (g + 0.5772 / g)`` with ``g = sqrt(2 ln(n T))`` and the rate n of upward crossings of
         the mean. ``poisson``: the mean of the distribution ``exp(-n T exp(-x^2 / 2))`` of the maximum over positive x,
         for which the upward crossings of a level form a Poisson process.
-    at : {"equilibrium", "start"}
-        Pose about which the motion is linearised.
+    at : {"equilibrium", "start", "steady"}
+        Pose, or steady motion, about which the motion is linearised.
 
     Returns
     -------
@@ -372,8 +383,8 @@ def fatigue_damage(
         Exponent and coefficient of the Woehler curve ``cycles = coefficient / range^exponent``.
     rule : {"dirlik", "narrow_band"}
         Distribution of the ranges: Dirlik's, for every bandwidth, or Rayleigh's, for narrow bands.
-    at : {"equilibrium", "start"}
-        Pose about which the motion is linearised.
+    at : {"equilibrium", "start", "steady"}
+        Pose, or steady motion, about which the motion is linearised.
 
     Returns
     -------

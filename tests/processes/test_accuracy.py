@@ -124,3 +124,11 @@ def test_stability_of_rigid_body_motions_and_slow_motions():
         assert is_stable(np.stack([a] * 3)).tolist() == [expected] * 3
     mixed = np.stack([free, slow, undamped])
     assert all(is_stable(mixed).tolist() == [False, True, False] for _ in range(20))
+
+
+def test_clear_stability_is_that_of_the_eigenvalues():
+    generator = np.random.default_rng(0)
+    for n in range(1, 11):
+        systems = generator.normal(size=(2000, n, n)) - generator.uniform(0, 4, size=(2000, 1, 1)) * np.eye(n)
+        decays = np.linalg.eigvals(systems).real.max(axis=1) < 0
+        np.testing.assert_array_equal(is_stable(systems), decays)

@@ -178,7 +178,7 @@ def test_another_package_declares_an_output_of_the_linearised_mechanism():
     assert values(mechanism, g=gain(mass.position[0], 2.0)) == pytest.approx([1 / abs(9 - 4 + 1.2j)], rel=1e-12)
     with pytest.raises(uqmbd.StudyError, match="expected finite numbers"):
         gain(mass.position[0], np.nan)
-    with pytest.raises(uqmbd.StudyError, match="at is the text 'rest'; expected 'equilibrium' or 'start'"):
+    with pytest.raises(uqmbd.StudyError, match="at is the text 'rest'; expected 'equilibrium', 'start' or 'steady'"):
         gain(mass.position[0], 1.0, at="rest")
 
 
@@ -191,3 +191,34 @@ def test_a_process_that_no_output_reads_is_a_finding():
     assert finding.text.startswith("PointForce 'load' contains the random process 'gust', and no output reads")
     mechanism.output("x", stationary_std(mass.position[0]))
     assert not list(UnusedProcesses().find(study))
+
+
+ROAD = RandomProcess("road", covariance=exponential_covariance(0.01, 5.0), over="distance", units="m")
+
+
+@pytest.mark.parametrize(
+    "write, text",
+    [
+        (lambda body: 2 * ROAD, r"without its argument; call it, such as road\(20 \* uqmbd.t\)"),
+        (lambda body: 0.3 + ROAD, r"without its argument; call it, such as road\(20 \* uqmbd.t\)"),
+        (lambda body: PointForce("s", body, 0, ROAD), r"'road' without its argument \(write road\(20 "),
+        (lambda body: stationary_std(ROAD), r"'road' without its argument \(write road\(20 "),
+        (
+            lambda body: ROAD(body.position[0]),
+            "A distance that the mechanism travels by its own motion is not possible",
+        ),
+        (lambda body: ROAD(uqmbd.t**2), "For several speeds, use a random variable"),
+    ],
+)
+def test_a_process_without_a_linear_argument_is_refused_with_advice(write, text):
+    mechanism = uqmbd.Mechanism("car", uqmbd.Line())
+    body = mechanism.body("body", mass=1)
+    with pytest.raises(uqmbd.StudyError, match=text):
+        found = write(body)
+        mechanism.add(found) if isinstance(found, uqmbd.Component) else None
+
+
+def test_a_process_itself_is_no_output():
+    mechanism = uqmbd.Mechanism("car", uqmbd.Line())
+    with pytest.raises(uqmbd.StudyError, match="the expression is the random process 'road' without its argument"):
+        mechanism.output("road", ROAD)

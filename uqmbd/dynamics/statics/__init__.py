@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.statics.equilibrium import Equilibrium, equilibrium_start, static_equilibria
-from uqmbd.dynamics.statics.linear_response import Channel, LinearSystem
+from uqmbd.dynamics.statics.linear_system import Channel, LinearSystem
 from uqmbd.dynamics.statics.modes import Modes, linearise
 from uqmbd.dynamics.statics.steady_modes import linearise_steady
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions

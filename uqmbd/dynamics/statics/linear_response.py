@@ -8,29 +8,35 @@ equations, so that every output has the form ``y = C z + D0 w + D1 w' + D2 w''``
 
     z' = A z + B w              y = C z + E0 w + E1 w' + E2 w''
     B  = B0 + A B1 + A^2 B2     E0 = D0 + C (B1 + A B2)      E1 = D1 + C B2      E2 = D2
+
+About a steady motion, small motions are written in frames with constant coefficients (`steady_modes`):
+``dq = S (N x + P w)``, whose rates contain the rates of ``S``. The matrices are evaluated at several times of the
+motion, and must not change.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import Instance, OutputMap, ParameterMap, excitations_of, state_arguments
+from uqmbd.dynamics.equations import Instance, Model, OutputMap, ParameterMap, excitations_of, state_arguments
 from uqmbd.dynamics.linear import accelerations
+from uqmbd.dynamics.statics.linear_system import Channel, LinearSystem
 from uqmbd.dynamics.statics.rest_equations import tangents
+from uqmbd.dynamics.statics.screws import Screws
+from uqmbd.dynamics.statics.steady_modes import CHANGING, CONSTANT, SteadyFrames, steady_frames
+from uqmbd.dynamics.statics.steady_motion import SteadyMotions
 from uqmbd.dynamics.statics.unilateral import not_linear
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import ORDERS, LinearOutput, Output, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["Channel", "LinearMap", "LinearSystem", "linear_map"]
+__all__ = ["LinearMap", "linear_map"]
 
 CHUNK = 2048
 """Number of realisations that are linearised at once."""
@@ -38,148 +44,34 @@ CHUNK = 2048
 ROUNDING = 1e-11
 """Direct response, relative to the whole response at the highest frequency of the mechanism, that counts as zero."""
 
-DEFECTIVE = 1e10
-"""Condition number of eigenvectors from which on systems are solved at each frequency instead of by their modes."""
+NOISE = 1e-9
+"""Change of a response during a steady motion, relative to its terms, that counts as rounding."""
+
+INVARIANT = (
+    "Use a quantity that remains constant, such as an angle between bodies, a distance, or a position across the motion"
+)
+
+ROLLING = (
+    "responses about steady motions are not computed for mechanisms with constraints between velocities, such as "
+    "rolling wheels; simulate the motion"
+)
 
 PRESCRIBED = "a random process prescribes a speed, or a constraint contains a state; prescribe the position instead"
 
 
 @dataclass(frozen=True)
-class Channel:
-    """Excitation of the linearised mechanism: a source at an argument, which is linear in time.
+class _Points:
+    """States about which the motion is linearised: of K realisations at rest, or at K times of one steady motion."""
 
-    Attributes
-    ----------
-    source : object
-        Description of the excitation by a plugin.
-    speed : array, shape (K,)
-        Rate of the argument, in its units per s.
-    offset : array, shape (K,)
-        Argument at the time zero.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import uqmbd
-    >>> from types import SimpleNamespace
-    >>> road = SimpleNamespace(name="road", units="m")
-    >>> rear = uqmbd.extend.Channel(road, np.array([20.0]), np.array([-2.5]))
-    >>> float(-rear.offset[0] / rear.speed[0])  # delay, s
-    0.125
-    """
-
-    source: Any
-    speed: Array
-    offset: Array
-
-
-@dataclass(frozen=True)
-class LinearSystem:
-    """Response of one expression to the excitations of the linearised mechanism, in K realisations.
-
-    With the excitations ``w(t)`` of all channels, ``z' = a z + b w`` and ``y = mean + c z + e0 w + e1 w' + e2 w''``.
-    State-space form of the equations of motion within the constraints; the state has no units.
-
-    Attributes
-    ----------
-    a : array, shape (K, n, n)
-        System matrix, 1/s.
-    b : array, shape (K, n, channel)
-        Input matrix.
-    c : array, shape (K, n)
-        Output matrix.
-    e : array, shape (K, 3, channel)
-        Direct response to the excitations, and to their first and second rates. Rounding is set to zero.
-    mean : array, shape (K,)
-        Value of the expression in the pose of the linearisation.
-    channels : tuple of Channel
-        Excitations, in order.
-    name : str
-        The expression, for messages.
-
-    Examples
-    --------
-    The frequency response of an oscillator, ``y'' + 0.2 y' + y = w``, at 1 rad/s:
-
-    >>> import numpy as np
-    >>> import uqmbd
-    >>> a, b = np.array([[[0.0, 1.0], [-1.0, -0.2]]]), np.array([[[0.0], [1.0]]])
-    >>> c, e = np.array([[1.0, 0.0]]), np.zeros((1, 3, 1))
-    >>> system = uqmbd.extend.LinearSystem(a, b, c, e, np.zeros(1), (), "y")
-    >>> bool(np.isclose(system.transfer(np.array([[1.0]]))[0, 0, 0], -5j))
-    True
-    """
-
+    values: Array  # inputs (K, input)
+    block: Array  # (K, parameter)
+    time: Array  # (K,)
+    q: Array
+    s: Array
+    v: Array
     a: Array
-    b: Array
-    c: Array
-    e: Array
-    mean: Array
-    channels: tuple[Channel, ...]
-    name: str
-
-    def __len__(self) -> int:
-        return len(self.a)
-
-    @cached_property
-    def eigenvalues(self) -> NDArray[np.complex128]:
-        """Eigenvalues of ``a``, 1/s, shape (K, n)."""
-        return self._eigen[0]
-
-    @cached_property
-    def defective(self) -> NDArray[np.bool_]:
-        """Whether equal eigenvalues have no separate eigenvectors, so that residues are unusable, shape (K,)."""
-        vectors = self._eigen[1]
-        if not vectors.shape[1]:
-            return np.zeros(len(self), dtype=bool)
-        return np.asarray(~(np.linalg.cond(vectors) < DEFECTIVE))
-
-    @cached_property
-    def residues(self) -> NDArray[np.complex128]:
-        """Residues of the frequency response at the eigenvalues, shape (K, n, channel)."""
-        values, vectors = self._eigen
-        right = np.linalg.solve(vectors, self.b.astype(complex))
-        return np.asarray((self.c[:, None, :] @ vectors)[:, 0, :, None] * right)
-
-    @cached_property
-    def _eigen(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        values, vectors = np.linalg.eig(self.a)
-        return np.asarray(values, dtype=complex), np.asarray(vectors, dtype=complex)
-
-    def transfer(self, frequencies: Array) -> NDArray[np.complex128]:
-        """Return the frequency response ``y / w``.
-
-        Parameters
-        ----------
-        frequencies : array, shape (K, F)
-            Angular frequencies, rad/s.
-
-        Returns
-        -------
-        array, shape (K, F, channel)
-            Complex response to each excitation.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> a, b, c = np.array([[[-2.0]]]), np.array([[[2.0]]]), np.array([[1.0]])
-        >>> low_pass = uqmbd.extend.LinearSystem(a, b, c, np.zeros((1, 3, 1)), np.zeros(1), (), "y")
-        >>> round(float(abs(low_pass.transfer(np.array([[2.0]]))[0, 0, 0])) ** 2, 12)
-        0.5
-        """
-        s = 1j * np.asarray(frequencies)[:, :, None]
-        found = self.e[:, None, 0] + s * self.e[:, None, 1] + s**2 * self.e[:, None, 2]
-        for k in range(self.a.shape[1]):
-            found = found + self.residues[:, None, k] / (s - self.eigenvalues[:, None, k, None])
-        found = np.asarray(found, dtype=complex)
-        for k in np.flatnonzero(self.defective).tolist():
-            systems = s[k][:, :, None] * np.eye(self.a.shape[1]) - self.a[k]
-            direct = self.e[k, 0] + s[k] * self.e[k, 1] + s[k] ** 2 * self.e[k, 2]
-            found[k] = direct + self.c[k] @ np.linalg.solve(
-                systems, np.broadcast_to(self.b[k], (len(s[k]), *self.b[k].shape))
-            )
-        return found
+    multipliers: Array  # (K, constraint)
+    frames: SteadyFrames | None = None  # None: at rest
 
 
 @dataclass(frozen=True)
@@ -204,21 +96,17 @@ class LinearMap:
 
         Return the numbers of the values, the values (K, value), and for each realisation the reason for missing values.
         """
-        columns = [k for k, (_, _, at, _) in enumerate(self.requests) if at == pose]
+        columns = self._columns(pose)
         values, reasons = np.full((len(q), len(columns)), np.nan), [""] * len(q)
         for first in range(0, len(q), CHUNK):
             part = np.arange(first, min(first + CHUNK, len(q)))
-            systems = self._systems(ensemble.select(part), q[part], s[part])
+            systems = self._systems(ensemble.model, _at_rest(ensemble.select(part), q[part], s[part]))
             for column, k in enumerate(columns):
-                declared, number, _, numbers = self.requests[k]
-                system = systems if isinstance(systems, list) else systems(number)
-                if isinstance(system, list):
-                    found: tuple[Array, Sequence[str]] = np.full(len(part), np.nan), system
-                else:
-                    found = declared.function(system, *numbers)
-                values[part, column] = found[0]
-                if any(found[1]):
-                    for member, reason in zip(part.tolist(), found[1], strict=True):
+                system = systems if isinstance(systems, str) else systems(self.requests[k][1])
+                found, missing = self._value(k, system, len(part))
+                values[part, column] = found
+                if any(missing):
+                    for member, reason in zip(part.tolist(), missing, strict=True):
                         reasons[member] = reasons[member] or reason
         lost = not_linear(ensemble, q, s)
         if any(lost):
@@ -226,22 +114,56 @@ class LinearMap:
             reasons = [first or second for first, second in zip(lost, reasons, strict=True)]
         return columns, values, reasons
 
-    def _systems(self, ensemble: Batch, q: Array, s: Array) -> Callable[[int], LinearSystem] | list[str]:
-        """Return a function from the number of an expression to its linear system, or the reasons why there is none."""
-        model, count = ensemble.model, len(self.sources)
-        speed, offset = np.split(self.arguments(ensemble.values), 2, axis=1)
+    def evaluate_steady(self, ensemble: Batch, motions: SteadyMotions) -> tuple[list[int], Array, list[str]]:
+        """Evaluate the values about steady motions, as `evaluate` about poses at rest."""
+        columns = self._columns("steady")
+        values, reasons = np.full((len(ensemble), len(columns)), np.nan), list(motions.messages)
+        for k, screws in enumerate(motions.screws):
+            if screws is None:
+                continue
+            one = ensemble.select(np.array([k]))
+            if len(ensemble.model.layout.nonholonomic):
+                reasons[k] = ROLLING
+                continue
+            missing = [CHANGING] * len(columns)
+            for frames in steady_frames(one, screws):
+                systems = self._systems(ensemble.model, _in_motion(one, screws, frames))
+                for column, wanted in enumerate(columns):
+                    if missing[column]:
+                        system = systems if isinstance(systems, str) else _constant(systems(self.requests[wanted][1]))
+                        found, lost = self._value(wanted, system, 1)
+                        values[k, column], missing[column] = found[0], lost[0]
+                if not any(missing):
+                    break
+            reasons[k] = reasons[k] or next(filter(None, missing), "")
+        return columns, values, reasons
+
+    def _columns(self, pose: str) -> list[int]:
+        return [k for k, (_, _, at, _) in enumerate(self.requests) if at == pose]
+
+    def _value(self, wanted: int, system: LinearSystem | str, count: int) -> tuple[Array, Sequence[str]]:
+        """Return a value of K realisations, and reasons; a text instead of a system is the reason of all."""
+        if isinstance(system, str):
+            return np.full(count, np.nan), [system] * count
+        declared, _, _, numbers = self.requests[wanted]
+        found: tuple[Array, Sequence[str]] = declared.function(system, *numbers)
+        return found
+
+    def _systems(self, model: Model, points: _Points) -> Callable[[int], LinearSystem] | str:
+        """Return a function from the number of an expression to its linear system, or the reason why there is none."""
+        q, s, v, time, count = points.q, points.s, points.v, points.time, len(self.sources)
+        speed, offset = np.split(self.arguments(points.values), 2, axis=1)
         channels = tuple(Channel(x, speed[:, k], offset[:, k]) for k, x in enumerate(self.sources))
-        layout, time, n = model.layout, model.time, model.layout.coordinates
-        place, v = offset + time * speed, np.zeros_like(q)
-        _, kept, _ = accelerations(model, q, s, v, time, ensemble.block)
-        multipliers = np.zeros((len(q), layout.constraints))
-        multipliers[:, layout.kept] = kept
-        found = model.evaluate("linear", state_arguments(time, q, s, v, multipliers, v), ensemble.block)
-        base = model.evaluate("acceleration", state_arguments(time, q, s, v), ensemble.block)
+        layout, n = model.layout, model.layout.coordinates
+        place = offset + time[:, None] * speed
+        found = model.evaluate("linear", state_arguments(time, q, s, v, points.multipliers, points.a), points.block)
+        base = model.evaluate("acceleration", state_arguments(time, q, s, v), points.block)
         own = ((found["s_q"] != 0).any(axis=2) | (found["s_s"] != 0).any(axis=2)).any(axis=0)
         own |= (found["s_c"] != 0).any(axis=(0, 2))
+        if points.frames is not None:
+            own = ~points.frames.carried
         if found["phi_c"][:, layout.nonholonomic].any() or found["phi_s"][:, :, own].any():
-            return [PRESCRIBED] * len(q)
+            return PRESCRIBED
         mass, d = base["mass"], base["d"][:, layout.kept]
 
         def of_time(derivatives: Array) -> list[Array]:
@@ -251,8 +173,10 @@ class LinearMap:
             return [zero, (one - x * zero) / rate, (two - x * one + x**2 * zero / 2) / rate**2]
 
         gram = d @ d.transpose(0, 2, 1)
-        follow = -d.transpose(0, 2, 1) @ _solve(gram, of_time(found["phi_c"][:, layout.kept])[0])
-        basis = tangents(np.ascontiguousarray(d))
+        moved = of_time(found["phi_c"][:, layout.kept])[0]
+        # small motions along the constraints, small motions that follow the excitations, and rates of both
+        bases, follows = _motions(d, gram, moved, points.frames)
+        basis, follow = bases[0], follows[0]
         free = basis.shape[2]
         size = 2 * free + int(own.sum())
         w = [slice(size + k * count, size + (k + 1) * count) for k in range(ORDERS)]
@@ -260,9 +184,13 @@ class LinearMap:
         def blank(rows: int) -> Array:
             return np.zeros((len(q), rows, size + ORDERS * count))
 
-        dq, dv, ds = blank(n), blank(n), blank(layout.states)
+        dq, dv, da, ds = blank(n), blank(n), blank(n), blank(layout.states)
         dq[:, :, :free], dq[:, :, w[0]] = basis, follow
         dv[:, :, free : 2 * free], dv[:, :, w[1]] = basis, follow
+        dv[:, :, :free], dv[:, :, w[0]] = bases[1], follows[1]
+        # without the second rate of x
+        da[:, :, free : 2 * free], da[:, :, :free] = 2 * bases[1], bases[2]
+        da[:, :, w[2]], da[:, :, w[1]], da[:, :, w[0]] = follow, 2 * follows[1], follows[2]
         ds[:, ~own] = found["s_v"][:, ~own] @ dq
         ds[:, np.flatnonzero(own), 2 * free + np.arange(int(own.sum()))] = 1.0
         force = found["v_q"] @ dq + found["v_v"] @ dv + found["v_s"] @ ds
@@ -271,19 +199,16 @@ class LinearMap:
             force[:, :, part] += of_time(found["v_c"])[k]
             rates[:, :, part] += of_time(found["s_c"])[k]
         across = basis.transpose(0, 2, 1)
-        driven = force.copy()
-        driven[:, :, w[2]] += mass @ follow
-        along = -_solve(across @ mass @ basis, across @ driven)
-        da = basis @ along
-        da[:, :, w[2]] += follow
+        along = -_solve(across @ mass @ basis, across @ (force + mass @ da))
+        da += basis @ along
         dl = blank(layout.constraints)
         dl[:, layout.kept] = -_solve(gram, d @ (mass @ da + force))
         flow = np.concatenate([blank(free), along, rates[:, own]], axis=1)
         flow[:, np.arange(free), free + np.arange(free)] = 1.0
         a, b0, b1, b2 = flow[:, :, :size], *(flow[:, :, part] for part in w)
         carried = b1 + a @ b2
-        state = np.concatenate([q, s, v, v, multipliers, np.full((len(q), 1), time)], axis=1)
-        every = self.seen(state, ensemble.values, ensemble.block)
+        state = np.concatenate([q, s, v, points.a, points.multipliers, time[:, None]], axis=1)
+        every = self.seen(state, points.values, points.block)
         expressions = len(self.seen.names)
         gradients = every[:, expressions:].reshape(len(q), expressions, -1)
         motion = np.concatenate([dq, ds, dv, da, dl], axis=1)
@@ -306,6 +231,67 @@ class LinearMap:
             return LinearSystem(a, b, c, e, every[:, number], channels, self.seen.names[number])
 
         return system
+
+
+def _at_rest(ensemble: Batch, q: Array, s: Array) -> _Points:
+    """Return poses at rest (K, coordinate), (K, state)."""
+    model, v = ensemble.model, np.zeros_like(q)
+    time = np.full(len(q), model.time)
+    return _Points(
+        ensemble.values, ensemble.block, time, q, s, v, v, _multipliers(model, q, s, v, time, ensemble.block)
+    )
+
+
+def _in_motion(one: Batch, screws: Screws, frames: SteadyFrames) -> _Points:
+    """Return the states of a steady motion at its examined times."""
+    model, count = one.model, len(frames.times)
+    q, v, a, s, _ = (np.array(x) for x in zip(*map(screws.at, frames.times), strict=True))
+    values, block = (np.repeat(x, count, axis=0) for x in (one.values, one.block))
+    time = model.time + np.array(frames.times)
+    return _Points(values, block, time, q, s, v, a, _multipliers(model, q, s, v, time, block), frames)
+
+
+def _multipliers(model: Model, q: Array, s: Array, v: Array, time: Array, block: Array) -> Array:
+    found = np.zeros((len(q), model.layout.constraints))
+    found[:, model.layout.kept] = accelerations(model, q, s, v, time, block)[1]
+    return found
+
+
+Rates = tuple[Array, Array, Array]
+"""Matrices (K, coordinate, column), and their first and second rates."""
+
+
+def _motions(d: Array, gram: Array, moved: Array, frames: SteadyFrames | None) -> tuple[Rates, Rates]:
+    """Return bases of small motions within constraints with the gradients ``d``, and motions that follow excitations.
+
+    ``moved`` (K, row, channel) is the derivative of the constraints by the excitations.
+    """
+    if frames is None:
+        basis = tangents(np.ascontiguousarray(d))
+        follow = -d.transpose(0, 2, 1) @ _solve(gram, moved)
+        none, still = np.zeros_like(basis), np.zeros_like(follow)
+        return (basis, none, none), (follow, still, still)
+    s, s1, s2 = frames.maps
+    inside = -np.linalg.pinv(d @ s, rcond=1e-9) @ moved
+    return (s @ frames.basis, s1 @ frames.basis, s2 @ frames.basis), (s @ inside, s1 @ inside, s2 @ inside)
+
+
+def _constant(system: LinearSystem) -> LinearSystem | str:
+    """Return the system of one realisation from those at the times of a steady motion, or the reason without one."""
+    sizes = np.abs(system.eigenvalues[0])
+    sizes = sizes[sizes > 0] if (sizes > 0).any() else np.ones(1)
+    frequencies = np.concatenate([sizes * x for x in (0.3, 0.9, 3.0)])
+    response = system.transfer(np.broadcast_to(frequencies, (len(system), len(frequencies))))
+    rate = float(sizes.max())
+    inside = (np.abs(system.c)[:, :, None] * np.abs(system.b)).sum(axis=1) / rate
+    whole = (np.abs(system.e) * rate ** np.arange(ORDERS)[None, :, None]).sum(axis=1) + inside
+    change = np.abs(response - response[:1])
+    if (change > CONSTANT * np.abs(response) + NOISE * whole.max(initial=0.0)).any():
+        return f"the response of {system.name} changes during the steady motion. {INVARIANT}"
+    same = np.ptp(system.mean) <= CONSTANT * max(float(np.abs(system.mean).max()), 1e-3)
+    channels = tuple(Channel(c.source, c.speed[:1], c.offset[:1]) for c in system.channels)
+    mean = system.mean[:1] if same else np.full(1, np.nan)
+    return LinearSystem(system.a[:1], system.b[:1], system.c[:1], system.e[:1], mean, channels, system.name)
 
 
 def _solve(matrix: Array, right: Array) -> Array:

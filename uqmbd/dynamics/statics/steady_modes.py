@@ -18,6 +18,7 @@ Constraints between velocities restrict the rates: ``y' = Z u + P y``.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, product
 
@@ -33,7 +34,7 @@ from uqmbd.dynamics.statics.screws import Screws, cross_matrix, left_product
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions
 from uqmbd.typing import Array
 
-__all__ = ["linearise_steady"]
+__all__ = ["CHANGING", "CONSTANT", "SteadyFrames", "linearise_steady", "steady_frames"]
 
 
 CONSTANT = 1e-5
@@ -54,6 +55,18 @@ CHANGING = (
     "simulate "
     "the motion"
 )
+
+
+@dataclass(frozen=True)
+class SteadyFrames:
+    """Frames with constant coefficients of small motions ``dq = S N y`` of one realisation."""
+
+    times: tuple[float, ...]  # s after the start
+    maps: tuple[Array, Array, Array]  # S and its first and second rates, (time, coordinate, column)
+    basis: Array  # N (column, y)
+    carried: NDArray[np.bool_]  # auxiliary states determined by the pose
+    coefficients: dict[str, Array]
+    size: float  # of the stiffness
 
 
 @dataclass(frozen=True)
@@ -85,28 +98,33 @@ def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, li
 
 def _modes(one: Batch, screws: Screws) -> Solved | str:
     """Return sorted eigenvalues, one per pair, and shapes of one realisation, or the reason for their absence."""
+    for frames in steady_frames(one, screws):
+        if not frames.basis.shape[1]:
+            return no_modes(one.model.layout.coordinates)
+        solved = _solved(frames.coefficients, frames.size)
+        if isinstance(solved, str):
+            return solved
+        values, vectors = solved
+        return values, np.array([(x @ frames.basis @ vectors).T for x in frames.maps[0]])
+    return CHANGING
+
+
+def steady_frames(one: Batch, screws: Screws) -> Iterator[SteadyFrames]:
+    """Yield all tested frames with constant coefficients of one realisation."""
     instants = [_instant(one, screws, after) for after in screws.times]
     carried = _carried(one, screws, instants[0])
     frames = screws.frames
     still = _moves(one, instants[0], [frames[0]] * len(one.model.bodies))
     free = [b for b in range(len(one.model.bodies)) if still[b]]
-    if not free:
-        return no_modes(one.model.layout.coordinates)
     tried: list[list[int]] = [[i] * len(free) for i in range(len(frames))]
     tried += [list(x) for x in islice(product(range(len(frames)), repeat=len(free)), CHOICES)]
-    for choice in tried:
+    for choice in tried if free else [[]]:
         chosen = [frames[0]] * len(one.model.bodies)
         for b, i in zip(free, choice, strict=True):
             chosen[b] = frames[i]
-        pencil = _constant(one, instants, chosen, carried)
-        if pencil is not None:
-            coefficients, size, tangents = pencil
-            solved = _solved(coefficients, size)
-            if isinstance(solved, str):
-                return solved
-            values, vectors = solved
-            return values, np.array([(x @ vectors).T for x in tangents])
-    return CHANGING
+        found = _constant(one, instants, chosen, carried)
+        if found is not None:
+            yield found
 
 
 def _instant(one: Batch, screws: Screws, after: float) -> _SteadyInstant:
@@ -194,32 +212,31 @@ def _moves(one: Batch, start: _SteadyInstant, frames: list[Array]) -> list[bool]
     return [bool(x.max(initial=0.0) > 1e-9) for x in blocks]
 
 
-Pencil = tuple[dict[str, Array], float, list[Array]]
-
-
 def _constant(
     one: Batch, instants: list[_SteadyInstant], frames: list[Array], carried: NDArray[np.bool_]
-) -> Pencil | None:
-    """Return coefficients, their size, and moving quantities at each time, ``S N``; None if coefficients change."""
+) -> SteadyFrames | None:
+    """Return coefficients and small motions at each time; None if coefficients change."""
     basis: Array | None = None
     first: dict[str, Array] = {}
     sizes: dict[str, float] = {}
-    tangents: list[Array] = []
+    maps: list[tuple[Array, Array, Array]] = []
     for instant in instants:
-        s, s1, s2 = _seen(one, instant, frames)
+        maps.append(_seen(one, instant, frames))
+        s, s1, s2 = maps[-1]
         gradient = _seen_gradient(instant, s)
         if basis is None:
             basis = scipy.linalg.null_space(gradient, rcond=1e-9)
         elif np.abs(gradient @ basis).max(initial=0.0) > CONSTANT * np.abs(gradient).max(initial=0.0):
             return None
-        tangents.append(s @ basis)
-        found, size = _coefficients(one, instant, tangents[-1], s1 @ basis, s2 @ basis, carried)
+        found, size = _coefficients(one, instant, s @ basis, s1 @ basis, s2 @ basis, carried)
         if not first:
             first, sizes = found, size
             continue
         if any(np.abs(x - first[name]).max(initial=0.0) > CONSTANT * sizes[name] for name, x in found.items()):
             return None
-    return first, sizes["k"], tangents
+    assert basis is not None
+    s, s1, s2 = (np.array([x[k] for x in maps]) for k in range(3))
+    return SteadyFrames(tuple(x.after for x in instants), (s, s1, s2), basis, carried, first, sizes["k"])
 
 
 def _coefficients(

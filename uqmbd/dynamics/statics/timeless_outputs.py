@@ -134,7 +134,7 @@ class ScalarMap:
     @property
     def needs_steady_motion(self) -> bool:
         """Whether the steady motion must be found."""
-        return bool(self.steady.names) or "steady" in self.modal.poses
+        return bool(self.steady.names) or "steady" in (self.modal.poses | self.linear_poses)
 
 
 def scalar_map(
@@ -292,8 +292,11 @@ def scalars_of(
         good = np.flatnonzero(status == Status.OK)
         if seen.responses is None or not len(good):
             break
-        q, s = (x[good] for x in poses[pose])
-        numbers, found_values, reasons = seen.responses.evaluate(still.select(good), pose, q, s)
+        if pose == "steady" and going is not None:
+            numbers, found_values, reasons = seen.responses.evaluate_steady(still.select(good), going.select(good))
+        else:
+            q, s = (x[good] for x in poses[pose])
+            numbers, found_values, reasons = seen.responses.evaluate(still.select(good), pose, q, s)
         columns[np.ix_(good, ends[4] + np.array(numbers, dtype=np.int64))] = found_values
         fail(good, reasons)
     if seen.needs_motion:

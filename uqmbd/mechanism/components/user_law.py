@@ -11,7 +11,7 @@ import sympy
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components.local import Local
-from uqmbd.mechanism.expressions import Spline, as_symbolic, shown, t
+from uqmbd.mechanism.expressions import Spline, as_symbolic, shown, t, unevaluated_process
 
 __all__ = ["law_at", "law_values"]
 
@@ -80,7 +80,7 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     except StudyError:
         value = None
     if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(*NO_NUMBERS):
-        raise StudyError(f"{what} is {law!r}; {expected}.")
+        raise StudyError(f"{what} is {unevaluated_process(law) or repr(law)}; {expected}.")
     others = sorted(value.free_symbols - set(symbols), key=str)
     if strangers := [x for x in others if type(x) is sympy.Symbol and x != t]:
         raise StudyError(f"{what} is {law!r}, which contains the unknown symbol {str(strangers[0])!r}; {expected}.")

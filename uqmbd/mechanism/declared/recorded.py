@@ -11,7 +11,15 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.declared.output import TURNS, Output
 from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
-from uqmbd.mechanism.expressions import check_dimensions, check_scalar, flatten, is_scalar, numbers, shown
+from uqmbd.mechanism.expressions import (
+    check_dimensions,
+    check_scalar,
+    flatten,
+    is_scalar,
+    numbers,
+    shown,
+    unevaluated_process,
+)
 from uqmbd.mechanism.geometry import Frame
 from uqmbd.names import check_name, check_units, did_you_mean
 
@@ -64,6 +72,8 @@ def require_recordable(where: str, expression: Any) -> sympy.Expr:
             f"{where}: the expression is {shown(expression)} itself; record one of its reactions, e.g. "
             f"{expression.name}.reaction_force[0]."
         )
+    if (process := unevaluated_process(expression)) is not None:
+        raise StudyError(f"{where}: the expression is {process}.")
     if callable(expression) and not isinstance(expression, sympy.Basic):
         name = getattr(expression, "__name__", "it")
         raise StudyError(

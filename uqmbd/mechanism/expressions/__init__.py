@@ -66,6 +66,7 @@ from uqmbd.mechanism.expressions.user_values import (
     random_variables,
     shown,
     too_large,
+    unevaluated_process,
     unknown_symbol,
 )
 
@@ -141,5 +142,6 @@ __all__ = [
     "time_of_minimum",
     "describe_foreign_part",
     "units_of",
+    "unevaluated_process",
     "unknown_symbol",
 ]

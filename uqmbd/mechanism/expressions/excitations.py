@@ -235,14 +235,15 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
     strange = sorted((s for s in x.free_symbols if s != t and not isinstance(s, RandomVariable)), key=str)
     if strange:
         raise StudyError(
-            f"{where}: its argument is {shown(x)}, which contains {strange[0]}; expected speed * uqmbd.t + offset, "
-            "with numbers and random variables."
+            f"{where}: its argument is {shown(x)}, and {strange[0]} is not constant; expected speed * uqmbd.t + "
+            "offset, with numbers and random variables. A distance that the mechanism travels by its own motion is "
+            "not possible; state its mean speed."
         )
     speed = x.diff(t)
     if speed == 0 or speed.has(t):
         raise StudyError(
             f"{where}: its argument is {shown(x)}, which is {'constant' if speed == 0 else 'not linear in time'}; "
-            "expected speed * uqmbd.t + offset with a constant speed."
+            "expected speed * uqmbd.t + offset with a constant speed. For several speeds, use a random variable."
         )
     atom = ExcitationSource(source)
     coefficients = [ExcitationSymbol(atom, x, k) for k in range(ORDERS)]

@@ -18,8 +18,8 @@ from uqmbd.units import Unit, read_units
 
 __all__ = ["DeclaredLinearOutput", "LinearOutput", "linear_output"]
 
-POSES = ("equilibrium", "start")
-"""Poses about which the motion can be linearised."""
+POSES = ("equilibrium", "start", "steady")
+"""Poses, and the steady motion, about which the motion can be linearised."""
 
 
 class DeclaredLinearOutput:
@@ -42,7 +42,7 @@ class DeclaredLinearOutput:
             if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) < float("inf"):
                 raise StudyError(f"{name} was given {shown(number)} after the expression; expected finite numbers.")
         if at not in POSES:
-            raise StudyError(f"{name}: at is {shown(at)}; expected 'equilibrium' or 'start'.")
+            raise StudyError(f"{name}: at is {shown(at)}; expected 'equilibrium', 'start' or 'steady'.")
         pose = sympy.Integer(POSES.index(at))
         found: sympy.Expr = LinearOutput(seen, LinearFunction(self), pose, *map(sympy.Float, numbers))
         return found
@@ -138,7 +138,8 @@ def linear_output(function: Callable[..., Any] | None = None, *, power: int | No
     -------
     callable
         Function ``function(expression, *numbers, at="equilibrium")``, which returns a scalar quantity for outputs and
-        requirements. With ``at="start"`` the motion is linearised about the initial pose.
+        requirements. With ``at="start"`` the motion is linearised about the initial pose, and with
+        ``at="steady"`` about the steady motion, as for `uqmbd.eigenfrequency`.
 
     Raises
     ------

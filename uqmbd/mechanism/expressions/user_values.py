@@ -15,7 +15,17 @@ from uqmbd.mechanism.expressions.computable import UNEVALUATED, describe_foreign
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import is_quantity
 
-__all__ = ["LARGEST", "as_symbolic", "flatten", "numbers", "random_variables", "shown", "too_large", "unknown_symbol"]
+__all__ = [
+    "LARGEST",
+    "as_symbolic",
+    "flatten",
+    "numbers",
+    "random_variables",
+    "shown",
+    "too_large",
+    "unevaluated_process",
+    "unknown_symbol",
+]
 
 
 LARGEST = 1e100
@@ -141,8 +151,24 @@ def shown(value: object) -> str:
         return f"the text {value!r}"
     if isinstance(value, type):
         return f"the class {value.__name__}"
+    if (process := unevaluated_process(value)) is not None:
+        return process
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def unevaluated_process(value: object) -> str | None:
+    """Return a description of a source of excitations without its argument; None for other values.
+
+    >>> unevaluated_process(2) is None
+    True
+    """
+    if isinstance(value, type) or not callable(getattr(value, "sample_paths", None)):
+        return None
+    name = str(getattr(value, "name", "process"))
+    argument = "20 * uqmbd.t" if getattr(value, "over", "time") == "distance" else "uqmbd.t"
+    call = f"{name}({argument})" if callable(value) else f"uqmbd.extend.excitation({name}, {argument})"
+    return f"the random process {name!r} without its argument (write {call})"
 
 
 def unknown_symbol(symbol: sympy.Symbol) -> str:
