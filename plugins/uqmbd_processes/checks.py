@@ -26,6 +26,12 @@ MUCH = 0.01
 """Share of the variance that outputs lose above the cutoff, above which it is a probable mistake."""
 
 
+LITTLE = 1e-3
+"""Share of the variance that outputs may lose by a suggested lower cutoff."""
+
+FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
+"""Cutoffs, relative to those of the study, whose losses are computed."""
+
 NONE = "its linear response is zero"
 
 UNITS = {"distance": "cycle/m", "time": "Hz"}
@@ -66,27 +72,39 @@ class LostVariance:
         lossy = {name: p for name, p in sorted(found.items()) if math.isfinite(p.variance) and p.lost_variance}
         if not lossy or not expressions:
             return
-        shares, unknown = _lost_shares(mechanism, expressions, float(study.times[0]))
+        every, unknown = _lost_shares(mechanism, expressions, float(study.times[0]))
+        shares = {output: found[0] for output, found in every.items()}
         parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
         parts += [f"an unknown part of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
         much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
+        advice = "Give the process a higher cutoff=, or a spectrum with a band" if much else ""
+        if not much and not unknown and (lower := _lower_cutoff(list(every.values()))) is not None:
+            factor, loss = lower
+            names = " and ".join(f"{_rounded(p, factor):g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items())
+            lost = f"{max(100 * loss, 1e-3):.2g} %"
+            advice = (
+                f"A lower cutoff= needs fewer steps: with {names}, no output loses more than {lost} of its variance"
+            )
         ends = [f"{p.sampled_band[1] / (2 * math.pi):.4g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items()]
         yield uqmbd.extend.Finding(
             uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
             f"random process {next(iter(lossy))!r}",
             f"sampled paths of random processes end at a frequency ({', '.join(ends)}); without the higher "
             f"frequencies, the variances of the linear response at the means lack {', '.join(parts)}",
-            "Give the process a higher cutoff=, or a spectrum with a band" if much else "",
+            advice,
         )
 
 
 @uqmbd.extend.linear_output(power=0)
-def _lost_share(system: LinearSystem) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the share of the variance above the highest frequencies of the sampled paths; -1 without a variance."""
+def _lost_share(system: LinearSystem, factor: float) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the share of the variance above the highest frequencies of sampled paths, times a factor.
+
+    The share is -1 without a variance.
+    """
     whole, reasons = moments(system, (0,))
     sources = [channel.source for channel in system.channels]
     own = [k for k, p in enumerate(sources) if math.isfinite(p.variance) and p.lost_variance]
-    tails = tuple(replace(system.channels[k], source=_tail(sources[k])) for k in own)
+    tails = tuple(replace(system.channels[k], source=_tail(sources[k], factor)) for k in own)
     lost, more = moments(replace(system, b=system.b[:, :, own], e=system.e[:, :, own], channels=tails), (0,))
     with np.errstate(all="ignore"):
         share = np.where(whole[0] == 0, -1.0, lost[0] / whole[0])
@@ -108,11 +126,27 @@ def _percent(share: float) -> str:
     return "below 0.001 %" if share < 1e-5 else f"{100 * share:.2g} %"
 
 
-def _tail(process: RandomProcess) -> RandomProcess:
-    """Return the process of the frequencies above the sampled frequencies."""
+def _rounded(process: RandomProcess, factor: float) -> float:
+    """Return a lower cutoff, Hz or cycle/m, rounded up to two digits."""
+    value = factor * process.sampled_band[1] / (2 * math.pi)
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit
+
+
+def _lower_cutoff(every: list[list[float]]) -> tuple[float, float] | None:
+    """Return the lowest factor of the cutoffs at which all outputs lose little, and the loss; None if there is none."""
+    losses = [max(column) for column in zip(*every, strict=True)]
+    found = [(factor, loss) for factor, loss in zip(FACTORS, losses, strict=True) if factor < 1 and loss <= LITTLE]
+    return found[-1] if found else None
+
+
+def _tail(process: RandomProcess, factor: float) -> RandomProcess:
+    """Return the process of the frequencies above the sampled frequencies, times a factor."""
     angular: Any = "rad/s" if process.over == "time" else "rad/m"
     function = _Density("".join(process.description.values()), process)
-    density = PowerSpectralDensity(function, "two", angular, (process.sampled_band[1], process.band[1]))
+    density = PowerSpectralDensity(
+        function, "two", angular, (max(factor * process.sampled_band[1], process.band[0]), process.band[1])
+    )
     return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None)
 
 
@@ -131,26 +165,28 @@ def _expressions_over_time(mechanism: Any) -> list[tuple[str, Any]]:
 
 def _lost_shares(
     mechanism: Any, expressions: list[tuple[str, Any]], time: float
-) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the largest lost share of the variance by name at the means, and reasons for unknown shares.
+) -> tuple[dict[str, list[float]], dict[str, str]]:
+    """Return the largest lost shares of the variance by name at the means, one for each factor, and missing ones.
 
     The reason is an empty text if the linear response of an expression is zero.
     """
-    shares: dict[str, float] = {}
+    shares: dict[str, list[float]] = {}
     unknown: dict[str, str] = {}
     for name, expression in expressions:
         seen = copy.copy(mechanism)
         seen.outputs, seen.scalars, seen.requirements, seen.margins, seen._memory = {}, {}, {}, {}, {}
         try:
-            seen.output("share", _lost_share(expression))
-            share = float(uqmbd.simulate(seen, [time, time + 1.0])["share"])
+            for number, factor in enumerate(FACTORS):
+                seen.output(f"share {number}", _lost_share(expression, factor))
+            found = uqmbd.simulate(seen, [time, time + 1.0])
+            share = [float(found[f"share {number}"]) for number in range(len(FACTORS))]
         except (uqmbd.StudyError, uqmbd.AssemblyError, uqmbd.IntegrationError) as error:
             unknown[name] = str(error).rstrip(".")
             continue
-        if share < 0:
+        if share[0] < 0:
             unknown[name] = ""
         else:
-            shares[name] = max(share, shares.get(name, 0.0))
+            shares[name] = [max(pair) for pair in zip(share, shares.get(name, share), strict=True)]
     return {name: share for name, share in shares.items() if name not in unknown}, unknown
 
 

@@ -30,8 +30,29 @@ class VarianceSection:
         for label, data in _shares(tree):
             shown = label if len(methods(tree)) > 1 else ""
             parts = [data.sel(output=name) for name in data["output"].values]
-            found += [_chart(shown, one) for one in parts] if "time" in data.dims else [_table(shown, parts)]
+            if "time" in data.dims:
+                found += [_chart(shown, one) for one in parts]
+            else:
+                moved = [one for one in parts if _depends_on_paths(one)]
+                found += [_table(shown, moved)] if moved else []
+                if fixed := [str(one["output"].item()) for one in parts if not _depends_on_paths(one)]:
+                    found.append(f"<p>{html.escape(_without_paths(shown, fixed))}</p>")
         return "\n".join(found)
+
+
+def _depends_on_paths(one: xr.Dataset) -> bool:
+    """Return whether the variance of an output without a time is due to sampled paths, also in part."""
+    origins = ["paths", "both"]
+    return bool(
+        one["variance_share"].sel(origin=origins).any() or one["variance_share_interval"].sel(origin=origins).any()
+    )
+
+
+def _without_paths(label: str, names: list[str]) -> str:
+    """Return a sentence on outputs that do not depend on sampled paths."""
+    listed = names[0] if len(names) == 1 else f"{len(names)} outputs, from {names[0]} to {names[-1]}"
+    method = f" ({label})" if label else ""
+    return f"Scalar outputs that do not depend on the sampled paths{method}: {listed}."
 
 
 def _shares(tree: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:

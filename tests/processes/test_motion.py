@@ -14,6 +14,7 @@ from uqmbd_processes import (
     CommonPaths,
     PowerSpectralDensity,
     RandomProcess,
+    crossing_rate,
     exponential_covariance,
     iso8608,
     stationary_std,
@@ -25,6 +26,9 @@ from uqmbd_springs import PointForce, RadialTyre, SpringDamper
 MASS, STIFFNESS, DAMPING = 1.0, 36.0, 2.4
 CORRELATION = 0.5
 """Correlation time of the force, s."""
+
+FIRST_PASSAGES = 16_000
+"""Number of motions of the first passage."""
 
 
 def force(**options):
@@ -59,8 +63,11 @@ def test_sampled_motions_have_the_stationary_deviation():
     assert np.abs(found / expected - 1).max() < 4 / np.sqrt(2 * 800 * 6)
 
 
-def discretised(level, end, step, count, seed):
-    """Return whether the position exceeds a level, for exactly discretised motions at many times, from rest."""
+def discretised(levels, times, step, count, seed, *, stationary=False):
+    """Return exceedances (level, time) and upward crossings per s (level,) of exactly discretised motions.
+
+    A motion begins at rest, or in the stationary state, and counts as exceeded from the first passage of a level on.
+    """
     rate = 1 / CORRELATION
     a = np.array([[0, 1, 0], [-STIFFNESS / MASS, -DAMPING / MASS, 1 / MASS], [0, 0, -rate]])
     noise = np.zeros((3, 3))
@@ -69,29 +76,55 @@ def discretised(level, end, step, count, seed):
     block = scipy.linalg.expm(step * np.block([[-a, noise], [np.zeros((3, 3)), a.T]]))
     transition = block[3:, 3:].T
     root = np.linalg.cholesky(transition @ block[:3, 3:])
-    generator = np.random.default_rng(seed)
-    state = np.zeros((count, 3))
-    state[:, 2] = 3.0 * generator.standard_normal(count)
-    above = np.zeros(count, dtype=bool)
-    for _ in range(round(end / step)):
-        state = state @ transition.T + generator.standard_normal((count, 3)) @ root.T
-        above |= state[:, 0] > level
-    return above.mean()
+    exceeded, crossings, each = np.zeros((len(levels), len(times))), np.zeros(len(levels)), 50_000
+    for begin in range(0, count, each):
+        generator = np.random.default_rng((seed, begin))
+        state = np.zeros((each, 3))
+        state[:, 2] = 3.0 * generator.standard_normal(each)
+        if stationary:
+            start = np.linalg.cholesky(scipy.linalg.solve_continuous_lyapunov(a, -noise))
+            state = generator.standard_normal((each, 3)) @ start.T
+        ever = np.zeros((len(levels), each), dtype=bool)
+        for number in range(1, round(times[-1] / step) + 1):
+            before = state[:, 0]
+            state = state @ transition.T + generator.standard_normal((each, 3)) @ root.T
+            for k, level in enumerate(levels):
+                above = state[:, 0] > level
+                ever[k] |= above
+                crossings[k] += np.count_nonzero(above & (before <= level))
+            for i in np.flatnonzero(np.abs(times - number * step) < step / 2).tolist():
+                exceeded[:, i] += ever.sum(axis=1)
+    return exceeded / count, crossings / count / times[-1]
 
 
 @pytest.mark.slow
 def test_first_passage_probability():
-    """Probability that a level is exceeded within ten seconds, against 100,000 motions of exact discretisation."""
-    level, end = 0.25, 10.0
+    """Probability that a level is exceeded at any time before, against 1,000,000 exactly discretised motions."""
+    levels, times = [0.2, 0.25, 0.3], np.linspace(0, 10.0, 21)
     mechanism, body = oscillator(force(cutoff=30.0))
-    mechanism.output("position", body.position[0], units="m")
-    mechanism.require("near", body.position[0] <= 1.0 + level)
-    node = run(mechanism, 4000, np.linspace(0, end, 101))
-    found = float(node["requirements"]["violation_probability"].sel(requirement="near"))
-    expected = discretised(level, end, 0.005, 100_000, 3)
-    assert 0.1 < expected < 0.9
-    error = np.sqrt(expected * (1 - expected) * (1 / 4000 + 1 / 100_000))
-    assert abs(found - expected) < 3 * error + 0.003, (found, expected, error)
+    for level in levels:
+        mechanism.require(f"below {level}", body.position[0] <= 1.0 + level)
+    node = run(mechanism, FIRST_PASSAGES, times)
+    found = node["requirements"]["violated_by"].transpose("requirement", "time").values
+    expected, _ = discretised(levels, times, 0.005, 1_000_000, 3)
+    assert 0.05 < expected[-1, -1] < 0.3 and expected[0, -1] > 0.5
+    error = np.sqrt(expected * (1 - expected) * (1 / FIRST_PASSAGES + 1e-6))
+    # crossings between the steps of the reference add up to 0.002
+    assert (np.abs(found - expected) <= 4 * error + 0.002).all(), (found, expected)
+
+
+@pytest.mark.slow
+def test_the_crossing_rate_is_that_of_a_million_motions():
+    levels = [0.0, 0.1, 0.2, 0.3]
+    mechanism, body = oscillator(force())
+    for number, level in enumerate(levels):
+        mechanism.output(f"rate {number}", crossing_rate(body.position[0], 1.0 + level), units="1/s")
+    found = uqmbd.simulate(mechanism, [0, 1])
+    _, expected = discretised(levels, np.array([1.0]), 0.005, 1_000_000, 5, stationary=True)
+    # at most 1.2 crossings per s: the variance of the number is below its mean
+    error = np.sqrt(expected / 1_000_000)
+    rates = np.array([float(found[f"rate {number}"]) for number in range(len(levels))])
+    assert (np.abs(rates / expected - 1) <= 4 * error / expected + 2e-3).all(), (rates, expected)
 
 
 @pytest.mark.slow
@@ -191,6 +224,27 @@ def test_the_loss_of_requirements_and_summaries_is_stated():
         lambda m, body: m.output("x", uqmbd.first_time(body.acceleration[0] > 20)),
     ):
         assert finding(declare).split("lack ")[1] == expected
+
+
+def test_a_lower_cutoff_with_its_loss_is_suggested():
+    """The suggested cutoff is accepted, and its loss is that of the suggestion."""
+
+    def finding(cutoff):
+        mechanism, body = oscillator(force(cutoff=cutoff))
+        mechanism.output("position", body.position[0], units="m")
+        study = uqmbd.Study("s", mechanism, [0.0, 1.0], [MonteCarlo(samples=2)])
+        (found,) = [x for x in uqmbd.findings(study) if "sampled paths" in x.message]
+        return found
+
+    remedy = finding(200.0).remedy
+    cutoff = float(remedy.split("with ")[1].split(" Hz")[0])
+    suggested = float(remedy.split("more than ")[1].split(" %")[0])
+    assert 2.0 < cutoff < 15.0 and 0.001 <= suggested <= 0.1
+    stated = finding(cutoff).message.split("lack ")[1].split(" of ")[0]
+    share = 0.001 if stated.startswith("below") else float(stated.removesuffix(" %"))
+    # the cutoff is rounded up
+    assert 0.7 * suggested <= share <= 1.01 * suggested
+    assert finding(0.8).remedy.startswith("Give the process a higher cutoff")
 
 
 def test_white_noise_has_no_path():
