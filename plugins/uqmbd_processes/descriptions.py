@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import uqmbd
 
-__all__ = ["GIVEN", "check_family", "describe_function", "describe_options"]
+__all__ = ["GIVEN", "check_family", "describe_function", "describe_options", "refuse_arithmetic"]
 
 GIVEN = ("psd", "covariance", "filter", "record")
 """Descriptions of processes, one of which is given."""
@@ -59,3 +59,12 @@ def check_family(sources: Sequence[Any]) -> None:
                 f"random process {sources[0].family!r}: {sources[0].name!r} and {other.name!r} differ in {listed}; "
                 "expected points of one process. Give processes with other options different names."
             )
+
+
+def refuse_arithmetic(process: Any) -> NoReturn:
+    """Raise the error of a process that an expression contains without its argument."""
+    argument = "20 * uqmbd.t" if process.over == "distance" else "uqmbd.t"
+    raise uqmbd.StudyError(
+        f"random process {process.name!r}: an expression contains the process without its argument; call it, such as "
+        f"{process.name}({argument})."
+    )

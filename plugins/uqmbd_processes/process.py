@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.laws import distance
 from uqmbd_processes.densities import PowerSpectralDensity, check_density, common_units, largest_power
-from uqmbd_processes.descriptions import GIVEN, describe_function, describe_options
+from uqmbd_processes.descriptions import GIVEN, describe_function, describe_options, refuse_arithmetic
 from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
 from uqmbd_processes.filters import ExponentialCovariance, ShapingFilter, check_positive, shaping_filter
 from uqmbd_processes.paths import LineSpectrum, draw_splines, line_powers, line_spectrum
@@ -406,11 +406,7 @@ class RandomProcess:
         return value + sympy.Float(self.mean) if self.mean else value
 
     def _without_argument(self, other: Any = None) -> NoReturn:
-        argument = "20 * uqmbd.t" if self.over == "distance" else "uqmbd.t"
-        raise uqmbd.StudyError(
-            f"random process {self.name!r}: an expression contains the process without its argument; call it, such as "
-            f"{self.name}({argument})."
-        )
+        refuse_arithmetic(self)
 
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _without_argument
     __pow__ = __neg__ = _without_argument

@@ -132,10 +132,7 @@ def _unmoved(system: LinearSystem, variance: Array, reasons: list[str]) -> list[
 
 def _without_mean(system: LinearSystem, reasons: list[str]) -> list[str]:
     """Return the reasons, including a reason for responses whose mean changes."""
-    text = (
-        f"the mean of {system.name} changes during the steady motion, so that levels and maxima are not defined; use a "
-        "quantity with a constant mean"
-    )
+    text = f"the mean of {system.name} changes during the steady motion; levels and maxima need a constant mean"
     unknown = np.isnan(system.mean).tolist()
     return [reason or (text if lost else "") for reason, lost in zip(reasons, unknown, strict=True)]
 
