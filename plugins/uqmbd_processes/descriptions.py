@@ -61,7 +61,7 @@ def check_family(sources: Sequence[Any]) -> None:
             )
 
 
-def refuse_arithmetic(process: Any) -> NoReturn:
+def refuse_arithmetic(process: Any, other: Any = None) -> NoReturn:
     """Raise the error of a process that an expression contains without its argument."""
     argument = "20 * uqmbd.t" if process.over == "distance" else "uqmbd.t"
     raise uqmbd.StudyError(

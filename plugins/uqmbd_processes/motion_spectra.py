@@ -223,8 +223,8 @@ def estimated_psd(
     -----
     A run of the length T after `skip` has ``K = floor(2 T / L) - 1`` segments. For a Gaussian motion whose density is
     constant within 2 / L, the relative standard error of the estimate is ``sqrt((1 + (1 - 1 / K) / 18) / K)``
-    [1]_. At a resonance with the half-power bandwidth B, the estimate is too small by 40 % for ``L = 1 / B``, 19 % for
-    ``2 / B``, 7 % for ``4 / B``, 2 % for ``8 / B`` and 0.5 % for ``16 / B``. Fourier integrals over the motion replace
+    [1]_. At a resonance with the half-power bandwidth B, the estimate is too small: by 40 % for ``L = 1 / B`` and by
+    7 % for ``L = 4 / B``. The bias is 0.5 % for ``L = 16 / B``. Fourier integrals over the motion replace
     sums over samples: the estimate does not depend on output times, and there are no aliases and no highest frequency.
 
     References

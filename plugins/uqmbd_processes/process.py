@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 import sympy
@@ -405,11 +405,8 @@ class RandomProcess:
         value = uqmbd.extend.excitation(self, uqmbd.t if argument is None else argument)
         return value + sympy.Float(self.mean) if self.mean else value
 
-    def _without_argument(self, other: Any = None) -> NoReturn:
-        refuse_arithmetic(self)
-
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _without_argument
-    __pow__ = __neg__ = _without_argument
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = refuse_arithmetic
+    __pow__ = __neg__ = refuse_arithmetic
 
     @cached_property
     def description(self) -> dict[str, str]:
