@@ -37,7 +37,7 @@ __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
 
 ITERATIONS = 200
 BLOCK, LARGEST_BLOCK, NUMBERS = 256, 4096, 1 << 21
-"""Least and largest number of realisations in a group, and number of entries of its matrices that limits larger groups."""
+"""Least and largest number of realisations in a group; entries of matrices that limit groups above the least."""
 
 TURN = 0.15
 """Largest change of an entry of a quaternion in one step: a rotation by 0.3 rad."""

@@ -60,7 +60,7 @@ PRESCRIBED = "a random process prescribes a speed, or a constraint contains a st
 
 
 @dataclass(frozen=True)
-class _Linearised:
+class _LinearisedStates:
     """States about which the motion is linearised: of K realisations at rest, or at K times of one steady motion."""
 
     values: Array  # inputs (K, input)
@@ -149,7 +149,7 @@ class LinearMap:
         found: tuple[Array, Sequence[str]] = declared.function(system, *numbers)
         return found
 
-    def _systems(self, model: Model, points: _Linearised) -> Callable[[int], LinearSystem] | str:
+    def _systems(self, model: Model, points: _LinearisedStates) -> Callable[[int], LinearSystem] | str:
         """Return a function from the number of an expression to its linear system, or the reason why there is none."""
         q, s, v, time, count = points.q, points.s, points.v, points.time, len(self.sources)
         speed, offset = np.split(self.arguments(points.values), 2, axis=1)
@@ -233,22 +233,22 @@ class LinearMap:
         return system
 
 
-def _at_rest(ensemble: Batch, q: Array, s: Array) -> _Linearised:
+def _at_rest(ensemble: Batch, q: Array, s: Array) -> _LinearisedStates:
     """Return poses at rest (K, coordinate), (K, state)."""
     model, v = ensemble.model, np.zeros_like(q)
     time = np.full(len(q), model.time)
-    return _Linearised(
+    return _LinearisedStates(
         ensemble.values, ensemble.block, time, q, s, v, v, _multipliers(model, q, s, v, time, ensemble.block)
     )
 
 
-def _in_motion(one: Batch, screws: Screws, frames: SteadyFrames) -> _Linearised:
+def _in_motion(one: Batch, screws: Screws, frames: SteadyFrames) -> _LinearisedStates:
     """Return the states of a steady motion at its examined times."""
     model, count = one.model, len(frames.times)
     q, v, a, s, _ = (np.array(x) for x in zip(*map(screws.at, frames.times), strict=True))
     values, block = (np.repeat(x, count, axis=0) for x in (one.values, one.block))
     time = model.time + np.array(frames.times)
-    return _Linearised(values, block, time, q, s, v, a, _multipliers(model, q, s, v, time, block), frames)
+    return _LinearisedStates(values, block, time, q, s, v, a, _multipliers(model, q, s, v, time, block), frames)
 
 
 def _multipliers(model: Model, q: Array, s: Array, v: Array, time: Array, block: Array) -> Array:
