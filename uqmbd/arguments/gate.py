@@ -11,11 +11,12 @@ import textwrap
 import types
 import typing
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 
-from uqmbd.arguments.annotations import fits, is_array_type
+from uqmbd.arguments.annotations import fits, fitting_types, is_array_type
 from uqmbd.arguments.expected import refusal, shown
 from uqmbd.errors import StudyError
 from uqmbd.names import check_arguments
@@ -92,17 +93,21 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
     what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     bound = next(iter(signature.parameters), "") in ("self", "cls")
     kinds = functools.cache(lambda: _annotations(function, signature, owner))
+    plain = _Plain.of(signature)
 
     @functools.wraps(function)
     def call(*arguments: Any, **keywords: Any) -> Any:
-        try:
-            bind = signature.bind(*arguments, **keywords)
-        except TypeError:
-            check_arguments(what, signature, arguments, keywords, bound=bound)
-            raise
-        given = bind.arguments
-        for name, declared, parameter in kinds():
-            if name not in given:
+        given: Any = None if plain is None else plain.bound(arguments, keywords)
+        bind = None
+        if given is None:
+            try:
+                bind = signature.bind(*arguments, **keywords)
+            except TypeError:
+                check_arguments(what, signature, arguments, keywords, bound=bound)
+                raise
+            given = bind.arguments
+        for name, declared, parameter, fitting in kinds():
+            if name not in given or type(given[name]) in fitting:
                 continue
             if isinstance(given[name], (list, tuple)) and is_array_type(declared):
                 with contextlib.suppress(TypeError, ValueError):  # rows of different lengths are not an array
@@ -116,7 +121,7 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
                 if not fits(entry, declared):
                     raise StudyError(f"{what}: {refusal(name, entry, declared)}")
         try:
-            return function(*bind.args, **bind.kwargs)
+            return function(**given) if bind is None else function(*bind.args, **bind.kwargs)
         except np.exceptions.AxisError as error:
             if "axis" not in given:
                 raise
@@ -132,14 +137,43 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
     return call
 
 
+@dataclass(frozen=True)
+class _Plain:
+    """Parameters of a signature that are all named; arguments are assigned without `inspect.Signature.bind`."""
+
+    positional: tuple[str, ...]
+    names: frozenset[str]
+    required: frozenset[str]
+
+    @classmethod
+    def of(cls, signature: inspect.Signature) -> _Plain | None:
+        """Return the parameters, or None if some are not named."""
+        every = signature.parameters.values()
+        if any(p.kind not in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) for p in every):
+            return None
+        positional = tuple(p.name for p in every if p.kind is p.POSITIONAL_OR_KEYWORD)
+        required = frozenset(p.name for p in every if p.default is p.empty)
+        return cls(positional, frozenset(signature.parameters), required)
+
+    def bound(self, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> dict[str, Any] | None:
+        """Return the arguments by name; None if they do not fit the signature."""
+        if len(arguments) > len(self.positional):
+            return None
+        given = dict(zip(self.positional, arguments, strict=False))
+        if not (keywords.keys().isdisjoint(given) and keywords.keys() <= self.names):
+            return None
+        given.update(keywords)
+        return given if self.required <= given.keys() else None
+
+
 class _Absent:
     """Class without instances; replaces a class of a package that is not loaded."""
 
 
 def _annotations(
     function: Any, signature: inspect.Signature, owner: type | None
-) -> list[tuple[str, Any, inspect.Parameter]]:
-    """Return names, annotations and parameters of the annotated arguments of a function."""
+) -> list[tuple[str, Any, inspect.Parameter, frozenset[type]]]:
+    """Return names, annotations, parameters and always fitting types of the annotated arguments of a function."""
     found = []
     names: dict[str, Any] | None = None
     # a wrapper, for example by `contextlib.contextmanager`, has the globals of another module
@@ -162,7 +196,8 @@ def _annotations(
                         f"{error}. Import the name in the module {function.__module__}."
                     ) from None
         if declared is not parameter.empty and declared is not Any and not isinstance(declared, TypeVar):
-            found.append((name, declared, parameter))
+            single = parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+            found.append((name, declared, parameter, fitting_types(declared) if single else frozenset()))
     return found
 
 

@@ -30,6 +30,7 @@ from uqmbd.isolation import reason_of
 from uqmbd.progress import Silent
 from uqmbd.propagation.execution import AGAIN, Realisations, integrated_by
 from uqmbd.propagation.problem import Problem
+from uqmbd.results.schema import united
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
@@ -185,7 +186,7 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
         name: (mean.dims, np.where(np.isfinite(mean.values), error, np.nan), {"long_name": about, **attrs})
         for (name, about), error in zip(LONG_NAMES.items(), found, strict=True)
     }
-    node.children["statistics"].dataset = statistics.assign(stated)
+    node.children["statistics"].dataset = united(statistics.assign(stated), copy=False)
     return node
 
 

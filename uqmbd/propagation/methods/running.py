@@ -330,11 +330,14 @@ def _run(propagator: Propagator, problem: Problem, check: bool, announced: str =
         node = with_integration_error(node, problem) if check else node
     progress.end()
     statistics = node.children["statistics"]
-    seen = verified_std(node, statistics["std"].shape)
-    # the dataset is replaced in place, because a tree copies inserted nodes
-    statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, seen)
+    held = bool(stored_surrogates(node))
+    seen = verified_std(node, problem.labels.shape) if held else None
+    data = statistics.to_dataset(inherit=False)
+    if (found := settled(data, problem.rtol, seen)) is not data:
+        # the dataset is replaced in place, because a tree copies inserted nodes
+        statistics.dataset = found
     # intervals of probabilities include the error of the surrogate
-    if problem.kind != "requirements" and (stored_surrogates(node) or "verification_error" in statistics):
+    if problem.kind != "requirements" and (held or "verification_error" in statistics.data_vars):
         about = problem.label, problem.rtol, problem.runner.observed.extent
         warn_of_surrogates(node, *about, timeless=problem.timeless)
     return node

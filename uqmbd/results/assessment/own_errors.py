@@ -192,11 +192,12 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     (100, [[0.05, 0.1]], [0.155])
     """
     statistics = node.children["statistics"].to_dataset()
-    mean, std = over_time(statistics["mean"].values), over_time(statistics["std"].values)
+    variables = statistics.variables
+    mean, std = over_time(variables["mean"].values), over_time(variables["std"].values)
     noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
     count, replicates = _design(node)
     errors = [
-        np.nan_to_num(over_time(statistics[name].values), nan=np.inf) if noisy else np.zeros_like(mean)
+        np.nan_to_num(over_time(variables[name].values), nan=np.inf) if noisy else np.zeros_like(mean)
         for name in ("std_error_mean", "std_error_std")
     ]
     noise = _before_widening(statistics, errors, count, replicates) if noisy else errors
@@ -213,14 +214,14 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         stated_at = np.nan_to_num(stated_at, nan=unknown) + relative
     if noisy and not drawn:
         # the standard errors of a method without samples are its stated error
-        times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
+        times = variables["time"].values if "time" in statistics.dims else np.zeros(1)
         own, scale = _over_known(1.96 * larger, std, times, np.isfinite(std) & np.isfinite(larger))
         stated = np.where(scale == 0, 0.0, np.hypot(np.nan_to_num(stated, nan=unknown), own / divisor(scale)))
     plain = noisy and not replicates and "variance_reduction" not in statistics
     return OwnError(
         mean=mean,
         std=std,
-        kurtosis=over_time(statistics["kurtosis"].values) if "kurtosis" in statistics else np.full_like(std, 3.0),
+        kurtosis=over_time(variables["kurtosis"].values) if "kurtosis" in statistics else np.full_like(std, 3.0),
         noise_mean=noise[0],
         noise_std=noise[1],
         bias=bias,
@@ -263,9 +264,9 @@ def _before_widening(statistics: xr.Dataset, errors: list[Array], count: int, re
         return [error / studentised(replicates) for error in errors]
     if count < 2 or not {"skewness", "kurtosis"} <= set(statistics.data_vars):
         return errors
-    std, skewness, kurtosis = (over_time(statistics[name].values) for name in ("std", "skewness", "kurtosis"))
+    std, skewness, kurtosis = (over_time(statistics.variables[name].values) for name in ("std", "skewness", "kurtosis"))
     # an output that does not occur in some realisations has fewer samples
-    share = over_time(statistics["censored"].values) if "censored" in statistics else np.zeros((1, 1))
+    share = over_time(statistics.variables["censored"].values) if "censored" in statistics else np.zeros((1, 1))
     there = np.maximum(np.rint((1.0 - share) * count), 2.0)
     widened, usual = independent_errors(std, skewness, kurtosis, there), usual_errors(std, kurtosis, there)
     found = []
@@ -361,7 +362,7 @@ def _orders(surrogates: Sequence[StoredSurrogate], outputs: int) -> tuple[int | 
 def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
     if "samples" not in node.children:
         return None
-    data = node.children["samples"].to_dataset()
+    data = node.children["samples"].to_dataset(inherit=False).variables
     fine = np.flatnonzero(data["status"].values == Status.OK)[:MOST_SAMPLES]
     response = data["response"].isel(sample=fine).values.reshape(len(fine), *shape)
     return response if len(fine) > 1 else None

@@ -34,7 +34,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.axes import Labels, fixed_width
 from uqmbd.results.schema.stated import StatedError, stated_variables
-from uqmbd.results.schema.units import united
+from uqmbd.results.schema.units import as_text, united
 from uqmbd.results.schema.values import EVERY, real_numbers
 from uqmbd.status import Status
 
@@ -213,7 +213,7 @@ def sample_dataset(
     }
     # rows along another dimension cannot be mistaken for draws
     row = "node" if kind == "nodes" else "sample"
-    return united(
+    return _labelled(
         xr.Dataset(
             {
                 "response": (
@@ -368,7 +368,12 @@ def statistics_dataset(
         coords |= {"bound": ("bound", fixed_width(("lower", "upper")))}
     if any(value is not None for value in by_input.values()):
         coords |= labels.input_coords()
-    return united(xr.Dataset(variables, coords=coords))
+    return _labelled(xr.Dataset(variables, coords=coords))
+
+
+def _labelled(fresh: xr.Dataset) -> xr.Dataset:
+    """Return a dataset that was just made, with units and types of texts."""
+    return as_text(united(fresh, copy=False), copy=False)
 
 
 def check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:

@@ -30,6 +30,7 @@ __all__ = [
     "propagator_node",
     "propagator_nodes",
     "total_realisations",
+    "tree_of",
 ]
 
 NOT_METHODS = ("comparison", "convergence", "motion", "pose_surrogate")
@@ -126,18 +127,45 @@ def propagator_node(
     if seed is not None:
         provenance["seed"] = int(seed)
     datasets = {"/": xr.Dataset(attrs=provenance | dict(attrs or {})), "statistics": statistics}
-    return xr.DataTree.from_dict(datasets | stored | dict(children or {}), name=label)
+    return tree_of(datasets | stored | dict(children or {}), name=label)
+
+
+def tree_of(datasets: Mapping[str, xr.Dataset], name: str | None = None) -> xr.DataTree:
+    """Return a tree of datasets by path, ``/`` for the root, as `xarray.DataTree.from_dict` with fewer copies.
+
+    >>> list(tree_of({"/": xr.Dataset(), "scalars/statistics": xr.Dataset()}).to_dict())
+    ['/', '/scalars', '/scalars/statistics']
+    """
+    nodes = {path.strip("/"): data for path, data in datasets.items()}
+    for path in list(nodes):
+        while path := path.rpartition("/")[0]:
+            nodes.setdefault(path, xr.Dataset())
+    made = {"": xr.DataTree(nodes.pop("", None), name=name)}
+    made |= {path: xr.DataTree(data) for path, data in nodes.items()}
+    below: dict[str, dict[str, xr.DataTree]] = {}
+    for path in nodes:
+        parent, _, child = path.rpartition("/")
+        below.setdefault(parent, {})[child] = made[path]
+    for path in sorted(below, key=lambda path: path.count("/") + bool(path)):
+        made[path].children = below[path]
+    return made[""]
 
 
 @typechecked
 def join_nodes(
-    nodes: Iterable[xr.DataTree], *, study: str, mechanism: str, attrs: Mapping[str, Any] | None = None
+    nodes: Iterable[xr.DataTree],
+    *,
+    study: str,
+    mechanism: str,
+    attrs: Mapping[str, Any] | None = None,
+    further: Mapping[str, xr.Dataset] | None = None,
 ) -> xr.DataTree:
     """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`.
 
     `nodes`: propagator nodes from `propagator_node`, with unique names; `study`, `mechanism`: names of study and
-    mechanism; `attrs`: further attributes of the root. The result contains a child for each node, and the version of
-    the schema. Raise StudyError if two nodes have the same name.
+    mechanism; `attrs`: further attributes of the root; `further`: further datasets by path.
+    The result contains a child for each node, and the version of the schema. Raise StudyError if two nodes have the
+    same name.
 
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
@@ -169,7 +197,7 @@ def join_nodes(
                 # nodes of earlier versions, or without a run, may lack reasons
                 data, _ = with_default_reasons(data, end=end)
             datasets[f"{label}/{path}".rstrip("/")] = as_text(united(data)) if data.data_vars else data
-    return xr.DataTree.from_dict(datasets)
+    return tree_of(datasets | dict(further or {}))
 
 
 @typechecked

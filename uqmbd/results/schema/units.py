@@ -7,7 +7,7 @@ states them. If they are equal, or one output is selected, the attribute states 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -108,35 +108,35 @@ def units_of(variable: xr.DataArray) -> str | None:
     >>> units_of(both["std"]), units_of(both["variance"].sel(output="x")), units_of(both["kurtosis"])
     ('', 'm^2', '1')
     """
-    return _one_unit(str(variable.name), {str(name): one.variable for name, one in variable.coords.items()})
+    coords = {str(name): _texts(one.variable) for name, one in variable.coords.items() if str(name).endswith("_units")}
+    return _one_unit(str(variable.name), coords)
 
 
-def _one_unit(name: str, coordinates: Mapping[str, xr.Variable]) -> str | None:
-    """Return the one unit of a variable by its name and coordinates; see :func:`units_of`."""
+def _one_unit(name: str, coordinates: Mapping[str, Sequence[str]]) -> str | None:
+    """Return the one unit of a variable by its name and coordinates of units; see :func:`units_of`."""
     role = _ROLE.get(name)
     if role is None:
         return None
     if role in ("1", "s"):
         return role
     kind, _, rest = role.partition(" ")
-    given = coordinates.get(f"{kind}_units")
-    if given is None:
+    first = coordinates.get(f"{kind}_units")
+    if first is None:
         return None
-    first = _texts(given)
     if rest == "** 2":
         return _one(product_of_units(units, power=2) for units in first)
     if rest == "/ s":
         return _one(product_of_units(units, "s") for units in first)
     if rest == "/ input":
-        others = _texts(coordinates["input_units"]) if "input_units" in coordinates else [""]
+        others = coordinates.get("input_units", [""])
         return _one(product_of_units(over, under) for over in first for under in others)
     return _one(first)
 
 
-def united(data: xr.Dataset) -> xr.Dataset:
+def united(data: xr.Dataset, *, copy: bool = True) -> xr.Dataset:
     """Write the unit of each variable of the schema with a single unit into ``attrs["units"]``.
 
-    Variables that are not in the schema keep their attribute.
+    Variables that are not in the schema keep their attribute. Without `copy`, the dataset itself is changed.
 
     >>> import xarray
     >>> data = xarray.Dataset({"mean": ("output", [1.0, 2.0]), "mine": ("output", [1.0, 2.0], {"units": "K"})},
@@ -145,26 +145,29 @@ def united(data: xr.Dataset) -> xr.Dataset:
     {'mean': {'units': 'm'}, 'mine': {'units': 'K'}}
     """
     # variables, because data arrays would select their coordinates each time
-    units = {str(name): data.variables[name] for name in data.coords if str(name).endswith("_units")}
+    known = {str(name): one for name, one in data.variables.items() if str(name).endswith("_units")}
+    units = {name: (set(one.dims), _texts(one)) for name, one in known.items() if name in data.coords}
     changed = {}
     for name, variable in data.variables.items():
         if name not in _ROLE:
             continue
-        own = {key: one for key, one in units.items() if set(one.dims) <= set(variable.dims)}
+        own = {key: texts for key, (dims, texts) in units.items() if dims <= set(variable.dims)}
         unit = _one_unit(str(name), own)
         if unit is not None and unit != variable.attrs.get("units", ""):
             changed[name] = unit
     if not changed:
         return data
-    found = data.copy()
+    found = data.copy() if copy else data
     for name, unit in changed.items():
         attrs = {key: value for key, value in found.variables[name].attrs.items() if key != "units"}
         found.variables[name].attrs = {**attrs, **({"units": unit} if unit else {})}
     return found
 
 
-def as_text(data: xr.Dataset) -> xr.Dataset:
+def as_text(data: xr.Dataset, *, copy: bool = True) -> xr.Dataset:
     """Convert text to the type `string`, because Zarr format 3 does not define fixed-width text.
+
+    Without `copy`, the dataset itself is changed.
 
     >>> import xarray
     >>> as_text(xarray.Dataset(coords={"output": ["x"]}))["output"].encoding
@@ -173,7 +176,7 @@ def as_text(data: xr.Dataset) -> xr.Dataset:
     texts = [name for name, one in data.variables.items() if one.dtype.kind == "U" and one.encoding != {"dtype": "O"}]
     if not texts:
         return data
-    found = data.copy()
+    found = data.copy() if copy else data
     for name in texts:
         found.variables[name].encoding = {"dtype": "O"}
     return found

@@ -71,6 +71,8 @@ def real_numbers(name: str, value: Any, *, copy: bool = True, expected: str = RE
     >>> real_numbers("std", [1, 2]).tolist()
     [1.0, 2.0]
     """
+    if type(value) is np.ndarray and value.dtype == float:
+        return np.array(value) if copy else value
     if np.ma.is_masked(value):
         mask = np.asarray(np.ma.getmaskarray(value), dtype=bool)
         at = tuple(int(k) for k in np.argwhere(mask)[0])
@@ -179,15 +181,17 @@ def check_values(
     names = [name for name in _KNOWN if name in statistics.data_vars and "output" in variables[name].dims]
     for name in names:
         _check_real(variables[name], f"{path}/{name}", statistics)
-    explained = {name: _explained(statistics, name, end, refused) | before for name in names}
+    # most statistics have only finite values in their range, which need no reasons
+    unclear = [name for name in names if name in _INTERVALS or not _plain(name, variables[name].values)]
+    explained = {name: _explained(statistics, name, end, refused) | before for name in unclear}
     # if the mean is unknown with a reason, its integration error may be unknown without a reason
     for name in INTEGRATION_ERRORS if "mean" in explained else ():
         if name in explained:
             explained[name] |= explained["mean"] & np.isnan(variables["mean"].values)
-    for name in names:
+    for name in unclear:
         data, where, values = variables[name], f"{path}/{name}", variables[name].values
         if name in _INTERVALS:
-            _check_order(data, where, data.copy(data=explained[name]), statistics)
+            _check_order(data, where, explained[name], statistics)
         missing, infinite = np.isnan(values), np.isinf(values)
         if name in _MAY_BE_INFINITE:
             infinite = infinite & (values < 0)
@@ -213,13 +217,31 @@ def check_values(
             expected = "the fourth standardised moment (3 for a normal), not the excess"
             refuse(values < 1 - 1e-9, "a value below 1", expected)
     if {"variance", "std"} <= set(names):
-        variance, std = variables["variance"], variables["std"]
-        off = abs(variance - std**2) > 1e-6 * variance + np.finfo(float).tiny
-        off |= variance.isnull() != std.isnull()
-        where, found = f"{path}/variance", "a value that differs from std**2"
-        _refuse(where, off.values, off.dims, statistics, found, "the square of 'std'")
+        _check_variance(variables["variance"], variables["std"], f"{path}/variance", statistics)
     if "quantile" in names:
         _check_quantiles(statistics, path)
+
+
+def _plain(name: str, values: Array) -> bool:
+    """Return whether all values of a statistic are finite and in its range."""
+    if not np.isfinite(values).all():
+        return False
+    if name == "kurtosis":
+        return bool((values >= 1 - 1e-9).all())
+    if name in _SHARES:
+        return bool(((values >= 0) & (values <= 1)).all())
+    return name not in _NOT_NEGATIVE or bool((values >= 0).all())
+
+
+def _check_variance(variance: xr.Variable, std: xr.Variable, where: str, statistics: xr.Dataset) -> None:
+    """Raise StudyError unless the variance is the square of the standard deviation."""
+    if variance.dims == std.dims:
+        square = variance.values
+        if (np.abs(square - std.values**2) <= 1e-6 * square + np.finfo(float).tiny).all():
+            return  # arrays without NaN, whose variables need not be aligned
+    off = abs(variance - std**2) > 1e-6 * variance + np.finfo(float).tiny
+    off |= variance.isnull() != std.isnull()
+    _refuse(where, off.values, off.dims, statistics, "a value that differs from std**2", "the square of 'std'")
 
 
 def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) -> None:
@@ -239,7 +261,7 @@ def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) ->
     ends, probability, error = (variables[n] for n in ("interval", "violation_probability", "std_error"))
     lower, upper = _ends(ends, f"{path}/interval")
     refuse("interval", ~((ends >= 0) & (ends <= 1)), ends.values, "a probability from 0 to 1")
-    _check_order(ends, f"{path}/interval", ends.isnull(), data)
+    _check_order(ends, f"{path}/interval", np.isnan(ends.values), data)
     name, known = "violation_probability", (lower > 0) | (upper < 1)
     if not before:
         refuse(name, probability.isnull() & known, probability.values, "a probability, or the interval from 0 to 1")
@@ -263,10 +285,12 @@ def _ends(data: xr.Variable, where: str) -> tuple[xr.Variable, xr.Variable]:
     return data.isel(bound=0), data.isel(bound=1)
 
 
-def _check_order(data: xr.Variable, where: str, explained: xr.Variable, statistics: xr.Dataset) -> None:
+def _check_order(data: xr.Variable, where: str, explained: Mask, statistics: xr.Dataset) -> None:
     """Raise StudyError if a lower end exceeds its upper end; both may be NaN with a reason."""
     lower, upper = _ends(data, where)
-    bad = ~(lower <= upper) & ~(explained.isel(bound=0) & lower.isnull() & upper.isnull())
+    if (lower.values <= upper.values).all():
+        return
+    bad = ~(lower <= upper) & ~(data.copy(data=explained).isel(bound=0) & lower.isnull() & upper.isnull())
     if bad.values.any():
         at = tuple(np.argwhere(bad.values)[0])
         expected = f"numbers in order; the ends are {lower.values[at]:.6g} and {upper.values[at]:.6g}"
@@ -296,6 +320,10 @@ def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
         _refuse(where, falls, quantile.dims, statistics, found, "rising ones")
     if {"smallest", "largest"} <= set(statistics.data_vars):
         smallest, largest = variables["smallest"], variables["largest"]
+        values = (smallest.values, quantile.values, largest.values)
+        if smallest.dims == largest.dims == quantile.dims[1:] and (values[0] <= values[1]).all():
+            if (values[1] <= values[2]).all():  # arrays without NaN, whose variables need not be aligned
+                return
         off = ~((smallest <= quantile) & (quantile <= largest))
         off &= quantile.notnull() & smallest.notnull() & largest.notnull()
         _refuse(where, off.values, off.dims, statistics, "a quantile that is beyond the samples", "one between them")

@@ -276,7 +276,7 @@ def varying(statistics: xr.Dataset, rtol: Annotated[float, Bounds(0)] = 0.0) -> 
     >>> varying(statistics_dataset(axes, mean=np.ones((2, 2)), std=[[1e-14, 3e-14], [0.0, 0.1]])).tolist()
     [False, True]
     """
-    mean, std = (over_time(statistics[name].values) for name in ("mean", "std"))
+    mean, std = (over_time(statistics.variables[name].values) for name in ("mean", "std"))
     if not std.size:
         return np.zeros(len(std), dtype=bool)
     known = np.isfinite(mean) & np.isfinite(std)
@@ -374,11 +374,12 @@ def integration_error(statistics: xr.Dataset, rtol: float = 0.0) -> Array:
 
 def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     """Return the errors (O, T) of the integration and of rounding."""
-    mean = over_time(statistics["mean"].values)
+    variables = statistics.variables
+    mean = over_time(variables["mean"].values)
     if not mean.size:
         return np.zeros(mean.shape), np.zeros(mean.shape)
     size = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1)
-    units = statistics["output_units"].values if "output_units" in statistics.coords else np.full(len(size), "")
+    units = variables["output_units"].values if "output_units" in variables else np.full(len(size), "")
     kinds, kind = np.unique(units.astype(str), return_inverse=True)
     of_kind = np.zeros(len(kinds))
     np.maximum.at(of_kind, kind, size)
@@ -387,9 +388,9 @@ def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     rounding = np.maximum(ROUNDING * size, ALIKE * alike)
     stated = np.full(mean.shape, np.nan)
     # prefer the root mean square to the bound of the largest error, which is larger
-    named = next((name for name in ("integration_error_rms", "integration_error") if name in statistics), "")
+    named = next((name for name in ("integration_error_rms", "integration_error") if name in variables), "")
     if named:
-        stated = over_time(statistics[named].values)
+        stated = over_time(variables[named].values)
     # outputs in other units determine the rounding error only if the integration error is unknown
     unknown = ~np.isfinite(stated).any(axis=1) & (size <= ANY * largest)
     rounding = np.where(unknown, np.maximum(rounding, ANY * largest), rounding)

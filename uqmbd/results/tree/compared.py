@@ -269,9 +269,9 @@ def study_tree(
     ['comparison', 'mine']
     """
     found = list(nodes)
-    tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
     by_label = {str(node.name): node for node in found}
-    tree["comparison"] = xr.DataTree(
-        as_text(united(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))))
-    )
-    return tree
+    if len(by_label) < len(found):
+        return join_nodes(found, study=study, mechanism=mechanism)  # raises the error of equal labels
+    compared = compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))
+    further = {"comparison": as_text(united(compared, copy=False), copy=False)}
+    return join_nodes(found, study=study, mechanism=mechanism, attrs=attrs, further=further)
