@@ -217,8 +217,9 @@ class Auto:
     def _solve(
         self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
     ) -> IntegratedRealisations:
-        implicit, sundials = is_implicit(ensemble.model), _sundials_is_installed()
-        if not sundials and not implicit:  # the explicit method also integrates stiff realisations, with more steps
+        implicit = is_implicit(ensemble.model)
+        if not (implicit or _sundials_is_installed()):
+            # the explicit method also integrates stiff realisations, with more steps
             return IntegratedRealisations.of(
                 integrate_by_dop853(ensemble, members, times, rtol, patient=True, recording=recording), Dop853.name
             )
@@ -228,6 +229,7 @@ class Auto:
         left = np.array([k for k, why in enumerate(solved.messages) if why and not solved.final[k]], dtype=np.int64)
         if not len(left):
             return found
+        sundials = not implicit or _sundials_is_installed()
         if ensemble.model.controls:
             return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol, recording)
         costly = np.zeros(0, dtype=np.int64)

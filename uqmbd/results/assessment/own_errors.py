@@ -279,7 +279,7 @@ def _design(node: xr.DataTree) -> tuple[int, int]:
     """Return the number of successful samples, and the number of replicates of a design (0: independent samples)."""
     count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
     if "samples" in node.children:
-        status = np.asarray(node.children["samples"].to_dataset()["status"].values)
+        status = np.asarray(node.children["samples"].to_dataset(inherit=False).variables["status"].values)
         successful = int(np.count_nonzero(status == Status.OK))
         # realisations for other purposes, such as Sobol' indices, are not samples
         count = successful if len(status) == _option(node, "samples", len(status)) else max(successful, count)
@@ -391,9 +391,10 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     """
     found = own_error(node, rtol_of(node), dependence=False) if own is None else own
     statistics = node.children["statistics"].to_dataset()
-    times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
+    variables = statistics.variables
+    times = np.asarray(variables["time"].values, dtype=float) if "time" in variables["mean"].dims else None
     sentences = []
-    for o, name in enumerate(str(value) for value in statistics["output"].values):
+    for o, name in enumerate(str(value) for value in variables["output"].values):
         known = np.isfinite(found.std[o])
         stated = found.stated_at[o, known]
         if not found.varies[o]:

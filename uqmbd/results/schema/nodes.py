@@ -110,8 +110,8 @@ def propagator_node(
         if KIND in data.attrs:
             check_kind(data, name, f"propagator_node of {label!r}")
     if failures is None:
-        lost = [~data["status"].isin([Status.OK, Status.CENSORED]) for data in stored.values()]
-        failures = sum(int(one.sum()) for one in lost)
+        status = [np.asarray(data.variables["status"].values) for data in stored.values()]
+        failures = sum(int(np.count_nonzero((x != Status.OK) & (x != Status.CENSORED))) for x in status)
     provenance: dict[str, Any] = {
         "propagator": propagator,
         "label": label,

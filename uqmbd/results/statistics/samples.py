@@ -305,12 +305,13 @@ def statistics_of_samples(
     >>> statistics_of_samples(samples)["mean"].item()
     2.0
     """
+    variables = samples.variables
     axes = Labels(
         outputs=output_infos(samples),
-        inputs=tuple(InputInfo(str(n)) for n in samples["input"].values),
-        times=samples["time"].values if "time" in samples.dims else None,
+        inputs=tuple(InputInfo(str(n)) for n in variables["input"].values),
+        times=variables["time"].values if "time" in samples.dims else None,
     )
-    response, status = samples["response"].values, samples["status"].values
+    response, status = variables["response"].values, variables["status"].values
     about: dict[str, Any] = {"status": status, "independent": independent, "replicates": replicates, "each": each}
     found: dict[str, Any] = dict(sample_statistics(response, probabilities, **about))
     if np.any(axes.turns):
