@@ -72,6 +72,26 @@ def monte_carlo(name: str) -> Callable[[int], Callable[[], Any]]:
     return ready
 
 
+def whole(name: str) -> Callable[[int], Callable[[], Any]]:
+    """Run a whole study with Monte Carlo, including its comparison and result tree."""
+
+    def ready(samples: int) -> Callable[[], Any]:
+        from uqmbd_montecarlo import MonteCarlo
+
+        study = importlib.import_module(name).study.with_propagators((MonteCarlo(samples=samples, seed=1),))
+        return lambda: study.run()
+
+    return ready
+
+
+def reliability(most: int) -> Callable[[], Any]:
+    """Run Reliability of a motor whose speed is random, from the search of design points to the probabilities."""
+    from uqmbd_reliability import Reliability
+
+    study, method = importlib.import_module("limits").study, Reliability(max_realisations=most, seed=1)
+    return lambda: study.propagate(method)
+
+
 def galerkin(_: int) -> Callable[[], Any]:
     """Run Galerkin of order 4 on the Agile Eye without statistics: coefficients of the outputs."""
     import propagation
@@ -129,6 +149,8 @@ TASKS = {
     "bouncing-ball": Task("bouncing ball, impacts", monte_carlo("bouncing_ball"), 200, 64),
     "compliant-ball": Task("bouncing ball, compliant", monte_carlo("bouncing_ball_compliant"), 200, 64),
     "clearance": Task("clearance joint", monte_carlo("clearance"), 100, 32),
+    "small-study": Task("pendulum, whole study", whole("pendulum"), 8, 8),
+    "limits": Task("limits, Reliability", reliability, 3000, 500),
     "galerkin": Task("Agile Eye, Galerkin of order 4", galerkin, 1, 1, "run"),
     "galerkin-study": Task("Agile Eye, Galerkin of order 4, whole study", galerkin_study, 1, 1, "run"),
 } | {f"four-bars-{n}": Task(f"chain of {n} four-bars, group of {GROUP}", four_bars(n), GROUP, GROUP) for n in NUMBERS}

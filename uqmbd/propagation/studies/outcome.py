@@ -189,7 +189,7 @@ def joined(study: Studied, outcome: Outcome, found: Sequence[Finding]) -> xr.Dat
         "start": study.start,
         **step_attributes(study.max_step, study.breaks),
         **({"report_times": list(study.report_times)} if study.report_times else {}),
-        **mechanism_attributes(study.mechanism),
+        **study.mechanism.remembered("attributes", lambda: mechanism_attributes(study.mechanism)),
         **finding_attributes(found),
     }
     about: dict[str, Any] = {
