@@ -172,9 +172,6 @@ class Numbers:
 
 _ARRAY_LIKE = typing.get_args(ArrayLike)
 
-_CHECKED = (bool, int, float, complex, str, bytes, type, tuple, list, dict, set, frozenset, np.ndarray, Numbers)
-"""Types whose values, or entries, are checked one by one."""
-
 
 def for_each_annotation(function: Callable[[Any], Any]) -> Any:
     """Cache the results of a function of an annotation; checked calls use few different annotations."""
@@ -269,27 +266,6 @@ def fits(value: Any, annotation: Any) -> bool:
     if isinstance(value, np.number) and is_array_type(annotation):
         value = np.asarray(value)  # a sum over all axes of an array is a NumPy scalar
     return any(is_one(value, member) for member in members(annotation))
-
-
-@for_each_annotation
-def fitting_types(annotation: Any) -> frozenset[type]:
-    """Return the types all of whose values fit an annotation.
-
-    >>> sorted(kind.__name__ for kind in fitting_types(bool | None | float))
-    ['NoneType', 'bool']
-    """
-    found = set[type]()
-    every = members(annotation)
-    for member in every:
-        if member in (None, types.NoneType):
-            found.add(types.NoneType)
-        elif member is bool or (member is str and not any(typing.get_origin(x) is os.PathLike for x in every)):
-            found.add(member)
-        elif isinstance(member, type) and member not in _CHECKED and not getattr(member, "_is_protocol", False):
-            module = member.__module__
-            if not issubclass(member, (os.PathLike, np.generic)) and not module.startswith(("sympy", "typing")):
-                found.add(member)
-    return frozenset(found)
 
 
 def is_one(value: Any, member: Any) -> bool:

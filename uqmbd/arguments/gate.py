@@ -6,6 +6,7 @@ import ast
 import contextlib
 import functools
 import inspect
+import os
 import sys
 import textwrap
 import types
@@ -16,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from uqmbd.arguments.annotations import fits, fitting_types, is_array_type
+from uqmbd.arguments.annotations import Numbers, fits, for_each_annotation, is_array_type, members
 from uqmbd.arguments.expected import refusal, shown
 from uqmbd.errors import StudyError
 from uqmbd.names import check_arguments
@@ -24,6 +25,9 @@ from uqmbd.names import check_arguments
 __all__ = ["typechecked"]
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+_CHECKED = (bool, int, float, complex, str, bytes, type, tuple, list, dict, set, frozenset, np.ndarray, Numbers)
+"""Types whose values, or entries, are checked one by one."""
 
 _HEAP = 1 << 9
 """Flag ``Py_TPFLAGS_HEAPTYPE`` of classes defined in Python code."""
@@ -137,6 +141,23 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
     return call
 
 
+@for_each_annotation
+def _fitting_types(annotation: Any) -> frozenset[type]:
+    """Return the types all of whose values fit an annotation."""
+    found = set[type]()
+    every = members(annotation)
+    for member in every:
+        if member in (None, types.NoneType):
+            found.add(types.NoneType)
+        elif member is bool or (member is str and not any(typing.get_origin(x) is os.PathLike for x in every)):
+            found.add(member)
+        elif isinstance(member, type) and member not in _CHECKED and not getattr(member, "_is_protocol", False):
+            module = member.__module__
+            if not issubclass(member, (os.PathLike, np.generic)) and not module.startswith(("sympy", "typing")):
+                found.add(member)
+    return frozenset(found)
+
+
 @dataclass(frozen=True)
 class _Plain:
     """Parameters of a signature that are all named; arguments are assigned without `inspect.Signature.bind`."""
@@ -197,7 +218,7 @@ def _annotations(
                     ) from None
         if declared is not parameter.empty and declared is not Any and not isinstance(declared, TypeVar):
             single = parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-            found.append((name, declared, parameter, fitting_types(declared) if single else frozenset()))
+            found.append((name, declared, parameter, _fitting_types(declared) if single else frozenset()))
     return found
 
 
