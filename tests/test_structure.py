@@ -23,7 +23,7 @@ MOST_LINES = 420
 
 STATEMENTS = {
     "uqmbd": 890,
-    "uqmbd.arguments": 500,
+    "uqmbd.arguments": 550,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_240,
@@ -37,7 +37,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6_690,
     "uqmbd.randomness": 5_570,
     "uqmbd.report": 8_550,
-    "uqmbd.results": 9_680,
+    "uqmbd.results": 9_730,
     "uqmbd.testing": 2_800,
     "uqmbd.units": 285,
     "uqmbd.viewer": 720,
