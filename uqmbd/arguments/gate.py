@@ -97,7 +97,7 @@ def _of_function(function: Any, owner: type | None = None) -> Any:
     what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     bound = next(iter(signature.parameters), "") in ("self", "cls")
     kinds = functools.cache(lambda: _annotations(function, signature, owner))
-    plain = _Plain.of(signature)
+    plain = _NamedParameters.of(signature)
 
     @functools.wraps(function)
     def call(*arguments: Any, **keywords: Any) -> Any:
@@ -159,7 +159,7 @@ def _fitting_types(annotation: Any) -> frozenset[type]:
 
 
 @dataclass(frozen=True)
-class _Plain:
+class _NamedParameters:
     """Parameters of a signature that are all named; arguments are assigned without `inspect.Signature.bind`."""
 
     positional: tuple[str, ...]
@@ -167,7 +167,7 @@ class _Plain:
     required: frozenset[str]
 
     @classmethod
-    def of(cls, signature: inspect.Signature) -> _Plain | None:
+    def of(cls, signature: inspect.Signature) -> _NamedParameters | None:
         """Return the parameters, or None if some are not named."""
         every = signature.parameters.values()
         if any(p.kind not in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) for p in every):
