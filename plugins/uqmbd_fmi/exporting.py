@@ -143,7 +143,7 @@ def export_fmu(
     if isinstance(source, uqmbd.Mechanism):
         model = mechanism_model(source, times, tuple(inputs), rtol, token, fmi)
         about = f"Mechanism {source.name!r}, integrated by the driver of uqmbd"
-        own = ("mechanism.c", "contact_laws.c", "driver.c", "motion_data.c")
+        own = ("mechanism.c", "contact_laws.c", "sampled_laws.c", "driver.c", "motion_data.c")
         return _written(model, target, fmi, token, about, own, compiler, windows)
     if not isinstance(source, xr.DataTree):
         raise StudyError(

@@ -101,7 +101,15 @@ def main(names):
                 archive.extractall(folder)
             sources = folder / "sources"
             (sources / "bench.c").write_text(PROGRAM)
-            files = ["bench.c", "mechanism.c", "contact_laws.c", "driver.c", "motion_data.c", "data.c"]
+            files = [
+                "bench.c",
+                "mechanism.c",
+                "contact_laws.c",
+                "sampled_laws.c",
+                "driver.c",
+                "motion_data.c",
+                "data.c",
+            ]
             flags = ["-std=gnu11", "-O2", "-ffp-contract=off", "-Wl,--wrap=advance", "-o", str(folder / "bench")]
             subprocess.run([*compiler.command, *flags, *files, "-lm"], cwd=sources, check=True)
             steps = len(study.times) - 1

@@ -12,13 +12,14 @@ import pytest
 from uqmbd_fmi import export_fmu
 
 from .surrogates import KINDS, node
-from .test_mechanism_fmu import controlled, hitting_rod, rotor, two_contacts
+from .test_mechanism_fmu import controlled, hitting_rod, lawful, rotor, two_contacts
 
 MECHANISMS = {
     "mechanism": (rotor, ("torque",)),
     "impacts": (hitting_rod, ()),
     "friction": (two_contacts, ()),
     "controller": (controlled, ()),
+    "law": (lawful, ()),
 }
 
 SANITIZED = ("-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -33,7 +34,11 @@ def test_no_sequence_of_calls_crashes(kind, tmp_path):
     done = export_fmu(source, tmp_path / "one.fmu", compiler="none", inputs=inputs)
     with zipfile.ZipFile(done.path) as archive:
         archive.extractall(tmp_path)
-    own = ("mechanism.c", "contact_laws.c", "driver.c", "motion_data.c") if mechanism else ("surrogate.c",)
+    own = (
+        ("mechanism.c", "contact_laws.c", "sampled_laws.c", "driver.c", "motion_data.c")
+        if mechanism
+        else ("surrogate.c",)
+    )
     sources = [str(tmp_path / "sources" / name) for name in ("instance.c", "fmi2.c", "data.c", *own)]
     words = ["gcc", *SANITIZED, *sources, str(Path(__file__).with_name("fuzz.c")), "-lm", "-o", str(tmp_path / "fuzz")]
     made = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -457,6 +457,36 @@ def dry():
     return mechanism
 
 
+def lawful(delay=0.0):
+    """A rotor with a PI controller whose gain and limits are random, with a law that is compiled."""
+    limit = uqmbd.RandomVariable("limit", chaospy.Uniform(3, 8), units="N m")
+    gain = uqmbd.RandomVariable("gain", chaospy.Uniform(2, 4))
+
+    def law(time, measured, state):
+        (speed,), (integral,) = measured, state
+        return [gain * (2 - speed) + integral + 0.1 * sympy.sin(time)], [integral + 0.1 * (2 - speed)]
+
+    limits = {"torque": (-limit, limit)}
+    return rotor(
+        uqmbd.Controller(
+            "loop", ["speed"], {"torque": "N m"}, rate=50, law=law, state={"i": 0.0}, delay=delay, limits=limits
+        )
+    )
+
+
+@compiled
+@pytest.mark.thorough
+@pytest.mark.parametrize("delay", [0.0, 0.013, 0.05])
+def test_laws_of_controllers_are_sampled_in_the_unit(delay, tmp_path):
+    """Communication points and samples differ; the delay is less or more than a sampling period."""
+    mechanism, times = lawful(delay), np.linspace(0, 1, 38)
+    fmu = exported(mechanism, tmp_path, times=times, rtol=1e-10)
+    assert "loop.torque" not in fmu.references
+    compare(fmu, mechanism, times, {"inertia": 0.45, "gain": 3.9, "limit": 3.5}, 1e-10)
+    assert fmu.reset() == 0 and fmu.set(["limit"], [-1.0]) == 0 and fmu.begin() == 3
+    assert "Controller loop: a command or state is not finite" in fmu.messages[-1][1]
+
+
 def driven(law):
     mechanism = uqmbd.Mechanism("driven", uqmbd.Planar())
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.1), units="rad/s")

@@ -242,6 +242,8 @@ void model_initialise(void *model, Report *to) {
     start_contacts(of, inside(of->time, of->time, INFINITY), to);
     if (to->status >= ERROR) return;
     memcpy(of->shown, of->state, sizeof of->shown);
+    start_laws(of, to);
+    if (to->status >= ERROR) return;
     of->known = of->counted = 0.0;
     of->begun = 1.0;
     of->dirty = 0.0;
@@ -277,9 +279,8 @@ static int64_t find_legs(const Motion *of, double end, double *ends) {
     return count + 1;
 }
 
-void model_advance(void *model, double end, Report *to) {
-    Motion *of = model;
-    if (!(end > of->time)) return;
+/* Integrate to a time; controllers are not sampled before. */
+static void integrate(Motion *of, double end, Report *to) {
     const double times[PAIR] = {of->time, end};
     double ends[LEGS], longest[LEGS];
     const int64_t jumps[LEGS] = {0}, legs = find_legs(of, end, ends);
@@ -403,6 +404,15 @@ void model_advance(void *model, double end, Report *to) {
             report(to, ERROR, "The state is not finite at t = %.6g s.", end);
             return;
         }
+}
+
+void model_advance(void *model, double end, Report *to) {
+    Motion *of = model;
+    while (end > of->time && to->status < ERROR) {
+        const double next = next_sample(of), near = 1e-12 * fmax(1.0, fabs(end));
+        integrate(of, next < end - near && next > of->time ? next : end, to);
+        if (MOTION_LAWS && to->status < ERROR) sample_laws(of, to);
+    }
 }
 
 void model_set(void *model, unsigned variable, double value, Report *to) {

@@ -34,6 +34,8 @@ typedef struct {
     double coarser, crowd[CROWD];     /* factor of that speed in a crowd of events, and times of the last events */
     int64_t crowded;                  /* their number */
     double starting, turned_at;       /* speed that counts as zero when slip starts; last turn of its direction */
+    double origin, pending[MOTION_PENDING + 1];                       /* start; commands that do not act yet */
+    int64_t sampled[MOTION_LAWS + 1], acted[MOTION_LAWS + 1]; /* number of the next sample that is taken, and acts */
     double outputs[MOTION_RESULTS];
     double measured[MOTION_MEASURED + 1];
     double work[MOTION_WORK];
@@ -54,5 +56,14 @@ void begin_contacts(Motion *of, double time, double *wanted, Report *to);
 /* Process the event that the driver has found at `now`; `time` is inside of the interval, where functions of time do
    not jump. */
 void decide_contact(Motion *of, double now, double time, double *wanted, Report *to);
+
+/* Take the first samples of controllers with laws. */
+void start_laws(Motion *of, Report *to);
+
+/* Time of the next sample of a controller, or of commands that begin to act; infinity without laws. */
+double next_sample(const Motion *of);
+
+/* Take the samples that are due, and let commands act. */
+void sample_laws(Motion *of, Report *to);
 
 #endif

@@ -16,7 +16,13 @@ from uqmbd.dynamics.integration import explicit_method
 from uqmbd.dynamics.model_building import build
 from uqmbd.dynamics.observation import output_program
 from uqmbd.dynamics.portable.c_source import SourceWriter, driver_sources
-from uqmbd.dynamics.portable.commands import MOST_MEASURED, MotionCommand, commands_of, measured_expressions
+from uqmbd.dynamics.portable.commands import (
+    MOST_MEASURED,
+    MotionCommand,
+    commands_of,
+    measured_expressions,
+    written_laws,
+)
 from uqmbd.dynamics.portable.header import is_real, is_whole, motion_header
 from uqmbd.dynamics.portable.impacts import PARTS_OF_STEPS, contacts_of, impact_obstacle, written_contacts
 from uqmbd.errors import StudyError
@@ -105,8 +111,9 @@ def motion_source(
     Parameters
     ----------
     mechanism : uqmbd.Mechanism
-        Mechanism with outputs over time. The commands of its controllers become inputs of the motion, and the measured
-        expressions become outputs; the program that integrates the motion calls the controllers.
+        Mechanism with outputs over time. The laws of its controllers are part of the motion. The commands of
+        controllers with functions become inputs of the motion, and their measured expressions become outputs; the
+        program that integrates the motion calls these functions.
     times : array_like, shape (T,)
         Output times of a typical simulation, s. The first one is the start. They determine steps for functions of time.
     held : sequence of str
@@ -289,6 +296,8 @@ def _written(
         for program in measuring
         if program is not None
     ]
+    laws, pending = written_laws(w, model)
+    most = max((len(x.measure.names) + len(x.held) for x in model.controls), default=0)
     constants = w.numbers(model.parameters.constants)
     random, kernel = w.integers(model.parameters.random), w.kernel(model.parameters.kernel)
     values = {
@@ -337,6 +346,9 @@ def _written(
         "MOTION_COMMANDS": len(commands),
         "MOTION_MEASURED": len(measured),
         "MOTION_LOOPS": len(seen),
+        "MOTION_LAWS": len(laws),
+        "MOTION_PENDING": pending,
+        "MOTION_MOST_CONTROL": most,
         "MOTION_MOST_MEASURED": MOST_MEASURED,
         **contact_sizes,
         "MOTION_MOVES": int(bool(model.statements) or model.rheonomic),
@@ -360,6 +372,7 @@ def _written(
         f"const Limit motion_limits[] = {{{', '.join(limits) or '{NULL, 0, 0.0, 0.0, 0}'}}};",
         f"const Tensor motion_tensors[] = {{{', '.join(tensors) or '{NULL, NULL}'}}};",
         f"const Measurement motion_measurements[] = {{{', '.join(seen) or '{' + empty + ', NULL, 0}'}}};",
+        f"const Law motion_laws[] = {{{', '.join(laws) or '{0}'}}};",
         f"const double motion_longest = {_end(longest)}, motion_duration = {float(times[-1] - times[0])!r};",
         "",
     ]
