@@ -12,7 +12,7 @@ import pytest
 from uqmbd_fmi import export_fmu
 
 from .surrogates import KINDS, node
-from .test_mechanism_fmu import controlled, hitting_rod, lawful, rotor, two_contacts
+from .test_mechanism_fmu import controlled, hitting_rod, lawful, rotor, swung_by_inputs, two_contacts
 
 MECHANISMS = {
     "mechanism": (rotor, ("torque",)),
@@ -20,6 +20,7 @@ MECHANISMS = {
     "friction": (two_contacts, ()),
     "controller": (controlled, ()),
     "law": (lawful, ()),
+    "motion": (swung_by_inputs, ("angle", "rate", "acceleration", "since")),
 }
 
 SANITIZED = ("-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")

@@ -449,6 +449,62 @@ def controlled(state=False, initial=0, speed=False):
     return mechanism
 
 
+def swung(law):
+    """A bob on an arm whose angle is prescribed."""
+    mechanism = uqmbd.Mechanism("swing", uqmbd.Planar(gravity=(0, -9.81)))
+    arm = mechanism.body("arm", mass=1, inertia=0.1, position=(0.5, 0))
+    bob = mechanism.body("bob", mass=1, inertia=0.01, position=(1.25, 0))
+    mechanism.add(Revolute("A", mechanism.ground, arm, (0, 0), (-0.5, 0)))
+    mechanism.add(Revolute("B", arm, bob, (0.5, 0), (-0.25, 0)))
+    mechanism.add(RotationDriver("drive", mechanism.ground, arm, law))
+    mechanism.output("arm", arm.angle, units="rad")
+    mechanism.output("speed", arm.angular_velocity, units="rad/s")
+    mechanism.output("bob", bob.angle, units="rad")
+    return mechanism
+
+
+MOTION = {"angle": "rad", "rate": "rad/s", "acceleration": "rad/s^2", "since": "s"}
+
+
+def swung_by_inputs():
+    """The arm follows a polynomial whose coefficients are inputs."""
+    angle, rate, acceleration, since = (
+        uqmbd.RandomVariable(name, chaospy.Normal(0, 1), units=units) for name, units in MOTION.items()
+    )
+    return swung(angle + rate * (uqmbd.t - since) + acceleration * (uqmbd.t - since) ** 2 / 2)
+
+
+@compiled
+@pytest.mark.thorough
+def test_prescribed_motions_are_inputs(tmp_path):
+    """The arm follows the input exactly; its polynomials make the bob's error fall with the square of the step."""
+    fmu = exported(swung_by_inputs(), tmp_path, times=(0.0, 1.0), rtol=1e-10, inputs=tuple(MOTION))
+    exact, errors = swung(0.5 * sympy.sin(3 * uqmbd.t)), []
+
+    def put(time):
+        sine, cosine = 0.5 * np.sin(3 * time), 0.5 * np.cos(3 * time)
+        assert fmu.set(list(MOTION), [sine, 3 * cosine, -9 * sine, time]) == 0
+
+    for steps in (50, 100):
+        times = np.linspace(0, 1, steps + 1)
+        assert fmu.reset() == 0
+        put(0.0)
+        assert fmu.begin() == 0
+        found = [fmu.get(["arm", "speed", "bob"])]
+        for begin, end in zip(times[:-1], times[1:], strict=True):
+            assert fmu.step(begin, end - begin) == 0
+            put(end)
+            found.append(fmu.get(["arm", "speed", "bob"]))
+        expected = uqmbd.simulate(exact, times, rtol=1e-10)
+        np.testing.assert_allclose(np.array(found)[:, 0], expected["arm"], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(np.array(found)[:, 1], expected["speed"], rtol=0, atol=1e-12)
+        errors.append(np.abs(np.array(found)[:, 2] - expected["bob"].values).max())
+    assert errors[1] < 1e-3 and errors[0] / errors[1] > 3.5
+    assert fmu.set(["angle"], [float("inf")]) == 3
+    assert fmu.set(["angle"], [5.0]) == 0 and fmu.step(1.0, 0.01) == 3
+    assert "constraints cannot follow the inputs at t = 1 s" in fmu.messages[-1][1]
+
+
 def dry():
     """A rotor whose bearing has dry friction."""
     mechanism = rotor()
@@ -521,11 +577,6 @@ REFUSED = {
     ),
     "commanded speed": (lambda: controlled(speed=True), {}, "commands the speed of a driver"),
     "unknown input": (rotor, {"held": ("force",)}, "'force' is not an input; the inputs are"),
-    "input of a constraint": (
-        lambda: driven(lambda w: w * uqmbd.t),
-        {"held": ("speed",)},
-        "'speed' changes a constraint",
-    ),
     "speed that jumps": (lambda: driven(jumping), {}, "'drive' prescribes jumps at 0.5 s"),
 }
 

@@ -9,6 +9,8 @@ import pytest
 import uqmbd
 from uqmbd_fmi import export_fmu, read_distributions
 from uqmbd_fmi.compiling import find_compiler, host, zig
+from uqmbd_galerkin import Galerkin
+from uqmbd_springs import SpringDamper
 
 from .library import Fmu
 from .surrogates import KINDS, TIMES, aligned, drawn, node, plain_inputs, polynomial
@@ -52,6 +54,23 @@ def test_values_equal_those_of_evaluate(kind, fmi, exported):
     for point, values in zip(points, expected, strict=True):
         same(fmu.along(TIMES, dict(zip(surrogate.space.inputs, point, strict=True)), names), values)
     fmu.free()
+
+
+@compiled
+@pytest.mark.thorough
+def test_the_surrogate_of_galerkin_is_exported(tmp_path):
+    stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(10, 0.5), units="N/m")
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    mass = mechanism.body("mass", mass=1, position=1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness=stiffness))
+    mechanism.output("x", mass.position[0], units="m")
+    study = uqmbd.Study("oscillator", mechanism, np.linspace(0, 1, 6), [Galerkin(order=2)])
+    found = study.run()["galerkin"]
+    fmu = Fmu(export_fmu(found, tmp_path / "one.fmu").path, tmp_path)
+    surrogate = uqmbd.results.surrogate(found)
+    for point in drawn(surrogate.space, COUNT):
+        expected = surrogate.evaluate(point[None])[0]
+        same(fmu.along(study.times, {"stiffness": point[0]}, ["x"]), expected)
 
 
 @compiled

@@ -17,6 +17,7 @@ extern const double default_tolerance;
 enum {
     MOST_IMPACTS = 10000, /* largest number of events in a step */
     MOST_RETRIES = 200,   /* largest number of decisions of the driver in a step */
+    PASSES = 4,           /* projections onto constraints that inputs have moved */
     PAIR = 2,
     LEGS = MOTION_BREAKS + MOTION_ADDED + MOTION_KNOTS + 1,
 };
@@ -156,9 +157,46 @@ static void assemble(Motion *of, Report *to) {
     }
 }
 
+/* Project the state onto constraints that inputs have moved; velocities change by impulses of the constraints. */
+static void follow_inputs(Motion *of, Report *to) {
+    if (of->moved == 0.0) return;
+    of->moved = 0.0;
+    of->known = 0.0;
+    if (!MOTION_EQUATIONS) return;
+    const double times[PAIR] = {of->time, of->time};
+    double result[PAIR * MOTION_WIDTH], off[MOTION_EQUATIONS + 1];
+    int64_t first = 0, column = 0;
+    int8_t poor[PAIR] = {0};
+    const int64_t member = 0;
+    Problem problem = motion_problem;
+    problem.rtol = of->tolerance;
+    problem.far = INFINITY;
+    problem.times = times;
+    const Pool pool = {.parameters = of->parameters, .first = &first, .column = &column, .result = result, .off = off,
+                       .poor = poor};
+    memcpy(result, of->state, sizeof of->state);
+    for (int pass = 0; pass < PASSES; pass++) {
+        memset(off, 0, sizeof off);
+        first = 0;
+        column = 1;
+        project(&problem, &pool, &member, 1, cleared(of));
+    }
+    for (int k = 0; k < MOTION_EQUATIONS; k++)
+        if (poor[0] || !(off[k] <= 1e-9 + FAR * of->tolerance * fmax(1.0, off[MOTION_EQUATIONS]))) {
+            report(to, ERROR,
+                   "The constraints cannot follow the inputs at t = %.6g s: the pose is singular or out of reach, or an "
+                   "input jumped too far.",
+                   of->time);
+            return;
+        }
+    memcpy(of->state, result, sizeof of->state);
+    memcpy(of->shown, result, sizeof of->shown);
+}
+
 /* Outputs at the shown state; angles continue from the last communication point. */
 static void find_outputs(Motion *of, Report *to) {
     double arguments[ARGUMENTS + MOTION_INPUTS + 1];
+    follow_inputs(of, to);
     if (of->known != 0.0) return;
     fill_arguments(of, of->shown, of->time, arguments);
     memcpy(arguments + ARGUMENTS, of->inputs, MOTION_INPUTS * sizeof(double));
@@ -246,7 +284,7 @@ void model_initialise(void *model, Report *to) {
     if (to->status >= ERROR) return;
     of->known = of->counted = 0.0;
     of->begun = 1.0;
-    of->dirty = 0.0;
+    of->dirty = of->moved = 0.0;
     count_turns(of);
     keep_angles(of, to);
     for (int k = 0; k < MOTION_OUTPUTS; k++)
@@ -408,6 +446,7 @@ static void integrate(Motion *of, double end, Report *to) {
 
 void model_advance(void *model, double end, Report *to) {
     Motion *of = model;
+    follow_inputs(of, to);
     while (end > of->time && to->status < ERROR) {
         const double next = next_sample(of), near = 1e-12 * fmax(1.0, fabs(end));
         integrate(of, next < end - near && next > of->time ? next : end, to);
@@ -434,6 +473,8 @@ void model_set(void *model, unsigned variable, double value, Report *to) {
         find_parameters(of);
         check_parameters(of, to);
         of->known = 0.0;
+        for (int k = 0; k < MOTION_MOVING; k++)
+            if (motion_moving_places[k] == contents[variable].index) of->moved = 1.0;
     }
 }
 

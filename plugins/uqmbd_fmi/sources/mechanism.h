@@ -23,6 +23,7 @@ typedef struct {
     double state[MOTION_WIDTH];       /* state of the integration */
     double shown[MOTION_WIDTH];       /* this state, projected onto the constraints, for outputs */
     double rate[MOTION_WIDTH];
+    double moved;                     /* whether an input has moved the constraints */
     double known;                     /* whether the outputs belong to the inputs and the state */
     double turned[MOTION_OUTPUTS];    /* unwrapped angles at the last communication point */
     double counted;                   /* whether there was such a point */

@@ -117,7 +117,8 @@ def motion_source(
     times : array_like, shape (T,)
         Output times of a typical simulation, s. The first one is the start. They determine steps for functions of time.
     held : sequence of str
-        Names of inputs that change during the motion, and are constant in each step. They must not change constraints.
+        Names of inputs that change during the motion, and are constant in each step. If they move constraints, the
+        state is projected onto the moved constraints.
     rtol : float
         Relative tolerance of the typical simulation.
 
@@ -151,8 +152,8 @@ def motion_source(
             unknown = sorted(set(held) - set(model.inputs))
             if unknown:
                 raise StudyError(f"{unknown[0]!r} is not an input; the inputs are {', '.join(model.inputs) or 'none'}")
-            _check_held(model, ensemble, held)
-            return _written(model, ensemble, grid, rtol, commands_of(mechanism, model))
+            moving = _moving(model, ensemble, held)
+            return _written(model, ensemble, grid, rtol, commands_of(mechanism, model), moving)
         except StudyError as error:
             why = str(error)
     raise StudyError(f"The motion of mechanism {mechanism.name!r} cannot be written in C: {why.rstrip('.')}.")
@@ -209,26 +210,34 @@ def _obstacle_of_speeds(model: Model, ensemble: Ensemble, breaks: Array, near: f
     return ""
 
 
-def _check_held(model: Model, ensemble: Ensemble, held: Sequence[str]) -> None:
-    """Raise StudyError if an input that changes during the motion changes a constraint."""
-    start = ensemble.start
-    arguments = state_arguments(model.time, start.q, start.s, start.v)
+def _moving(model: Model, ensemble: Ensemble, held: Sequence[str]) -> list[int]:
+    """Return the indices of the inputs that change during the motion and move constraints."""
+    start, found = ensemble.start, list[int]()
+    # at another time than the start, at which a factor of time may vanish
+    arguments = state_arguments(model.time + 0.37, start.q, start.s, start.v)
     for name in held:
         values = ensemble.values.copy()
         column = model.inputs.index(name)
         values[:, column] += max(1e-3, 1e-3 * abs(float(values[0, column])))
         moved = model.parameters(values)[:, : model.block_parameters]
-        for kind, part in (("position", "phi"), ("velocity", "phi_t"), ("velocity", "d")):
-            before = model.evaluate(kind, arguments, ensemble.block)[part]
-            if not np.array_equal(before, model.evaluate(kind, arguments, moved)[part]):
-                raise StudyError(
-                    f"the input {name!r} changes a constraint, so the motion would jump when it changes; use it as a "
-                    "parameter"
-                )
+        same = [
+            np.array_equal(
+                model.evaluate(kind, arguments, ensemble.block)[part], model.evaluate(kind, arguments, moved)[part]
+            )
+            for kind, part in (("position", "phi"), ("velocity", "phi_t"), ("velocity", "d"))
+        ]
+        if not all(same):
+            found.append(column)
+    return found
 
 
 def _written(
-    model: Model, ensemble: Ensemble, times: Array, rtol: float, commands: tuple[MotionCommand, ...]
+    model: Model,
+    ensemble: Ensemble,
+    times: Array,
+    rtol: float,
+    commands: tuple[MotionCommand, ...],
+    moving: Sequence[int],
 ) -> PortableMotion:
     w, layout, programs = SourceWriter(), model.layout, model.system.programs
     touching = contacts_of(model)
@@ -319,6 +328,7 @@ def _written(
         "contact_rows": contact_rows,
         "initial_rows": "NULL" if initial is None else w.integers(initial.results),
         "initial_places": w.integers(initial_states),
+        "moving_places": w.integers(moving),
         "command_places": w.integers([x.place for x in commands]),
         "measured_places": w.integers([which * MOST_MEASURED + number for _, which, number in measured]),
     }
@@ -339,6 +349,7 @@ def _written(
         "MOTION_INITIAL": len(initial_states),
         "MOTION_BREAKS": len(model.breaks),
         "MOTION_ADDED": len(model.added_breaks),
+        "MOTION_MOVING": len(moving),
         "MOTION_KNOTS": len(knots),
         "MOTION_WORK": work,
         "MOTION_LIMITS": len(limits),
