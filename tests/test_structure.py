@@ -27,7 +27,7 @@ STATEMENTS = {
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_240,
-    "uqmbd.dynamics": 16_120,
+    "uqmbd.dynamics": 16_130,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 190,
     "uqmbd.mechanism": 5_580,
