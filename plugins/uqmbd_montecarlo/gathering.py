@@ -23,9 +23,9 @@ __all__ = [
     "WorstRealisations",
     "allowed_pairs",
     "allowed_samples",
+    "chunk_sums",
     "gather",
     "paired_samples",
-    "reduced",
     "replicate_sizes",
     "uniform_samples",
     "violations_dataset",
@@ -129,7 +129,7 @@ class WorstRealisations:
 
     margins: Array  # (requirement,), in the units of the requirement
     inputs: Array  # (requirement, input)
-    frames: Index  # (requirement,), the index of the output time at which the margin is smallest
+    frames: Index  # (requirement,), the index of the first output time at or after the smallest margin
 
     @classmethod
     def of(cls, running: Array, failed: Mask, values: Array) -> WorstRealisations:
@@ -205,7 +205,7 @@ def gather(
     failures, censored, first, wall = 0, 0, 0, 0.0
     handed = len(values) if watch is not None else room
     request = (edges, gathered.moments, counted)
-    streamed = None if whole else problem.reduce(values, reduced, request, keep=handed)
+    streamed = None if whole else problem.reduce(values, chunk_sums, request, keep=handed)
     for part in _stored_entirely(problem, values, request) if streamed is None else streamed:
         last = first + len(part.status)
         gathered.add(part.result)
@@ -249,7 +249,7 @@ def _stored_entirely(
     first = 0
     for part in problem.stream(values):
         about = (part.status, part.messages, part.good, part.response, part.counters, part.wall_time)
-        yield uqmbd.extend.Reduced(first, part.values, reduced(part, first, *request), *about)
+        yield uqmbd.extend.Reduced(first, part.values, chunk_sums(part, first, *request), *about)
         first += len(part.status)
 
 
@@ -263,7 +263,7 @@ class _Sums:
         self.worst: WorstRealisations | None = None
 
     def add(self, result: dict[str, NDArray[Any]]) -> None:
-        """Add the result of `reduced` for a chunk."""
+        """Add the result of `chunk_sums` for a chunk."""
         for k, r in enumerate(result["replicate"].tolist()):
             if self.moments:
                 moments = Moments(int(result["count"][k]), *(result[name][k] for name in SUMS))
@@ -277,7 +277,7 @@ class _Sums:
             self.worst = one if self.worst is None else self.worst.or_worse(one)
 
 
-def reduced(
+def chunk_sums(
     part: uqmbd.extend.Realisations, first: int, edges: tuple[int, ...], moments: bool, violations: bool
 ) -> dict[str, NDArray[Any]]:
     """Return the sums over a chunk of samples, in a worker; `first` is the index of its first sample.
@@ -326,7 +326,7 @@ def violations_dataset(found: Gathered, problem: uqmbd.extend.Problem) -> xr.Dat
         "worst_margin": {"long_name": "smallest margin", "comment": "in the requirement's units"},
         "worst_inputs": {"long_name": "inputs with the smallest margin", "comment": "in the inputs' units"},
         "worst_time": {
-            "long_name": "time of the smallest margin",
+            "long_name": "first output time at or after the smallest margin",
             "units": "s",
             "comment": "the last output time for requirements that are not over time",
         },

@@ -588,6 +588,17 @@ def test_what_has_no_form_in_c_is_refused_by_name(case):
         motion_source(make(), **options)
 
 
+@pytest.mark.thorough
+def test_tables_with_many_knots_are_refused_beforehand():
+    """Their knots are on the stack of the integration."""
+    mechanism = uqmbd.Mechanism("shaken", uqmbd.Line())
+    body = mechanism.body("body", mass=1)
+    force = uqmbd.spline(np.linspace(0, 1, 11_000), np.random.default_rng(1).normal(size=11_000))
+    mechanism.add(PointForce("force", body, (0,), (force(uqmbd.t),)))
+    mechanism.output("x", body.position[0], units="m")
+    assert "knots between 0 s and 1 s" in motion_refusal(mechanism)
+
+
 def test_the_refusal_is_known_beforehand():
     assert "outputs contain accelerations" in motion_refusal(bouncing(force=True)) and motion_refusal(rotor()) == ""
 

@@ -88,9 +88,27 @@ def test_the_report_has_the_poses_of_the_worst_realisations(study):
     count = player["realisations"]
     assert player["poses"]["shape"][0] == count + 2 == motion.sizes["realisation"]
     for one in named:
-        requirement = one["name"].rpartition(" for ")[2]
-        label = one["name"].removeprefix("worst realisation of ").rpartition(" for ")[0]
+        requirement = one["name"].rpartition(" margin of ")[2]
+        label = one["name"].removeprefix("realisation of ").partition(" with ")[0]
         inputs = tree[f"{label}/requirements"].sel(requirement=requirement)["worst_inputs"]
         assert motion["inputs"][one["realisation"]].values == pytest.approx(inputs.values)
         height = motion["pose"][one["realisation"], -1, 0].sel(coordinate="y")
         assert float(height) == pytest.approx(float(inputs[0]) - 5, abs=1e-5)
+
+
+def test_results_of_inputs_with_other_names_have_a_motion(study):
+    """As after a study file was edited: the stored realisations do not belong to its inputs."""
+    tree = study.run()
+    swiftness = uqmbd.RandomVariable("swiftness", chaospy.Uniform(4, 6), units="m/s")
+    mechanism = uqmbd.Mechanism("stone", uqmbd.Planar(gravity=(0, -10)))
+    stone = mechanism.body("stone", mass=1, inertia=1, velocity=(0, swiftness))
+    mechanism.output("height", stone.position[1], units="m")
+    extended, note = with_motion(tree, uqmbd.Study("throw", mechanism, np.linspace(0, 1, 11)))
+    assert note == "" and "named" not in extended["motion"].attrs
+
+
+@pytest.mark.parametrize("named", ['[{"realisation": 1e400, "name": "x", "time": 0}]', "[3]", "no JSON", '{"a": 1}'])
+def test_named_realisations_of_other_programs_are_not_drawn(study, named):
+    motion = with_motion(study.run(), study)[0]["motion"].to_dataset()
+    motion.attrs["named"] = named
+    assert collect_player_data(motion)["named"] == []

@@ -11,6 +11,7 @@ import pytest
 
 import uqmbd
 from uqmbd.viewer import view_study
+from uqmbd.viewer.child import Child
 from uqmbd.viewer.server import PageServer
 
 
@@ -121,3 +122,21 @@ def test_a_new_page_gets_the_latest_messages_and_a_closed_one_ends_the_viewer(se
             return
         time.sleep(0.05)
     pytest.fail("the server does not notice that its page was closed")
+
+
+@pytest.mark.thorough
+def test_the_first_script_sees_no_arguments_of_the_viewer(tmp_path):
+    """Scripts with a parser of arguments, in the process that does not prepare."""
+    script = tmp_path / "parsed_study.py"
+    script.write_text(
+        "import argparse, uqmbd\n"
+        "argparse.ArgumentParser().parse_args()\n"
+        "mechanism = uqmbd.Mechanism('stone', uqmbd.Planar())\n"
+        "mechanism.body('stone', mass=1, inertia=1)\n"
+    )
+    child = Child(prepared=False)
+    try:
+        kinds = [answer["kind"] for answer in child.ask({"do": "load", "file": str(script)}, 120.0)]
+    finally:
+        child.end()
+    assert kinds == ["scene", "findings"]

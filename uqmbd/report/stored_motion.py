@@ -28,7 +28,7 @@ def named_poses(data: xr.Dataset) -> list[NamedPose]:
             NamedPose(int(one["realisation"]), str(one["name"]), float(one["time"]), bool(one.get("pictured", True)))
             for one in json.loads(str(data.attrs.get("named", "[]")))
         ]
-    except (AttributeError, KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         return []
     return [one for one in found if 0 < one.realisation < data.sizes.get("realisation", 0) and np.isfinite(one.time)]
 

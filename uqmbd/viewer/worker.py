@@ -30,7 +30,9 @@ def main() -> None:
     os.dup2(2, 1)
     os.dup2(nothing, 0)
     threading.Thread(target=_read, args=(source, requests), daemon=True).start()
-    if UNPREPARED not in sys.argv[1:]:
+    prepared = UNPREPARED not in sys.argv[1:]
+    del sys.argv[1:]  # scripts may read their arguments
+    if prepared:
         _prepare()
     _send(answers, {"kind": "ready"})
     session: Session | None = None

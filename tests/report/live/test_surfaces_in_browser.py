@@ -80,10 +80,13 @@ def test_a_named_pose_is_drawn(opened, crates):
     pose = page.locator("#explore select").last
     assert pose.locator("option").all_inner_texts() == [
         "at the means of the inputs",
-        "worst realisation of monte-carlo for low",
+        "realisation of monte-carlo with the smallest margin of low",
     ]
     pose.select_option("1")
-    assert "The worst realisation of monte-carlo for low" in page.locator("#explore .state").first.inner_text()
+    assert (
+        "Drawn: realisation of monte-carlo with the smallest margin of low."
+        in page.locator("#explore .state").first.inner_text()
+    )
     assert page.locator("#explore .clock").inner_text().startswith("1.0")
 
 
@@ -98,6 +101,43 @@ def test_bodies_are_outlines_without_webgl(browser, crates):
     page.goto(crates.as_uri())
     page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
     assert middle(page) in ("first", "second")
-    assert "has no WebGL" in page.locator("#explore .state").first.inner_text()
+    assert "WebGL is not available" in page.locator("#explore .state").first.inner_text()
     page.close()
     assert not errors
+
+
+def test_bodies_are_outlines_after_the_loss_of_webgl(browser, crates):
+    """The graphics driver fails while the page is open, and makes no new context."""
+    page = browser.new_page()
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.add_init_script(
+        "window.contexts = []; window.refused = false;"
+        "HTMLCanvasElement.prototype.getContext = new Proxy(HTMLCanvasElement.prototype.getContext, { apply: (f, self, given) => {"
+        "  if (!given[0].startsWith('webgl')) return f.apply(self, given);"
+        "  if (window.refused) return null;"
+        "  const made = f.apply(self, given); window.contexts.push(made); return made; } });"
+    )
+    page.goto(crates.as_uri())
+    page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    assert middle(page) == "first"
+    page.evaluate(
+        "window.refused = true; window.contexts.forEach((one) => one.getExtension('WEBGL_lose_context').loseContext())"
+    )
+    page.wait_for_timeout(200)
+    page.locator("#explore .stage").focus()
+    page.keyboard.press("ArrowLeft")
+    assert middle(page) in ("first", "second")
+    page.locator("#explore select").last.select_option("1")
+    assert "WebGL is not available" in page.locator("#explore .state").first.inner_text()
+    page.close()
+    assert not errors
+
+
+def test_keys_move_the_view(opened, crates):
+    page = opened(crates)
+    page.locator("#explore .stage").focus()
+    for _ in range(20):
+        page.keyboard.press("Shift+ArrowRight")
+    page.wait_for_timeout(200)
+    assert page.evaluate(MIDDLE)[3] == 0

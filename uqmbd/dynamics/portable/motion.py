@@ -34,6 +34,9 @@ __all__ = ["PortableMotion", "motion_refusal", "motion_source"]
 POINTS = 8
 """Number of projected states of a step, and of coefficients of a series, as in dop853.h."""
 
+MOST_KNOTS = 10_000
+"""Maximum number of knots of tables over time: each knot takes 24 bytes on the stack of the integration."""
+
 STAGES = 12 + 4 + 7 + 5 + 5 + 2 * POINTS
 """Number of states in the workspace of the explicit method: stages, interpolant, nodes, series and others."""
 
@@ -188,6 +191,12 @@ def _obstacle_of_time(model: Model, ensemble: Ensemble, times: Array, rtol: floa
         return ensemble.start.messages[0]
     if len(times) < 2:
         return "there is a single time"
+    knots = len(model.tables.deviating(float(times[0]), float(times[-1]))[0]) if model.tables else 0
+    if knots > MOST_KNOTS:
+        return (
+            f"its tables over time have {knots} knots between {times[0]:g} s and {times[-1]:g} s, and at most "
+            f"{MOST_KNOTS} are possible; use fewer samples or a shorter time"
+        )
     breaks = ensemble.breaks[0]
     breaks = breaks[(breaks > times[0]) & (breaks < times[-1])]
     near = 1e-9 * float(np.abs(times).max())

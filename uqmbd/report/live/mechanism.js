@@ -128,8 +128,15 @@ export class Mechanism {
 
   /** Surfaces in space; null where the browser cannot draw them. */
   surfacesHere() {
-    if (this.surfaces === undefined) this.surfaces = drawsSurfaces() ? new Surfaces(this.solids) : null;
+    if (!drawsSurfaces()) return null;
+    this.surfaces ??= new Surfaces(this.solids);
     return this.surfaces;
+  }
+
+  /** Free what is not garbage for the browser; the mechanism may still be drawn afterwards. */
+  dispose() {
+    this.surfaces?.dispose();
+    this.surfaces = null;
   }
 
   /** A shape that is a picture: the surfaces of one pose, behind the symbols. */

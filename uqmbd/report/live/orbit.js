@@ -3,9 +3,16 @@
 const TURN = 10;
 const TURNS = { ArrowLeft: [TURN, 0], ArrowRight: [-TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN] };
 
+// pixels of a step by a key
+const STEP_ASIDE = 20;
+
 /** Perform the action of a key; returns whether the key has one. */
-function pressed(view, key) {
-  if (Object.hasOwn(TURNS, key)) view.turn(TURNS[key]);
+function pressed(view, key, shift) {
+  if (Object.hasOwn(TURNS, key)) {
+    const [across, up] = TURNS[key];
+    if (shift) view.pan((-across / TURN) * STEP_ASIDE, (-up / TURN) * STEP_ASIDE);
+    else view.turn([across, up]);
+  }
   else if (key === "+" || key === "-") view.enlarge(key === "+" ? 1.25 : 0.8);
   else if (key === "0") view.reset();
   else return false;
@@ -22,11 +29,13 @@ function pressed(view, key) {
 export function listenToOrbit(holder, viewOf, changed, whole) {
   let grip = null;
   holder.addEventListener("pointerdown", (event) => {
-    if (viewOf() === null) return;
+    // the page's menu takes the release of another button
+    if (viewOf() === null || (event.button !== 0 && !whole)) return;
     grip = [event.clientX, event.clientY, event.button !== 0 || event.shiftKey || !viewOf().spatial];
     holder.setPointerCapture(event.pointerId);
   });
   holder.addEventListener("pointermove", (event) => {
+    if (event.buttons === 0) grip = null;
     if (grip === null) return;
     const [right, down] = [event.clientX - grip[0], event.clientY - grip[1]];
     if (grip[2]) viewOf().pan(right, down);
@@ -44,7 +53,7 @@ export function listenToOrbit(holder, viewOf, changed, whole) {
   }, { passive: false });
   holder.addEventListener("keydown", (event) => {
     if (viewOf() === null || event.ctrlKey || event.metaKey || event.altKey || event.target !== holder) return;
-    if (!pressed(viewOf(), event.key)) return;
+    if (!pressed(viewOf(), event.key, event.shiftKey)) return;
     event.preventDefault();
     changed();
   });

@@ -58,7 +58,7 @@ export function makePlayer(figure, data) {
     });
     controls.append(element("label", {}, others, ` ${data.realisations - 1} realisations`));
   }
-  const pose = element("select", { title: "Realisation that is drawn; the outline is the mechanism at the means" });
+  const pose = element("select", { title: "Realisation that is drawn" });
   const poseNames = ["at the means of the inputs", ...data.named.map((one) => one.name)];
   pose.append(...poseNames.map((name, k) => element("option", { value: k }, name)));
   pose.addEventListener("change", () => showNamed(Number(pose.value) - 1));
@@ -66,7 +66,7 @@ export function makePlayer(figure, data) {
   if (view.spatial) {
     stage.tabIndex = 0;
     stage.classList.add("turns");
-    stage.title = "Drag to rotate, Shift and drag to move, Ctrl and wheel to enlarge. Keys: ← → ↑ ↓, +, −, 0 (reset), space (play).";
+    stage.title = "Drag to rotate, Shift and drag to move, Ctrl and wheel to enlarge. Keys: ← → ↑ ↓ rotate, with Shift they move; + and − enlarge and reduce; 0 resets the view; space plays.";
     if (!small) controls.append(button("Reset view", "Reset the view (key 0)", resetView));
   }
   if (!small && mechanism.solids) controls.append(button("glTF", "Save the shapes in this pose for three-dimensional programs", saveShapes));
@@ -149,15 +149,14 @@ export function makePlayer(figure, data) {
   // what a picture is that stands still while the time runs
   const held = mechanism.resolved ? "" : ` The motion is too fast to be interpolated between ${times.length} times; the nearest time is shown.`;
 
-  const flat = mechanism.solids && view.spatial && !mechanism.surfacesHere() ? " This browser has no WebGL; bodies are drawn as outlines." : "";
-
   function say() {
     tellInputs();
-    status.textContent += held + flat;
+    const flat = mechanism.solids && view.spatial && !mechanism.surfacesHere();
+    status.textContent += held + (flat ? " WebGL is not available: bodies are drawn as outlines." : "");
   }
 
   function tellInputs() {
-    if (named !== null) status.textContent = `The ${poseNames[named + 1]}, integrated; outline: at the means of the inputs.`;
+    if (named !== null) status.textContent = `Drawn: ${poseNames[named + 1]}. The outline is the mechanism at the means of the inputs.`;
     else if (!pageInputs()) status.textContent = atMeans;
     else if (!found) status.textContent = `At the means of the inputs, not at the chosen ones: ${data.reason}`;
     else {

@@ -28,8 +28,10 @@ function rendererOf(width, height) {
   return renderer;
 }
 
-/** Whether surfaces can be drawn here. */
-export const drawsSurfaces = () => typeof THREE !== "undefined" && rendererOf(1, 1) !== null;
+/** Whether surfaces can be drawn here; false after the loss of WebGL. */
+export const drawsSurfaces = () => typeof THREE !== "undefined" && rendererOf(...sizeNow()) !== null;
+
+const sizeNow = () => [renderer?.domElement.width ?? 1, renderer?.domElement.height ?? 1];
 
 export class Surfaces {
   /** @param solids - of solids.js */
@@ -45,10 +47,16 @@ export class Surfaces {
     const material = new THREE.MeshLambertMaterial({ vertexColors: true, flatShading: true, side: THREE.DoubleSide });
     const mesh = new THREE.Mesh(geometry, material);
     mesh.frustumCulled = false;
+    this.resources = [geometry, material];
     this.light = new THREE.DirectionalLight("#ffffff", LIT);
     this.camera = new THREE.OrthographicCamera();
     this.camera.matrixAutoUpdate = false;
     this.scene = new THREE.Scene().add(mesh, this.light, new THREE.AmbientLight("#ffffff", SHADED));
+  }
+
+  /** Free the memory of the graphics library. */
+  dispose() {
+    for (const one of this.resources) one.dispose();
   }
 
   /**

@@ -43,6 +43,7 @@ export class Stage {
 
   /** Draw another mechanism; the view stays where it is, unless `anew`. */
   put(data, found, anew) {
+    this.mechanism?.dispose();
     this.mechanism = new Mechanism(data);
     this.found = found;
     this.time = this.mechanism.times[0];

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -45,10 +46,9 @@ def most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealisa
     found: dict[str, tuple[float, NamedRealisation]] = {}
     inputs = list(study.mechanism.inputs.names)
     for node in propagator_nodes(tree).values():
-        part = node.children.get("requirements")
-        if part is None or not {"design_points", "design_times"} <= set(part.data_vars) or not part.sizes["point"]:
+        data = _requirements_of(node, "design_points", "design_times", inputs=inputs)
+        if data is None or not data.sizes["point"]:
             continue
-        data = part.to_dataset()
         for name in (str(one) for one in data["requirement"].values if str(one) != ANY):
             one = data.sel(requirement=name, input=inputs).isel(point=0)
             values, time = np.asarray(one["design_points"].values, dtype=float), float(one["design_times"])
@@ -67,15 +67,25 @@ def worst_realisations(tree: xr.DataTree, study: Study) -> list[NamedRealisation
     found: dict[str, tuple[float, float, NamedRealisation]] = {}
     inputs = list(study.mechanism.inputs.names)
     for label, node in propagator_nodes(tree).items():
-        part = node.children.get("requirements")
-        if part is None or not {"worst_inputs", "worst_time", "worst_margin"} <= set(part.data_vars):
+        data = _requirements_of(node, "worst_inputs", "worst_time", "worst_margin", inputs=inputs)
+        if data is None:
             continue
-        data = part.to_dataset()
         for name in (str(one) for one in data["requirement"].values if str(one) != ANY):
             one = data.sel(requirement=name, input=inputs)
             values, time = np.asarray(one["worst_inputs"].values, dtype=float), float(one["worst_time"])
             margin, share = float(one["worst_margin"]), float(one["violation_probability"])
             if np.isfinite([*values, time, margin]).all() and (name not in found or margin < found[name][1]):
-                words = f"worst realisation of {label} for {name}"
+                words = f"realisation of {label} with the smallest margin of {name}"
                 found[name] = (share, margin, NamedRealisation(words, values, time, pictured=False))
     return [one for *_, one in sorted(found.values(), key=lambda each: -each[0])[:MOST_NAMED]]
+
+
+def _requirements_of(node: xr.DataTree, *variables: str, inputs: Sequence[str]) -> xr.Dataset | None:
+    """Return the dataset ``requirements`` of a method if it contains the variables and the inputs; otherwise None.
+
+    Results of a file may belong to a study whose inputs had other names.
+    """
+    part = node.children.get("requirements")
+    if part is None or not {*variables, "violation_probability"} <= set(part.data_vars) or "input" not in part.coords:
+        return None
+    return part.to_dataset() if set(inputs) <= set(part["input"].values.astype(str).tolist()) else None
