@@ -90,7 +90,7 @@ class _RecordingLocal(Local):
         self.accessed: set[str] = set()
 
     def __getattr__(self, name: str) -> Any:
-        if "asked" in self.__dict__:
+        if "accessed" in self.__dict__:
             self.accessed.add(name)
         return super().__getattr__(name)
 
