@@ -68,7 +68,9 @@ def test_all_annotations_can_be_read_and_whole_numbers_have_bounds():
     """Counts below zero, or of 400 digits, are refused where they are given."""
     judged = {full: _declared(full) for full in targets()}
     assert sum(map(bool, judged.values())) > 200
-    unbounded = {f"{full}: {name}" for full, given in judged.items() for name, kind, *_ in given if int in members(kind)}
+    unbounded = {
+        f"{full}: {name}" for full, given in judged.items() for name, kind, *_ in given if int in members(kind)
+    }
     assert {x for x in unbounded if x.rpartition(": ")[2] not in OWN_BOUNDS} == set()
 
 
