@@ -193,10 +193,8 @@ def _obstacle_of_time(model: Model, ensemble: Ensemble, times: Array, rtol: floa
         return "there is a single time"
     knots = len(model.tables.deviating(float(times[0]), float(times[-1]))[0]) if model.tables else 0
     if knots > MOST_KNOTS:
-        return (
-            f"its tables over time have {knots} knots between {times[0]:g} s and {times[-1]:g} s, and at most "
-            f"{MOST_KNOTS} are possible; use fewer samples or a shorter time"
-        )
+        within = f"{knots} knots between {times[0]:g} s and {times[-1]:g} s"
+        return f"its tables over time have {within}, and at most {MOST_KNOTS} are possible; use fewer or a shorter time"
     breaks = ensemble.breaks[0]
     breaks = breaks[(breaks > times[0]) & (breaks < times[-1])]
     near = 1e-9 * float(np.abs(times).max())

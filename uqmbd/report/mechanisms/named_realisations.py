@@ -88,4 +88,5 @@ def _requirements_of(node: xr.DataTree, *variables: str, inputs: Sequence[str]) 
     part = node.children.get("requirements")
     if part is None or not {*variables, "violation_probability"} <= set(part.data_vars) or "input" not in part.coords:
         return None
-    return part.to_dataset() if set(inputs) <= set(part["input"].values.astype(str).tolist()) else None
+    data = part.to_dataset()
+    return data if set(inputs) <= {str(name) for name in data["input"].values} else None
