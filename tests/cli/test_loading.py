@@ -7,7 +7,7 @@ import pytest
 
 CODE = """
 import sys
-from uqmbd.cli.garbage_collection import loading
+from uqmbd.garbage_collection import loading
 
 with loading():
     import numpy, xarray

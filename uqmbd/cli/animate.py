@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uqmbd.cli.garbage_collection import loading
+from uqmbd.garbage_collection import loading
 from uqmbd.errors import StudyError
 from uqmbd.propagation import load_study
 from uqmbd.wording import format_duration

@@ -13,7 +13,7 @@ import typer
 
 from uqmbd.cli.commands import Commands
 from uqmbd.cli.completion import labels, studies
-from uqmbd.cli.garbage_collection import loading
+from uqmbd.garbage_collection import loading
 from uqmbd.cli.terminal import explained, shown_progress
 from uqmbd.clusters import Workers, with_worker_options
 from uqmbd.errors import StudyError

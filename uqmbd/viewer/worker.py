@@ -12,11 +12,14 @@ import queue
 import sys
 import threading
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
+from uqmbd.garbage_collection import loading
 from uqmbd.viewer.child import UNPREPARED
 from uqmbd.viewer.messages import Answer, as_json
-from uqmbd.viewer.session import Session, failure, loaded
+
+if TYPE_CHECKING:
+    from uqmbd.viewer.session import Session
 
 __all__ = ["main"]
 
@@ -33,7 +36,8 @@ def main() -> None:
     prepared = UNPREPARED not in sys.argv[1:]
     del sys.argv[1:]  # scripts may read their arguments
     if prepared:
-        _prepare()
+        with loading():
+            _prepare()
     _send(answers, {"kind": "ready"})
     session: Session | None = None
     while True:
@@ -58,6 +62,7 @@ def _prepare() -> None:
     """Import the modules that every script needs, by drawing and checking a mechanism of one body."""
     import uqmbd
     from uqmbd import plugins
+    from uqmbd.viewer.session import Session
 
     plugins.propagators()
     mechanism = uqmbd.Mechanism("stone", uqmbd.Planar(gravity=(0, -9.81)))
@@ -70,8 +75,11 @@ def _prepare() -> None:
 
 def _load(file: Path, answers: TextIO) -> Session | None:
     """Run the script; send scene and findings, or the error, with the files imported from the script's folder."""
+    with loading():
+        from uqmbd.viewer.session import failure, loaded
     try:
-        session = loaded(file)
+        with loading():
+            session = loaded(file)
         for answer in session.opening():
             _send(answers, answer | {"files": _files(file)})
         return session

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from uqmbd import plugins
 from uqmbd.cli.check.picture import draw_figure, require_format
-from uqmbd.cli.garbage_collection import loading
+from uqmbd.garbage_collection import loading
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.cli.terminal import plain_progress, shown_derivation
 from uqmbd.errors import StudyError, UqmbdError

@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.cli.garbage_collection import loading
+from uqmbd.garbage_collection import loading
 from uqmbd.cli.report import FIGURES, MOTION, POSES, open_report, write, write_motion
 from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.run.settings import apply_settings, check_labels

@@ -7,7 +7,7 @@ To test whether data are arrays of Dask or of pint, xarray imports these package
 take 0.6 of 5.9 s of a short run, by ``python -X importtime``. A class of a package that is not imported has no
 instances, so the test can wait for the import. xarray has no setting for that, so this module changes a private
 attribute of xarray. If that attribute has another form, the module changes nothing, and xarray imports the packages.
-Only processes of the command line do this.
+Only processes of the command line and of the viewer do this.
 """
 
 from __future__ import annotations
