@@ -81,7 +81,7 @@ class SourceStruct(ctypes.Structure):
 class TableauStruct(ctypes.Structure):
     """``Tableau`` of dop853.h."""
 
-    _fields_ = tuple((name, _POINTER) for name in ("starts", "index", "weights", "moments"))
+    _fields_ = tuple((name, _POINTER) for name in ("starts", "index", "weights", "moments", "points"))
 
 
 class ProblemStruct(ctypes.Structure):

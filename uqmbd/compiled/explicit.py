@@ -30,6 +30,7 @@ __all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "ExplicitOptions", "Int
 
 STAGES = 12
 ORDER = 8
+POINTS = 8
 NODES = 5
 """Number of stored states at the ends of the last steps."""
 BUDGET = 40_000
@@ -144,7 +145,10 @@ def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
     weights = np.concatenate([np.append(row[i], np.zeros(k)) for row, i, k in zip(table, index, zeros, strict=True)])
     index = [np.append(i, np.full(k, i[-1] if k else 0)).astype(np.int64) for i, k in zip(index, zeros, strict=True)]
     moments = np.concatenate([method.C[:STAGES], [1.0], method.C_EXTRA])
-    kept = (starts, np.concatenate(index), weights, moments)
+    nodes, between = (-np.cos((np.arange(POINTS) + k) * np.pi / POINTS) for k in (0.5, 1.0))
+    sums = np.polynomial.chebyshev.chebvander(nodes, POINTS - 1) * np.where(np.arange(POINTS), 2.0, 1.0) / POINTS
+    points = np.concatenate([0.5 + 0.5 * nodes, 0.5 + 0.5 * between, sums.ravel()])
+    kept = (starts, np.concatenate(index), weights, moments, points)
     return c.TableauStruct(*map(address, kept)), kept
 
 
@@ -208,9 +212,12 @@ class IntegrationState:
         stages = 0 if dynamics.implicit is None else dynamics.implicit.stages
         self.history = np.zeros((count, stages * width + 2))
         # (M, T, width): interpolated states at output times of index below `column`, near the constraints until
-        # `project` projects them; NaN at later times
+        # `project` projects them; undefined at later times until `project`, or NaN for rows of one problem
         self.result = np.empty((count, len(self.times), width))
-        self.result[:, 0], self.result[:, 1:] = z, np.nan
+        self.result[:, 0] = z
+        if dynamics.terms:
+            self.result[:, 1:] = np.nan
+        self.continued = np.zeros(count, dtype=bool)  # whether other equations continue a realisation
         # (M, equation + 1): largest residuals of the constraints at the output times after `project`, and the largest
         # speed at these times
         self.off = np.zeros((count, self._equations + 1))
@@ -239,7 +246,9 @@ class IntegrationState:
             going = running in (self.status if members is None else self.status[queue])
 
     def project(self) -> None:
-        """Project the states at the output times onto the constraints."""
+        """Project the states at the output times onto the constraints; states that were not reached become NaN."""
+        for member in np.flatnonzero((self.column < len(self.times)) & ~self.continued).tolist():
+            self.result[member, self.column[member] :] = np.nan
         if self.dynamics.constraints is None:
             return
         queue, workspace = np.arange(len(self.z)), aligned(self.dynamics.rows + self._equations + 1)
@@ -284,7 +293,8 @@ class IntegrationState:
         new.control = None if self.control is None else self.control.of(member)
         new.off = np.zeros((1, new._equations + 1))
         new.steps[:], new.first[:] = 0, new.column
-        self.status[member] = ExplicitStatus.DONE
+        new.continued = np.zeros(1, dtype=bool)
+        self.status[member], self.continued[member] = ExplicitStatus.DONE, True
         return new
 
     @cached_property

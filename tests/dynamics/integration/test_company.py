@@ -15,6 +15,7 @@ from uqmbd_springs import PointForce, SpringDamper
 from ...mechanisms import driven_slider_crank
 
 TIMES = np.linspace(0, 1, 41)
+MANY = np.linspace(0, 1, 1601)
 
 
 def swing():
@@ -61,20 +62,20 @@ def model(name):
 
 
 @pytest.mark.parametrize("name", ["swing", "slider-crank", "struck"])
-@given(st.integers(1, 21), st.integers(0, 2**32 - 1))
+@given(st.integers(1, 21), st.integers(0, 2**32 - 1), st.sampled_from([TIMES, MANY]))
 @settings(max_examples=10, deadline=None)
-def test_states_and_outputs(name, count, seed):
+def test_states_and_outputs(name, count, seed, times):
     mechanism, compiled = model(name)
     random = np.random.default_rng(seed)
     values = mechanism.inputs.from_uniform(random.uniform(size=(count, len(compiled.inputs))))
     whole = Ensemble(compiled, values)
-    states = integrate(whole, TIMES, 1e-6, "dop853").states
-    outputs = whole.outputs(TIMES, states)
+    states = integrate(whole, times, 1e-6, "dop853").states
+    outputs = whole.outputs(times, states)
     some = random.permutation(count)[: 1 + seed % count]
     part = whole.select(some)
-    found = integrate(part, TIMES, 1e-6, "dop853").states
+    found = integrate(part, times, 1e-6, "dop853").states
     assert np.array_equal(found, states[some])
-    assert np.array_equal(part.outputs(TIMES, found), outputs[some])
+    assert np.array_equal(part.outputs(times, found), outputs[some])
 
 
 @pytest.mark.parametrize("name", ["swing", "slider-crank"])
@@ -94,3 +95,27 @@ def test_the_integrator_tells_residuals_that_states_have(name, times):
         expected = np.append(values[np.concatenate(index)], np.abs(states[:, layout.velocities :]).max())
         assert np.allclose(found.off[k], expected, rtol=1e-6, atol=1e-13)
         assert expected[:-1].max() < 1e-7 < expected[-1]
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("name", ["swing", "slider-crank"])
+def test_states_at_many_times_are_as_accurate_as_at_few(name, rtol):
+    """Corrections are interpolated at many times of a step; at a few, each state is projected."""
+    mechanism, compiled = model(name)
+    values = mechanism.inputs.from_uniform(np.random.default_rng(2).uniform(size=(3, len(compiled.inputs))))
+    ensemble = Ensemble(compiled, values)
+    found, few = (integrate(ensemble, times, rtol, "dop853") for times in (MANY, TIMES))
+    exact = integrate(ensemble, TIMES, 1e-12, "dop853").states
+    states, size = found.states[:, :: len(MANY) // len(TIMES) + 1], np.maximum(1.0, np.abs(exact).max(axis=1))
+    assert not np.array_equal(states, few.states)
+    assert np.abs(states - few.states).max(axis=1) / size == pytest.approx(0, abs=0.2 * rtol)
+    wrong, known = (np.abs(x - exact).max(axis=1) / size for x in (states, few.states))
+    assert wrong.max() < known.max() + 0.1 * rtol
+    arguments = np.concatenate(
+        [found.states, np.broadcast_to(MANY[:, None], (3, len(MANY), 1)), 0 * found.states[..., :1]], 2
+    )
+    drift = compiled.evaluators["drift"](
+        arguments.reshape(3 * len(MANY), -1), np.repeat(ensemble.block, len(MANY), axis=0)
+    )
+    columns = np.concatenate([drift_index[0] for drift_index in compiled.evaluators["drift"].index.values()])
+    assert np.abs(drift[:, columns]).max() < rtol * max(1.0, size.max())

@@ -203,6 +203,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
     Mask taken = decide(p, pool, g, status);
     if (!any(taken)) return;
     if (p->surplus) find_surplus(p, g, g->surplus);
+    if (p->equations) find_near(p, g);
     if (p->surplus && p->guarded) {
         Mask astray = strayed(p, g) & taken;
         for (int64_t l = 0; l < LANES; l++) {
@@ -260,6 +261,8 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
 int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
                 int64_t budget) {
     Group g;
+    Most most;
+    g.most = &most;
     place(p, &g, workspace);
     g.pool = pool;
     g.work[p->time + 1] = splat(0.0);

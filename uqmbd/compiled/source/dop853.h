@@ -13,7 +13,7 @@
 #include "events.h"
 #include "radau.h"
 
-enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5, PLACES = 8 };
+enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5, PLACES = 8, POINTS = 8 };
 
 /* Rows of the tableau without their zeros, but padded with such to multiples of four terms: row r has the terms
    starts[r] .. starts[r + 1] - 1. */
@@ -21,6 +21,9 @@ typedef struct {
     const int64_t *starts, *index;
     const double *weights;
     const double *moments; /* of all stages, as parts of a step */
+    const double *points;  /* parts of a step (POINTS) at which states are projected, others (POINTS) at which the
+                              interpolation between those is verified, and what a value at each of the former adds to
+                              Chebyshev coefficients (POINTS, POINTS) */
 } Tableau;
 
 enum {
@@ -91,6 +94,9 @@ typedef struct {
     const Control *control;  /* null: no controller is sampled here */
 } Problem;
 
+/* States that need no projection. */
+enum { CLOSE = 2 };
+
 /* All realisations: rows of arrays. */
 typedef struct {
     double *z, *rate, *parameters; /* (member, width), the rate of what is stepped (turning.c), (member, parameter) */
@@ -107,7 +113,8 @@ typedef struct {
                                of implicit steps only */
     double *result; /* (member, instant, width) */
     double *off;    /* (member, equations + 1): largest residuals at the times that were projected, largest speed */
-    int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */
+    int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead; until `project`:
+                       whether the state is CLOSE to them */
     double *path;        /* (room, PLACES, width): states of the steps that were taken, from begin to end */
     double *path_ends;   /* (room, 2): their begins and ends, s */
     int8_t *path_kept;   /* (room): whether contacts last there */
@@ -124,8 +131,8 @@ int64_t advance_workspace(const Problem *problem);
 int64_t advance(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
                 int64_t budget);
 
-/* Put the states at the output times number first .. column - 1 of members onto the constraints; note which of them
-   were far off, and what is left.  The workspace has the rows of the problem, and equations + 1 more. */
+/* Put the states at the output times number first .. column - 1 of members that are not close to the constraints onto
+   them; note which of them were far off, and what is left.  The workspace has the rows of the problem, and equations + 1 more. */
 void project(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace);
 
 #endif

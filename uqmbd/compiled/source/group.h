@@ -4,6 +4,14 @@
 
 #include "dop853.h"
 
+enum { GROUPS = POINTS / LANES };
+
+/* The largest residuals of realisations in the lanes so far, and their largest speeds. */
+typedef struct {
+    V *rows;
+    int64_t member[LANES]; /* -1: of none */
+} Most;
+
 typedef struct {
     const Pool *pool;
     V *work, *z, *base, *next, *last, *sizes, *rates, *dense, *surplus, *nodes, *node_times; /* z: states; base, which are
@@ -20,9 +28,19 @@ typedef struct {
     V *stages, *history, *changes, *slope, *matrices, *inertia, *stiffness, *factors, *right, *solution, *shift;
     V before, contraction, growth;  /* size of the step before, of its iterations; a factor of the next size */
     double *numbers;    /* of one lane at a time */
+    V enough[2], scale[2]; /* squares of distances from the constraints, in position and in velocity, that need no
+                           projection, and of residuals over distances */
+    V from, until;      /* times of a part of a step of one lane, */
+    V *other;           /* its work array at several times */
+    V *series, *shifts; /* Chebyshev coefficients (POINTS) of what is stepped, and of corrections of states */
+    V *sums;            /* what values at the points of the tableau add to coefficients */
+    Most *most;
     V *control;         /* work array of the laws of controllers */
     Mask due;           /* lanes that have reached an instant of controllers */
 } Group;
+
+/* A row of all lanes, or one of its numbers in all lanes. */
+INLINE V of_lane(const V *row, int64_t l) { return l < 0 ? *row : splat((*row)[l]); }
 
 /* State at a part of the last attempt. */
 static void interpolate(const Problem *p, Group *g, V part, V *target);

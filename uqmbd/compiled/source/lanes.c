@@ -7,7 +7,8 @@ static void place_implicit(const Problem *p, Group *g, V *at);
 static void load_control(const Problem *p, Group *g, int64_t l, int64_t m);
 
 int64_t advance_workspace(const Problem *p) {
-    int64_t rows = p->rows + (5 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES + 2 * p->turning;
+    int64_t rows = 2 * p->rows + (5 + ALL_STAGES + DENSE + NODES + 2 * GROUPS) * p->width + NODES + 2 * p->turning;
+    rows += 2 * p->coordinates + p->equations + 1 + POINTS * GROUPS;
     if (p->implicit) rows += implicit_rows(p);
     if (p->control) rows += p->control->rows;
     return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
@@ -42,6 +43,19 @@ static void place(const Problem *p, Group *g, double *workspace) {
     at += p->turning;
     g->shrink = at;
     at += p->turning;
+    g->other = at;
+    at += p->rows;
+    g->series = at;
+    at += width * GROUPS;
+    g->shifts = at;
+    at += width * GROUPS;
+    g->sums = at;
+    at += POINTS * GROUPS;
+    g->most->rows = at;
+    at += p->equations + 1;
+    fill(g->most->rows, 0.0, p->equations + 1);
+    for (int64_t l = 0; l < LANES; l++) g->most->member[l] = -1;
+    for (int64_t i = 0; i < POINTS * POINTS; i++) ((double *)g->sums)[i] = p->tableau->points[2 * POINTS + i];
     if (p->implicit) {
         place_implicit(p, g, at);
         at += implicit_rows(p);
@@ -123,6 +137,7 @@ static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, i
 
 static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) {
     int64_t width = p->width, m = g->member[l];
+    collect_off(p, pool, g->most);
     store_entries(p, pool->z, width / p->blocks, g->z, l, m);
     store_entries(p, pool->rate, width / p->blocks, g->rates, l, m);
     for (int64_t i = unknown_nodes(p, pool, m); i < NODES * width; i++)

@@ -307,15 +307,15 @@ static void stage_weights(const Implicit *m, V part, V *weights) {
     }
 }
 
-/* State at a part of the last attempt. */
-static void interpolate_stages(const Problem *p, Group *g, V part, V *target) {
+/* State at a part of the last attempt, of all lanes, or of lane l in all of them. */
+INLINE void interpolate_stages(const Problem *p, const Group *g, int64_t l, V part, V *target) {
     const Implicit *m = p->implicit;
     int64_t width = p->width;
     V weights[MOST_STAGES];
     stage_weights(m, part, weights);
     for (int64_t i = 0; i < width; i++) {
-        V sum = g->base[i];
-        for (int64_t j = 0; j < m->stages; j++) sum += weights[j] * g->stages[j * width + i];
+        V sum = of_lane(g->base + i, l);
+        for (int64_t j = 0; j < m->stages; j++) sum += weights[j] * of_lane(g->stages + j * width + i, l);
         target[i] = sum;
     }
 }
@@ -406,7 +406,7 @@ INLINE void attempt_stages(const Problem *p, Group *g, const int64_t s) {
     for (int64_t i = 0; i < width; i++) g->rates[i] = g->work[m->rate[i]];
     for (int64_t k = 1; k < MATRICES; k++) {
         V part = splat((double)k / (MATRICES - 1));
-        interpolate_stages(p, g, part, g->work);
+        interpolate_stages(p, g, -1, part, g->work);
         evaluate_matrix(p, g, g->now + part * size, k);
     }
     factorise_systems(p, g, s, size);

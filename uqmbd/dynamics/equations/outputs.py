@@ -131,14 +131,16 @@ class OutputMap:
         which = np.flatnonzero(self.turns)
         if not len(which):
             return response
-        turn, angle = self.turns[which, None], response[..., which, :]
-        before = np.broadcast_to(self.reference[which, None], (*angle.shape[:-1], 1))
-        with np.errstate(invalid="ignore"):
-            steps = np.round(np.diff(angle, axis=-1, prepend=before) / turn)
-        steps[..., self.counted[which], 1:] = 0.0
-        steps[~np.isfinite(steps)] = 0.0
         result: Array = response.copy()
-        result[..., which, :] = angle - turn * np.cumsum(steps, axis=-1)
+        for k in which.tolist():
+            turn, angle = self.turns[k], response[..., k, :]
+            # the integration makes counted angles continuous: only the branch of the first one is unknown
+            angle = angle[..., :1] if self.counted[k] else angle
+            before = np.broadcast_to(self.reference[k], (*angle.shape[:-1], 1))
+            with np.errstate(invalid="ignore"):
+                steps = np.round(np.diff(angle, axis=-1, prepend=before) / turn)
+            steps[~np.isfinite(steps)] = 0.0
+            result[..., k, :] -= turn * np.cumsum(steps, axis=-1)
         return result
 
 

@@ -24,6 +24,7 @@ PARTS = (
     "tables",
     "contacts",
     "events",
+    "projection",
     "lanes",
     "control",
     "turning",
@@ -31,7 +32,6 @@ PARTS = (
     "radau",
     "dense",
     "dop853",
-    "projection",
     "assembly",
 )
 """Sources of the driver that an integration needs, in the order of their inclusion."""
@@ -145,8 +145,8 @@ class SourceWriter:
 
     def tableau(self) -> str:
         """Return the value of a structure `Tableau`."""
-        _, (starts, index, weights, moments) = tableau()
-        tables = (self.integers(starts), self.integers(index), self.numbers(weights), self.numbers(moments))
+        _, (starts, index, *numbers) = tableau()
+        tables = (self.integers(starts), self.integers(index), *map(self.numbers, numbers))
         return f"{{{', '.join(tables)}}}"
 
     def recorded_places(self) -> str:
