@@ -31,11 +31,14 @@ from uqmbd.typing import Array
 
 __all__ = ["PortableMotion", "motion_refusal", "motion_source"]
 
+POINTS = 8
+"""Number of projected states of a step, and of coefficients of a series, as in dop853.h."""
+
 MOST_KNOTS = 10_000
 """Maximum number of knots of tables over time: each knot takes 24 bytes on the stack of the integration."""
 
-STAGES = 12 + 4 + 2 * 7 + 5 + 6
-"""Number of states in the workspace of the explicit method: stages, interpolant, nodes and others."""
+STAGES = 12 + 4 + 7 + 5 + 5 + 2 * POINTS
+"""Number of states in the workspace of the explicit method: stages, interpolant, nodes, series and others."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +287,8 @@ def _written(
         d.rows + equations + 1,
         0 if initial is None else initial.rows,
     ]
-    work = max(2 * d.rows + STAGES * layout.width + 18 * layout.coordinates + equations + 6 + 2 * len(d.turns), *rows)
+    size = 2 * d.rows + STAGES * layout.width + 2 * layout.coordinates + equations + 6 + POINTS**2 + 2 * len(d.turns)
+    work = max(size, *rows)
     work = max(work + contact_memory, closing_memory, speeds_memory)
     turn = d.turns.shape[1] if d.turns.size else 0
     projections = {} if k is None else {"values": k.values, "drift": k.drift, "place": k.place, "move": k.move}
