@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uqmbd.garbage_collection import loading
 from uqmbd.errors import StudyError
+from uqmbd.garbage_collection import loading
 from uqmbd.propagation import load_study
 from uqmbd.wording import format_duration
 

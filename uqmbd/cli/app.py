@@ -13,11 +13,11 @@ import typer
 
 from uqmbd.cli.commands import Commands
 from uqmbd.cli.completion import labels, studies
-from uqmbd.garbage_collection import loading
 from uqmbd.cli.terminal import explained, shown_progress
 from uqmbd.clusters import Workers, with_worker_options
 from uqmbd.errors import StudyError
 from uqmbd.files import check_script
+from uqmbd.garbage_collection import loading
 from uqmbd.new import PLUGIN_KINDS, new_plugin, new_study
 from uqmbd.version import __version__
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd import plugins
-from uqmbd.garbage_collection import loading
 from uqmbd.cli.run import parse_value, type_name
 from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.garbage_collection import loading
 from uqmbd.names import did_you_mean
 from uqmbd.propagation import load_study, option_types
 

@@ -15,6 +15,7 @@ from uqmbd.compiled.explicit import (
     ExplicitOptions,
     ExplicitStatus,
     IntegrationState,
+    InterpolatedState,
     tableau,
 )
 from uqmbd.compiled.kernel import Kernel
@@ -73,6 +74,7 @@ __all__ = [
     "SampledControl",
     "SegmentTable",
     "ExplicitStatus",
+    "InterpolatedState",
     "Store",
     "Target",
     "Touching",

@@ -26,7 +26,16 @@ from uqmbd.compiled.recording import PLACES, StepRecorder
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
 
-__all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "ExplicitOptions", "IntegrationState", "ExplicitStatus"]
+__all__ = [
+    "ORDER",
+    "STAGES",
+    "Constraints",
+    "Dynamics",
+    "ExplicitOptions",
+    "IntegrationState",
+    "InterpolatedState",
+    "ExplicitStatus",
+]
 
 STAGES = 12
 ORDER = 8
@@ -36,6 +45,13 @@ NODES = 5
 BUDGET = 40_000
 """Number of evaluations, of eight states each, after which the driver returns: less than 0.1 s for a small mechanism,
 so that interrupts are possible."""
+
+
+class InterpolatedState(IntEnum):
+    """Interpolated states whose distance from the constraints is known, as in dop853.h; 0 for others."""
+
+    FAR = 1
+    CLOSE = 2
 
 
 class ExplicitStatus(IntEnum):
@@ -221,7 +237,7 @@ class IntegrationState:
         # (M, equation + 1): largest residuals of the constraints at the output times after `project`, and the largest
         # speed at these times
         self.off = np.zeros((count, self._equations + 1))
-        # (M, T): whether an interpolated state is far from the constraints
+        # (M, T): members of InterpolatedState, or 0
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
         self.recorder = StepRecorder(count, width, recording=recording)
 

@@ -13,10 +13,10 @@ from rich.text import Text
 
 from uqmbd import plugins
 from uqmbd.cli.check.picture import draw_figure, require_format
-from uqmbd.garbage_collection import loading
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.cli.terminal import plain_progress, shown_derivation
 from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.garbage_collection import loading
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import (

@@ -14,7 +14,6 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.garbage_collection import loading
 from uqmbd.cli.report import FIGURES, MOTION, POSES, open_report, write, write_motion
 from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.run.settings import apply_settings, check_labels
@@ -22,6 +21,7 @@ from uqmbd.cli.tables import show_summary
 from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_derivation, shown_progress
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, Severity, StudyError, UqmbdError
+from uqmbd.garbage_collection import loading
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.propagation import (
     allowed_of,

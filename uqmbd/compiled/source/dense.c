@@ -273,7 +273,7 @@ static void write_part(const Problem *p, const Pool *pool, Group *h, int64_t l, 
             due.flag[i] = k + i < count ? -1 : 0;
             column[i] = first + k + i;
             moment.of[i] = p->times[first + (k + i < count ? k + i : count - 1)];
-            if (close && due.flag[i]) pool->poor[h->member[0] * p->instants + column[i]] = CLOSE;
+            if (close && due.flag[i]) pool->poor[h->member[0] * p->instants + column[i]] = STATE_CLOSE;
         }
         state_of_series(p, h, (moment.all - h->from) / (h->until - h->from), shifted);
         write_results(p, pool, h, due.mask, column);

@@ -94,8 +94,9 @@ typedef struct {
     const Control *control;  /* null: no controller is sampled here */
 } Problem;
 
-/* States that need no projection. */
-enum { CLOSE = 2 };
+/* Interpolated states whose distance from the constraints is known: so far that they are computed again by steps that end
+   there, and so close that `project` skips them. */
+enum { STATE_FAR = 1, STATE_CLOSE = 2 };
 
 /* All realisations: rows of arrays. */
 typedef struct {
@@ -113,8 +114,7 @@ typedef struct {
                                of implicit steps only */
     double *result; /* (member, instant, width) */
     double *off;    /* (member, equations + 1): largest residuals at the times that were projected, largest speed */
-    int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead; until `project`:
-                       whether the state is CLOSE to them */
+    int8_t *poor;   /* (member, instant): STATE_FAR, STATE_CLOSE, or 0 */
     double *path;        /* (room, PLACES, width): states of the steps that were taken, from begin to end */
     double *path_ends;   /* (room, 2): their begins and ends, s */
     int8_t *path_kept;   /* (room): whether contacts last there */

@@ -135,7 +135,7 @@ static void project_lanes(const Problem *p, const Pool *pool, V *work, const int
     to_lanes(work, (const double *const *)rows, p->width);
     Mask wrong = correct_states(p, work);
     note_off(p, pool, work, member, some, most);
-    for (int64_t l = 0; l < lanes; l++) pool->poor[member[l] * p->instants + column[l]] = wrong[l] != 0;
+    for (int64_t l = 0; l < lanes; l++) pool->poor[member[l] * p->instants + column[l]] = wrong[l] ? STATE_FAR : 0;
     to_rows(rows, lanes, work, p->width);
 }
 
@@ -151,7 +151,7 @@ void project(const Problem *p, const Pool *pool, const int64_t *queue, int64_t c
         int64_t m = queue[k];
         for (int64_t c = pool->first[m]; c < pool->column[m]; c++) {
             int8_t *poor = pool->poor + m * p->instants + c;
-            if (*poor == CLOSE) {
+            if (*poor == STATE_CLOSE) {
                 *poor = 0;
                 continue;
             }

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import ORDER, PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
+from uqmbd.compiled import ORDER, PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState, InterpolatedState
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.cost_comparison import FIRST, Comparison, Rival
@@ -517,8 +517,9 @@ class Integration:
     def recompute_poor(self) -> None:
         """Recompute interpolated states far off the constraints by integration, for example near a singular pose."""
         result = self.main.result
-        for member in np.flatnonzero(self.main.poor.any(axis=1)).tolist():
-            for at in np.flatnonzero(self.main.poor[member])[:POOR].tolist():
+        far = self.main.poor == InterpolatedState.FAR
+        for member in np.flatnonzero(far.any(axis=1)).tolist():
+            for at in np.flatnonzero(far[member])[:POOR].tolist():
                 before = result[member, at - 1 : at]
                 if not np.isfinite(before).all():
                     continue
