@@ -22,12 +22,12 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 890,
+    "uqmbd": 940,
     "uqmbd.arguments": 550,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2_250,
-    "uqmbd.dynamics": 16_140,
+    "uqmbd.dynamics": 16_150,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 190,
     "uqmbd.mechanism": 5_580,
