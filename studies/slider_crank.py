@@ -19,7 +19,7 @@ from uqmbd_springs import Torque, TorsionSpringDamper
 crank_length = uqmbd.RandomVariable("crank_length", chaospy.Normal(0.15, 0.003), units="m")
 rod_length = uqmbd.RandomVariable("rod_length", chaospy.Normal(0.35, 0.007), units="m")
 
-# the drawn pose: crank at 45 degrees, slider on the x axis, for every pair of lengths
+# the given pose: crank at 45 degrees, slider on the x axis, for every pair of lengths
 pin_x = crank_length * sympy.cos(sympy.pi / 4)
 pin_y = crank_length * sympy.sin(sympy.pi / 4)
 rod_angle = -sympy.asin(pin_y / rod_length)

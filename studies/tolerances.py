@@ -31,7 +31,7 @@ rocker_length = length("rocker", 0.080, 0.00012)
 frame_length = length("frame", 0.100, 0.00015)
 roller = uqmbd.RandomVariable("roller", uqmbd.iso286(0.020, "h11", cpk=1, units="m"), units="m")
 
-# the drawn pose for all lengths: crank along the frame, joint of coupler and rocker above it
+# the given pose for all lengths: crank along the frame, joint of coupler and rocker above it
 rest = frame_length - crank_length
 coupler_angle = sympy.acos((coupler_length**2 + rest**2 - rocker_length**2) / (2 * coupler_length * rest))
 joint_x = crank_length + coupler_length * sympy.cos(coupler_angle)

@@ -30,7 +30,7 @@ PHRASES = {
     r"\bother people's models\b": "model import",
     r"\bthe page has the word\b": "the page documents",
     r"\bdoubted\b|\bnothing learned\b": "rejected, unreliable; no reduction",
-    r"\bdraw (?:it|them) apart\b": "change the drawn poses",
+    r"\bdraw (?:it|them) apart\b": "change the given poses",
 }
 """Patterns, in any case, and what to write instead; identifiers of one capital letter are matched as they are."""
 

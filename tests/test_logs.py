@@ -40,7 +40,7 @@ def test_info_says_what_begins_and_ends_and_refinements(said):
     found = said("INFO", study(MonteCarlo(samples=20), Collocation(order=1, adaptive="order", tolerance=0.05)).run)
     words = [text for name, _, text in found if name == "uqmbd.methods"]
     assert words[0] == "monte-carlo: begins, 1 input, 11 output times"
-    assert words[1].startswith("monte-carlo: ends: 20 realisations, 0 failed, ")
+    assert words[1].startswith("monte-carlo: finished: 20 realisations, 0 failed, ")
     assert [text.split(":")[0] for text in words] == ["monte-carlo", "monte-carlo", "collocation", "collocation"]
     steps = [text for name, _, text in found if name == "uqmbd.refinement"]
     assert len(steps) >= 2 and "2 terms: mean changes by inf" in steps[0] and "tolerance 0.05" in steps[0]

@@ -103,7 +103,7 @@ def format_power(power: int) -> str:
 
 
 def format_quantity(value: float, units: str, error: float | None = None) -> str:
-    """Return a number as from :func:`format_number`, with any units as from :func:`typeset_units`.
+    """Return a number, formatted by :func:`format_number`, and its units, formatted by :func:`typeset_units`.
 
     >>> format_quantity(0.150123, "m", 0.00134), format_quantity(2.0, "1"), format_quantity(float("nan"), "m")
     ('0.1501 ± 0.0013 m', '2', 'unknown')
@@ -303,7 +303,10 @@ def format_share(share: float) -> str:
 
 
 def format_index(value: float, lower: float = math.nan, upper: float = math.nan) -> str:
-    """Return a Sobol' index as text; an estimate below 0 or above 100 % as this limit, with estimate and 95 % interval.
+    """Return a Sobol' index as text.
+
+    For an estimate below 0 or above 100 %, the text states the nearest limit, then the estimate and its 95 % interval.
+
 
     >>> format_index(0.42), format_index(1.08)
     ('42 %', '100 % (estimate 108 %, limited by sampling error)')
@@ -324,8 +327,8 @@ def format_probability(value: float, width: float = 0.0, largest: float = 0.0) -
     """Return a probability as text, with at least two digits.
 
     More digits distinguish the probability from 1, or resolve `width`: the width of an interval whose ends must differ
-    in the text. `largest` is the upper end of the interval; the text uses the power of ten, or per cent, of the upper
-    end's text.
+    in the text. `largest` is the upper end of the interval. The text uses the same power of ten as the text of the
+    upper end, or per cent if that text does.
 
     >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 0.999995, 1.0, float("nan"))]
     ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '99.9995 %', '100 %', 'not known']
@@ -385,7 +388,7 @@ def format_interval_ends(lower: float, upper: float) -> str:
 
 
 def resolved_width(lower: float, upper: float) -> float:
-    """Return the width that digits must resolve; 0 for a one-sided interval, or a width at the level of rounding."""
+    """Return the width that digits must resolve; 0 if the interval is one-sided or its width is a rounding error."""
     width = upper - lower
     return width if lower > 0 and upper < 1 and width > 1e-12 * upper else 0.0
 

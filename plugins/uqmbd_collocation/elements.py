@@ -192,5 +192,5 @@ def _nodes(work: _ElementSplitting, kept: tuple[int, ...]) -> xr.Dataset:
     found = nodes_of(
         work.problem.labels, joined[0].space.names, inputs, germs, status, messages, np.concatenate(purposes)
     )
-    comment = {"comment": "-1: of an element that was split further"}
+    comment = {"comment": "-1: the node belongs to an element that was split further"}
     return found.assign(element=("node", np.concatenate(elements), comment))

@@ -174,7 +174,7 @@ def prospect(steps: Sequence[RefinementStep], tolerance: float, *, more: bool = 
     needed = np.inf if power <= 0 else counts[-1] + (changes[-1] - np.log(tolerance)) / power
     if power > SAMPLED and needed < -2 * np.log(tolerance):
         return f"{lead}: about {float(f'{np.exp(needed):.1g}'):.0f} would meet the tolerance" if more else ""
-    return f"{lead}. Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead"
+    return f"{lead}. Monte Carlo needs no more realisations than this method for this tolerance; use Monte Carlo"
 
 
 def history(steps: tuple[RefinementStep, ...]) -> xr.Dataset:

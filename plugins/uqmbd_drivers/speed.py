@@ -15,7 +15,7 @@ __all__ = ["LinearSpeedDriver", "SpeedDriver"]
 
 
 class SpeedDriver(uqmbd.Component):
-    """Body j rotates from its drawn pose relative to body i, about a common axis, at a prescribed speed over time.
+    """Body j rotates from its given pose relative to body i, about a common axis, at a prescribed speed over time.
 
     Examples
     --------
@@ -36,7 +36,7 @@ class SpeedDriver(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Return the relative quaternion of the bodies in the drawn pose."""
+        """Return the relative quaternion of the bodies in the given pose."""
         return {"drawn": self.drawn_quaternion()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
@@ -48,7 +48,7 @@ class SpeedDriver(uqmbd.Component):
 
 
 class LinearSpeedDriver(uqmbd.Component):
-    """A point of body j moves from its drawn pose along an axis fixed in body i at a prescribed speed over time.
+    """A point of body j moves from its given pose along an axis fixed in body i at a prescribed speed over time.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class LinearSpeedDriver(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the displacement in the drawn pose."""
+        """Return the displacement in the given pose."""
         return {"start": self.drawn_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

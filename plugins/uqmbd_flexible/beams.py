@@ -74,7 +74,8 @@ def Beam(
     -------
     ModalModel
         Modes of the free beam. Its nodes are ``"start"``, ``"end"`` and numbers from 0. It recovers ``"axial strain at
-        s"`` and ``"bending strain at s"`` at the fractions 0, 0.25, 0.5, 0.75 and 1 of the length.
+        s"``, with `depth` ``"bending strain at s"``, and in space with `width` ``"bending strain in z at s"``. The
+        fractions s of the length are 0, 0.25, 0.5, 0.75 and 1.
 
     Raises
     ------
@@ -201,7 +202,7 @@ class _BeamElement:
         return np.array(table) * moment / ((1 + soft) * x**3)
 
     def points(self) -> list[tuple[float, Array, Array]]:
-        """Return places, masses and motions of points: exact integrals of the kinetic energy."""
+        """Return places, masses and motions of quadrature points, whose sum is the exact kinetic energy."""
         spatial = len(self.moments) == 2
         width, d = (6, 3) if spatial else (3, 2)
         found = []
@@ -239,7 +240,10 @@ class _BeamElement:
 def _strains(
     shapes: Array, length: float, elements: int, *, spatial: bool, depth: float | None, width: float | None
 ) -> dict[str, Array]:
-    """Return rows of axial strain, and of bending strain at the surface, at `STATIONS`, by differences of elements."""
+    """Return rows of axial strain, and of bending strain at the surface, at `STATIONS`.
+
+    The strains are interpolated between the middles of the elements.
+    """
     size = 6 if spatial else 3
     table = shapes.reshape(elements + 1, size, -1)
     rates = np.diff(table, axis=0) / length  # constant axial strain and mean curvature of each element

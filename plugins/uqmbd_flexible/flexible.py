@@ -324,7 +324,7 @@ def flexible_body(
     model : ModalModel
         Model from `craig_bampton`, `Beam`, or integrals.
     position : sequence of numbers or expressions, optional
-        Origin of the frame of the body in the drawn pose, m.
+        Origin of the frame of the body in the given pose, m.
     angle : number or expression, optional
         Drawn angle of the frame in the plane, rad.
     quaternion : sequence of numbers or expressions, optional
@@ -334,7 +334,7 @@ def flexible_body(
     angular_velocity : number, expression or sequence, optional
         Initial angular velocity of the frame, body axes, rad/s. Default: the assembly solves for it.
     initial, rates : sequence of numbers or expressions, optional
-        Modal coordinates in the drawn pose, m, and their rates at the start, m/s. Default: undeformed; the assembly
+        Modal coordinates in the given pose, m, and their rates at the start, m/s. Default: undeformed; the assembly
         solves for the rates.
 
     Returns

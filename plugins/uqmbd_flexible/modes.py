@@ -55,7 +55,7 @@ class FlexibleModes(uqmbd.Component):
     gyration = _numbers("kg", "integrals of shape cross shape, row by row")
     linear = _numbers("kg m", "first-order change of inertia, row by row")
     quadratic = _numbers("kg", "second-order change of inertia, row by row")
-    initial = _numbers("m", "values of the coordinates in the drawn pose")
+    initial = _numbers("m", "values of the coordinates in the given pose")
     rates = _numbers("m/s", "rates of the coordinates at the start")
     largest = _numbers("m", "largest valid values of the coordinates")
 

@@ -46,7 +46,7 @@ class Fixed(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the relative rotation of the drawn pose if the argument `rotation` is omitted."""
+        """Return the relative rotation of the given pose if the argument `rotation` is omitted."""
         return {"turn": self.drawn_quaternion() if self.rotation is None else self.rotation}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

@@ -15,7 +15,7 @@ __all__ = ["Gear", "RackAndPinion"]
 class Gear(uqmbd.Component):
     """Two meshing gears: relative to the carrier of their axes, body i makes `ratio` turns for each turn of body j.
 
-    The angle of each gear about its axis is zero in the drawn pose. Other joints must fix the axes in the carrier. The
+    The angle of each gear about its axis is zero in the given pose. Other joints must fix the axes in the carrier. The
     reaction is the moment on body j. If body j is the ground, the reaction is the negative moment on body i.
 
     Examples
@@ -48,7 +48,7 @@ class Gear(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Return the quaternions of both gears relative to the carrier in the drawn pose."""
+        """Return the quaternions of both gears relative to the carrier in the given pose."""
         for x in "ij":
             if self.attached[f"body_{x}"] is self.attached["carrier"]:
                 raise uqmbd.StudyError(
@@ -58,7 +58,7 @@ class Gear(uqmbd.Component):
         return {f"drawn_{x}": self.drawn_quaternion("carrier", f"body_{x}") for x in "ij"}
 
     def motion(self) -> dict[str, Any]:
-        """Return the angles of both gears relative to the carrier, zero in the drawn pose."""
+        """Return the angles of both gears relative to the carrier, zero in the given pose."""
         return {f"angle_{x}": self.joint_angle("carrier", f"body_{x}", drawn=True, speed=f"speed_{x}") for x in "ij"}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
@@ -113,11 +113,11 @@ class RackAndPinion(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the relative rotation and the displacement in the drawn pose."""
+        """Return the relative rotation and the displacement in the given pose."""
         return {"drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
     def motion(self) -> dict[str, Any]:
-        """Return the pinion's angle, zero in the drawn pose, and its centre's displacement from the rack's point."""
+        """Return the pinion's angle, zero in the given pose, and its centre's displacement from the rack's point."""
         return {"angle": self.joint_angle(drawn=True), "displacement": self.joint_displacement("sliding_speed")}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

@@ -16,7 +16,7 @@ __all__ = ["Prismatic"]
 class Prismatic(PointsAndAxes):
     """A slide: the point on body j stays on a line fixed in body i, without relative rotation.
 
-    The bodies keep the relative rotation of the drawn pose, changed by the smallest rotation that makes the axes
+    The bodies keep the relative rotation of the given pose, changed by the smallest rotation that makes the axes
     parallel.
 
     Examples

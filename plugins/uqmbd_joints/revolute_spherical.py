@@ -48,7 +48,7 @@ class RevoluteSpherical(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def motion(self) -> dict[str, Any]:
-        """Return the angle of the link about the hinge on body i, zero in the drawn pose."""
+        """Return the angle of the link about the hinge on body i, zero in the given pose."""
         i, j = self.attached["body_i"], self.attached["body_j"]
         drawn_i, drawn_j = self.drawn_frame("body_i"), self.drawn_frame("body_j")
         link = drawn_i.rotation.T * (drawn_j.point(self.point_j) - drawn_i.point(self.point_i))

@@ -16,7 +16,7 @@ __all__ = ["Screw"]
 
 
 class Screw(Cylindrical):
-    """A nut on a thread: a cylindrical joint that advances from the drawn pose by the pitch with each turn.
+    """A nut on a thread: a cylindrical joint that advances from the given pose by the pitch with each turn.
 
     Examples
     --------
@@ -51,7 +51,7 @@ class Screw(Cylindrical):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return the relative rotation and the displacement in the drawn pose."""
+        """Return the relative rotation and the displacement in the given pose."""
         return {**super().prepare(), "drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

@@ -47,7 +47,7 @@ class Universal(uqmbd.Component):
     def motion(self) -> dict[str, Any]:
         """Return the angles of the cross relative to body i about `axis_i`, and of body j relative to the cross.
 
-        The second angle is about `axis_j`. Both angles are zero in the drawn pose.
+        The second angle is about `axis_j`. Both angles are zero in the given pose.
         """
         i, j = self.attached["body_i"], self.attached["body_j"]
         drawn_i, drawn_j = self.drawn_frame("body_i"), self.drawn_frame("body_j")

@@ -109,7 +109,9 @@ class PickFreeze:
 
     @classmethod
     def of(cls, index: Index, count: int, a: Array, b: Array, mixed: Array, blocks: int | None = None) -> PickFreeze:
-        """Return sums over the rows `index` (K,), ascending, of `count`; the result does not depend on other rows.
+        """Return sums over the rows with the ascending indices `index` (K,), of a design of `count` rows.
+
+        The result does not depend on other rows.
 
         a and b (K, ...): finite responses, usually (K, output, time); `mixed` (d, K, ...): responses to `mixed_inputs`;
         `blocks`: number of equal, mutually independent parts of all rows; default: independent rows in 64 blocks.

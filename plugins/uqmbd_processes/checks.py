@@ -77,7 +77,7 @@ class LostVariance:
         parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
         parts += [f"an unknown part of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
         much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
-        advice = "Give the process a higher cutoff=, or a spectrum with a band" if much else ""
+        advice = "Give the process a higher cutoff=, or a band-limited spectrum" if much else ""
         if not much and not unknown and (lower := _lower_cutoff(list(every.values()))) is not None:
             factor, loss = lower
             names = " and ".join(f"{_rounded(p, factor):g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items())

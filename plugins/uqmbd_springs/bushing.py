@@ -19,7 +19,7 @@ __all__ = ["Bushing"]
 class Bushing(uqmbd.Component):
     """Forces and moments that are linear in the relative displacement, rotation and their rates, in frame i.
 
-    Frame i is the frame of body i. The rotation is relative to the drawn pose. The measure of the rotation is twice the
+    Frame i is the frame of body i. The rotation is relative to the given pose. The measure of the rotation is twice the
     vector part of the relative quaternion, which equals the rotation vector for small rotations. In a matrix that
     couples translation and rotation, the rows and columns of the displacement come first.
 
@@ -35,7 +35,7 @@ class Bushing(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point", body="body_j")
     stiffness = uqmbd.Parameter(
         "N/m, N m/rad",
-        "diagonal (3 + 3 numbers, 2 + 1 in planar space) or symmetric matrix; one number k: k N/m and k N m/rad",
+        "diagonal (3 + 3 numbers, 2 + 1 in planar space), symmetric matrix, or one number for N/m and for N m/rad",
         kind="option",
         example=2.0,
     )
@@ -72,7 +72,7 @@ class Bushing(uqmbd.Component):
         relative = uqmbd.extend.relative_quaternion(i.attitude(p.turn), j.quaternion)
         # q and -q are the same rotation, so the vector part is multiplied by the scalar part
         angle = 2 * relative[0] * sympy.Matrix(relative[1:])
-        # convert the rotation from the axes of body j in the drawn pose to the axes of body i
+        # convert the rotation from the axes of body j in the given pose to the axes of body i
         if p.space.dimension == 3:
             back = (p.turn[0], *(-x for x in p.turn[1:]))
             angle = sympy.Matrix(

@@ -17,7 +17,7 @@ class TorsionSpringDamper(uqmbd.Component):
     """A linear spring and damper about a common axis of two bodies.
 
     The angle of body j relative to body i is an auxiliary state that counts any number of turns. In planar space, the
-    initial angle is in the turn of the drawn pose. In three dimensions, the initial angle is within half a turn of
+    initial angle is in the turn of the given pose. In three dimensions, the initial angle is within half a turn of
     zero.
 
     Examples
@@ -42,7 +42,7 @@ class TorsionSpringDamper(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Return a joint frame in each body; in planar space, the angle in the drawn pose."""
+        """Return a joint frame in each body; in planar space, the angle in the given pose."""
         if not self.axis_i:
             return {"drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)

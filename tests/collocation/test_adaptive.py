@@ -174,9 +174,9 @@ def test_progress_is_one_piece_of_work(resting):
         (
             "realisations",
             0.5,
-            "Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead",
+            "Monte Carlo needs no more realisations than this method for this tolerance; use Monte Carlo",
         ),
-        ("samples", 0.5, "Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead"),
+        ("samples", 0.5, "Monte Carlo needs no more realisations than this method for this tolerance; use Monte Carlo"),
         ("neither", 0.5, ""),  # failures, or no further terms
         ("realisations", 1e-5, ""),  # below a hundred relative tolerances: the noise of the integration
         ("samples", 1e-5, ""),

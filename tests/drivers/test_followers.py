@@ -125,7 +125,7 @@ def test_turns_that_a_follower_hides_are_reported(space, follower):
         assert not said
     else:
         assert len(said) == 1
-        assert "driver 'd1' starts at 4 rad, more than half a turn from the drawn pose, -2.283 rad" in said[0]
+        assert "driver 'd1' starts at 4 rad, more than half a turn from the given pose, -2.283 rad" in said[0]
         assert "State j0.angle as well, which the driver follows" in said[0]
 
 
@@ -146,7 +146,7 @@ def test_turns_of_a_follower_may_be_stated(space):
         found, said = first_values(mechanism)
         np.testing.assert_allclose(found[:2], expected, rtol=0, atol=1e-9)
         assert bool(said) == hidden
-    mechanism, angles = wheels(space, laws)  # turns that are made from the drawn pose on are counted of both
+    mechanism, angles = wheels(space, laws)  # turns that are made from the given pose on are counted of both
     mechanism.start(angles[0], 5.0)
     found, said = first_values(mechanism)
     np.testing.assert_allclose(found[:2], (5.0, 10.0), rtol=0, atol=1e-9)

@@ -64,7 +64,7 @@ def scipy_quaternion(rotation):
 
 
 def value_of(expression, *bodies):
-    """Value of an expression in coordinates, in the drawn pose, turning as stated."""
+    """Value of an expression in coordinates, in the given pose, turning as stated."""
     swap = {}
     for body in bodies:
         q = [float(x) for x in body.pose.q]
@@ -261,7 +261,7 @@ def test_a_screw_by_law(kind, integrator, close):
 
 @pytest.mark.thorough
 def test_gears_and_pinions(close):
-    """Gears turn in the ratio of their teeth, a pinion rolls its way, from the drawn pose on."""
+    """Gears turn in the ratio of their teeth, a pinion rolls its way, from the given pose on."""
     mechanism = uqmbd.Mechanism("gears", uqmbd.Planar())
     ground = mechanism.ground
     first = mechanism.body("first", 1, 1, angle=0.4)

@@ -1,6 +1,6 @@
 """Every joint, driver and torsion spring between frames at random angles, many of them close to zero and to half a turn.
 
-What is stated is consistent with the drawn poses: assembly must not move a body, and no digit of an angle may be lost.
+What is stated is consistent with the given poses: assembly must not move a body, and no digit of an angle may be lost.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def random_pair(random, number):
 
 
 def stated(name: str, pair: Pair, way: str, random: Any) -> dict[str, Any]:
-    """Arguments of a component that hold in the drawn poses, in the frames of the bodies or in the world."""
+    """Arguments of a component that hold in the given poses, in the frames of the bodies or in the world."""
     p, axis = pair, pair.axis
     points = {"point_i": p.point(0, p.place), "point_j": p.point(1, p.place)}
     axes = {"axis_i": p.direction(0, axis), "axis_j": p.direction(1, axis)}
@@ -132,7 +132,7 @@ def stated(name: str, pair: Pair, way: str, random: Any) -> dict[str, Any]:
 
 
 def drawn(mechanism, name, pair):
-    """Two bodies in the drawn poses."""
+    """Two bodies in the given poses."""
     return [
         mechanism.body(
             f"{name}{end}",

@@ -140,7 +140,7 @@ def test_adaptive_refinement_states_that_more_realisations_do_not_help(run):
     _, said = run("alone")
     (message,) = (str(one.message) for one in said if "was not met" in str(one.message))
     assert (
-        "Monte Carlo needs at most as many realisations for this tolerance; use Monte Carlo instead" in message
+        "Monte Carlo needs no more realisations than this method for this tolerance; use Monte Carlo" in message
         and "would meet the tolerance" not in message
     )
 

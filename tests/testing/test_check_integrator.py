@@ -281,7 +281,7 @@ def _all_fail_later(ensemble, times, found):
         (_silent, "fragile: realisation 1 cannot be assembled, but has no message"),
         (_filled, "fragile: realisation 1 cannot be assembled, but has finite states; expected NaN"),
         (_all_fail, "fragile: realisation 0 failed, although only another realisation cannot be assembled: 'failed'"),
-        (_silent_later, "fading: realisation 1 cannot be continued after t = 0.3 s, .* but has no message"),
+        (_silent_later, "fading: realisation 1: a force is not finite after t = 0.3 s, but the message .* is empty"),
         (_filled_later, "fading: realisation 1: states after the time of failure are finite"),
         (
             _all_fail_later,

@@ -64,7 +64,7 @@ def test_a_file_is_followed_through_changes_errors_loops_and_deletion(watch):
 def test_a_joint_point_that_is_one_metre_off_is_marked(watch):
     seen = watch(CHAIN.replace("WRONG", "1.0"))
     seen.until(SHOWN)
-    assert "B: the points of the joint are 1 m apart in the drawn pose" in seen.text("findings")
+    assert "B: the points of the joint are 1 m apart in the given pose" in seen.text("findings")
     before = seen.page.locator("#drawing").screenshot()
     seen.page.check("#as-drawn")
     seen.until_changed(before)

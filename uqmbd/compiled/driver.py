@@ -1,6 +1,6 @@
 """Driver of kernels: loops that are compiled ahead of time from ``source/*.c``, independent of any mechanism.
 
-Its structures agree with the headers in every field. Calls release the interpreter lock.
+Its structures agree with the C sources in every field. Calls release the interpreter lock.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Drawn pose: known points of bodies, size of the mechanism, and displacements of bodies by the assembly."""
+"""Given pose: known points of bodies, size of the mechanism, and displacements of bodies by the assembly."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TILTED = np.radians(1)
 
 @dataclass(frozen=True)
 class Move:
-    """Displacement of a body from its drawn pose by the assembly, at the means of the inputs."""
+    """Displacement of a body from its given pose by the assembly, at the means of the inputs."""
 
     body: str
     distance: float  # displacement of the frame's origin, in `units`
@@ -52,7 +52,7 @@ def moves(bodies: Sequence[str], dimension: int, drawn: Array, assembled: Array)
 
 
 def drawn_points(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
-    """Return known, finite points of each body in the drawn pose, m, at the means."""
+    """Return known, finite points of each body in the given pose, m, at the means."""
     poses: dict[str, Sequence[sympy.Expr]] = {name: body.pose.q for name, body in mechanism.bodies.items()}
     poses["ground"] = mechanism.ground.q
     frames: dict[str, Frame] = {}
@@ -76,7 +76,7 @@ def extent_of(places: Sequence[Array]) -> float:
 
 
 def size_of(mechanism: Mechanism) -> float:
-    """Return the largest extent of the drawn mechanism, m, at the means, from all known points of its bodies."""
+    """Return the largest extent of the given pose at the means, m, from all known points of the bodies."""
     return extent_of([place for found in drawn_points(mechanism).values() for _, place in found])
 
 

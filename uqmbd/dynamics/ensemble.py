@@ -95,7 +95,7 @@ class Ensemble:
         if self._given_start is not None:
             return self._given_start
         if self.model.start_at == "equilibrium":
-            # given velocities apply to the equilibrium, not to the drawn pose
+            # given velocities apply to the equilibrium, not to the given pose
             drawn = assemble(replace(self.model, statements=(), conditions=None), self.parameters, self.model.time)
             found = equilibrium_start(Ensemble(self.model, self.values, start=drawn, paths=self.paths))
         else:

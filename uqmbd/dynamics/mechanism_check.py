@@ -41,7 +41,7 @@ class Check:
     apart : tuple of tuple of str
         Groups of bodies that no component connects with each other or the ground.
     moved : tuple of Move
-        Bodies that assembly displaced by more than 1 % of the size of the mechanism from their drawn pose, or rotated
+        Bodies that assembly displaced by more than 1 % of the size of the mechanism from their given pose, or rotated
         by more than 1 degree.
     conditions : tuple of (condition, kind)
         Start conditions, each with its kind: ``position`` or ``velocity``.

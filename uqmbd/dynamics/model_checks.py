@@ -46,7 +46,7 @@ DEEP = 0.1
 """Depth of a contact of points, in sizes of the mechanism, above which a note becomes a warning."""
 
 REALISATIONS = 256
-"""Number of realisations checked for drivers with initial angles over half a turn from the drawn pose."""
+"""Number of realisations checked for drivers with initial angles over half a turn from the given pose."""
 
 LEAST = 1.0
 """Least assumed size of a mechanism, m."""
@@ -69,7 +69,7 @@ class Assembled:
     model: Model
     instances: Sequence[Instance]  # components, in the order of the parameters
     parameters: Array  # (1, parameter)
-    drawn: Array  # (1, coordinate): drawn pose
+    drawn: Array  # (1, coordinate): given pose
     pose: Array  # (1, coordinate): at the start of the motion
 
     @cached_property
@@ -79,7 +79,7 @@ class Assembled:
 
     @cached_property
     def places(self) -> dict[str, list[tuple[Mark, Array]]]:
-        """Known points of each body in the drawn pose, world frame, m."""
+        """Known points of each body in the given pose, world frame, m."""
         return drawn_points(self.mechanism)
 
     @cached_property
@@ -102,7 +102,7 @@ def model_findings(assembled: Assembled) -> tuple[Finding, ...]:
 
 
 def _redundant(a: Assembled) -> Iterator[Finding]:
-    """Yield equations that depend on others, in every pose or only in the drawn pose."""
+    """Yield equations that depend on others, in every pose or only in the given pose."""
     model = a.model
     redundant = np.setdiff1d(np.arange(model.layout.constraints), model.layout.kept)
     if not len(redundant):
@@ -120,7 +120,7 @@ def _redundant(a: Assembled) -> Iterator[Finding]:
 
 
 def _moved(a: Assembled) -> Iterator[Finding]:
-    """Yield bodies that assembly moved from the drawn pose, with a warning for large moves and a note for others."""
+    """Yield bodies that assembly moved from the given pose, with a warning for large moves and a note for others."""
     found = [m for m in moved(a.mechanism, a.model, a.size) if not m.coordinate]
     far = [m for m in found if m.turn > TURNED or m.distance > FAR * a.size + 1e-9]
     near = [m for m in found if m not in far]
@@ -214,8 +214,8 @@ def _scales(a: Assembled) -> Iterator[Finding]:
         yield Finding(
             Severity.NOTE,
             short,
-            f"the known points of {short} extend over {least:.3g} m, and those of {long} over {most:.3g} m: lengths "
-            f"that differ by more than a factor of {SCALES:g}",
+            f"the points given for {short} extend over {least:.3g} m, and the points given for {long} over "
+            f"{most:.3g} m. These lengths differ by more than a factor of {SCALES:g}",
             "Check the units of its points: all lengths are in metres",
         )
 
@@ -229,7 +229,7 @@ def _units(a: Assembled) -> Iterator[Finding]:
 def _uncounted_turns(a: Assembled) -> Iterator[Finding]:
     """Yield drivers with initial angles that differ from counted angles by whole turns.
 
-    Counted angles start within half a turn of the drawn pose.  A driver with an angle as a function of time starts at
+    Counted angles start within half a turn of the given pose.  A driver with an angle as a function of time starts at
     the value of the function. A driver that follows other joints starts at its value in the assembled pose.
     """
     mechanism, model = a.mechanism, a.model
@@ -250,7 +250,7 @@ def _uncounted_turns(a: Assembled) -> Iterator[Finding]:
             Severity.WARNING,
             f"driver {component.name!r}",
             f"mechanism {mechanism.name!r}: driver {component.name!r} starts at {angles[far][0]:.4g} rad{share}, more "
-            f"than half a turn from the drawn pose, {poses[far][0]:.4g} rad; angles of bodies and joints, and "
+            f"than half a turn from the given pose, {poses[far][0]:.4g} rad; angles of bodies and joints, and "
             "springs, do not count whole turns between them",
             f"{advice} the turns by mechanism.start(joint.angle, value), with the value at which the driver starts"
             f"{others}",
@@ -352,7 +352,7 @@ def _deep_contacts(a: Assembled) -> Iterator[Finding]:
                     where,
                     f"{where} starts {depth:.3g} m deep: bodies overlap at the start, so the contact force pushes "
                     "them apart",
-                    "Check its points, normal and radii, and the drawn poses",
+                    "Check its points, normal and radii, and the position and angle of the bodies",
                 )
 
 

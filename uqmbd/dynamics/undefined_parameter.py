@@ -29,7 +29,7 @@ def not_finite(
 
     The values (P,) of the expressions (P,) are those at the means of the inputs; at least one is not finite.  The
     parameters of the instances come first.  An example is
-    ``body 'rod': its drawn pose is nan at the means: angle = asin(x); x = 2``.
+    ``body 'rod': its given pose is nan at the means of the inputs: angle = asin(x); x = 2``.
     """
     wrong = np.flatnonzero(~np.isfinite(values))
     # report an undefined pose first, because counters of angles depend on it
@@ -67,7 +67,7 @@ def _origin(
     if k < first + model.of_bodies:
         body = list(mechanism.bodies.values())[(k - first) // model.size]
         coordinate = (k - first) % model.size
-        pose = ("its drawn pose", mechanism.space.coordinates[coordinate])
+        pose = ("its given pose", mechanism.space.coordinates[coordinate])
         turned = as_symbolic(body.pose.angle)
         if coordinate >= model.dimension and mechanism.space.turns and model.dimension == 2 and turned.free_symbols:
             # the half-angle pair is not the user's expression

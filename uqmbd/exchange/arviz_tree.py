@@ -21,7 +21,7 @@ GROUPS = (
     "posterior", "posterior_predictive", "predictions", "log_likelihood", "log_prior", "sample_stats", "prior",
     "prior_predictive", "sample_stats_prior", "observed_data", "constant_data",
 )  # fmt: skip
-"""Names of the groups of ArviZ' schema that calibrations have."""
+"""Groups of ArviZ' schema that are passed on unchanged; calibrations by `uqmbd_calibration` have eight of them."""
 
 DRAWS = 1000
 """Default number of draws from a surrogate."""
@@ -45,13 +45,13 @@ def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None)
     Returns
     -------
     xarray.DataTree
-        For a calibration: its groups ``posterior``, ``prior``, ``posterior_predictive``, ``prior_predictive``,
-        ``log_likelihood``, ``sample_stats``, ``observed_data`` and ``constant_data``, unchanged. For a method: the
-        group ``prior`` with a variable for each input, and the group ``prior_predictive`` with a variable for each
-        output. The groups have one chain, and outputs over time have the dimension ``time``. If the inputs of the
-        method are from a calibration, the groups are ``posterior`` and ``posterior_predictive``. Variables have
-        ``units``. Failed realisations and realisations without an output are excluded; the attribute ``left_out`` is
-        their number.
+        For a calibration: those of its groups that ArviZ' schema defines, unchanged. `uqmbd_calibration` stores
+        ``posterior``, ``prior``, ``posterior_predictive``, ``prior_predictive``, ``log_likelihood``, ``sample_stats``,
+        ``observed_data`` and ``constant_data``. For a method: the group ``prior`` with a variable for each input, and
+        the group ``prior_predictive`` with a variable for each output. The groups have one chain, and outputs over time
+        have the dimension ``time``. If the inputs of the method are from a calibration, the groups are ``posterior``
+        and ``posterior_predictive``. Variables have ``units``. Failed realisations and realisations without an output
+        are excluded; the attribute ``left_out`` is their number.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def _of_samples(parts: list[xr.DataTree], draws: int | None) -> tuple[xr.Dataset
     good = np.ones(count, dtype=bool)
     for one in data:
         good &= one["status"].values == Status.OK
-        # a scalar output may not occur in every realisation
+        # in some realisations, a scalar output may have no value
         good &= np.isfinite(one["response"].values.reshape(count, -1)).all(axis=1)
     successful = [one.isel(sample=np.flatnonzero(good)) for one in data]
     outputs = xr.merge([by_output(one, "response") for one in successful], compat="override", join="override")
@@ -118,7 +118,7 @@ def _of_samples(parts: list[xr.DataTree], draws: int | None) -> tuple[xr.Dataset
 
 
 def _of_surrogates(label: str, parts: list[xr.DataTree], draws: int, seed: int) -> tuple[xr.Dataset, xr.Dataset, int]:
-    """Draw from the surrogates of a method at equal inputs; return inputs, outputs and the excluded number 0."""
+    """Draw from the surrogates of a method at equal inputs; return inputs, outputs, and 0 excluded draws."""
     found: list[xr.Dataset] = []
     inputs: xr.Dataset | None = None
     for part in parts:

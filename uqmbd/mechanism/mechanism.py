@@ -116,7 +116,7 @@ class Mechanism:
         hold: bool = False,
         shape: BodyShape | Sequence[BodyShape] | None = None,
     ) -> Body:
-        """Add a rigid body in its drawn pose.
+        """Add a rigid body in its given pose.
 
         Each number may be an expression in random variables.
 
@@ -141,7 +141,7 @@ class Mechanism:
             Initial velocity of the origin, m/s (world axes), and initial angular velocity, rad/s (body axes). Assembly
             does not change given values. Default: the values of smallest norm that satisfy the constraints.
         hold : bool
-            Whether assembly keeps the drawn pose of the body.
+            Whether assembly keeps the given pose of the body.
         shape : BodyShape or sequence of BodyShape, optional
             Shapes of the body (`uqmbd.shapes`), which are drawn and do not affect the motion.
 
@@ -308,7 +308,7 @@ class Mechanism:
     def start(self, condition: Any, value: Any = None) -> None:
         """Add a start condition, which every realisation satisfies at its start only.
 
-        The assembly satisfies conditions in positions together with the joints.  It moves the mechanism from the drawn
+        The assembly satisfies conditions in positions together with the joints.  It moves the mechanism from the given
         pose until all conditions are satisfied, with the smallest motion of the remaining degrees of freedom.  The
         assembly tracks angles, so that a condition may contain up to about 150 turns.  The turn counts of joints and
         springs include these turns, even if a rotation driver determines the angle.  Conditions in velocities must be

@@ -1,4 +1,4 @@
-"""Build the model of a mechanism with outputs, and the requested limits on steps."""
+"""Build the model of a mechanism with outputs and with the requested limits of integration steps."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ ROW = 24
 
 
 def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
-    """Return the attributes of results on their mechanism, each as JSON.
+    """Return the attributes that describe the mechanism in results, each as JSON.
 
     ``parts`` contains bodies, and components with their types; `uqmbd compare` uses it to find parts that only one of
     two mechanisms has. ``model`` contains the parameters of bodies and components as text. ``over`` contains outputs

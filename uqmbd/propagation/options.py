@@ -180,7 +180,7 @@ def check_start(start: str, where: str) -> str:
     """Return the initial configuration of realisations after a check against the possible choices."""
     if not isinstance(start, str) or start not in STARTS:
         raise StudyError(
-            f"{where}: start is {start!r}; expected 'drawn' (the pose assembled from the drawn pose) or "
+            f"{where}: start is {start!r}; expected 'drawn' (the pose assembled from the given pose) or "
             "'equilibrium' (the static equilibrium of each realisation)."
         )
     return start

@@ -60,9 +60,9 @@ def structure(mechanism: Mechanism, study: Study | None) -> dict[str, Any]:
 
 
 def pose_scene(mechanism: Mechanism, values: Mapping[str, float], time: float) -> dict[str, Any]:
-    """Return the assembled and the drawn pose of a mechanism at values of its inputs.
+    """Return the assembled and the given pose of a mechanism at values of its inputs.
 
-    The key ``gaps`` lists joints whose points do not coincide in the drawn pose, and whether the assembly closed the
+    The key ``gaps`` lists joints whose points do not coincide in the given pose, and whether the assembly closed the
     joints. ``moved`` lists displacements of bodies by the assembly.
     """
     assembled, stated = drawn_pose(mechanism, values, time), stated_pose(mechanism, values, time)
@@ -130,7 +130,7 @@ def _inputs(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 
 def _gaps(stated: xr.Dataset, *, closed: bool) -> list[dict[str, Any]]:
-    """Return joints whose points should coincide but do not in the drawn pose, with the distance of the points, m."""
+    """Return joints whose points should coincide but do not in the given pose, with the distance of the points, m."""
     sketch, points = Sketch(stated), world(stated)[0, 0]
     size = float(np.linalg.norm(np.ptp(sketch.extent(points), axis=0))) or 1.0
     found = []

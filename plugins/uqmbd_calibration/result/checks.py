@@ -74,10 +74,11 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
         seen = "no realisations verified it, and its errors widen the posterior"
         if last is not None:
             seen = (
-                f"at {last['draws']} draws the effective sample size is {100 * last['share']:.0f} %, "
-                f"and means shift by up to {last['shift']:.2g} sd, with a standard error of "
-                f"{last['chance']:.2g} sd. The surrogate was then fitted to these draws as well. Its "
-                "errors widen the posterior, which was not verified again"
+                f"importance weights at {last['draws']} draws give an effective sample size of "
+                f"{100 * last['share']:.0f} %. They shift the means of the posterior by up to {last['shift']:.2g} "
+                f"standard deviations, with a standard error of {last['chance']:.2g} standard deviations. The "
+                "surrogate was then fitted to these draws as well. Its errors widen the posterior, which was not "
+                "verified again"
             )
         sentences.append(
             f"the {checks['realisations']} realisations of the mechanism do not verify the surrogate: {seen}. "

@@ -313,7 +313,7 @@ def test_held_bodies_stay():
 
 
 def test_a_condition_that_draws_nothing_else_changes_nothing():
-    """Conditions that the drawn pose meets leave the motion as it was, to rounding."""
+    """Conditions that the given pose meets leave the motion as it was, to rounding."""
     found = []
     for stated in (False, True):
         mechanism, a, b = double_pendulum()

@@ -138,7 +138,7 @@ def test_motions_are_continued_over_singular_poses():
 def test_a_drawn_pose_that_is_singular_is_named(integrator, speed):
     """All bars in line: whether the cranks will be parallel or not is not said; no motion is made up."""
     with pytest.raises(
-        uqmbd.IntegrationError, match="'C0: point x'.*the drawn pose is singular.*farther along the motion"
+        uqmbd.IntegrationError, match="'C0: point x'.*the given pose is singular.*farther along the motion"
     ):
         uqmbd.simulate(windows(1, speed=speed, angle=0.0), np.linspace(0, 1, 11), integrator=integrator)
 

@@ -78,7 +78,7 @@ def test_a_block_on_an_incline_is_told_that_the_search_omits_its_friction() -> N
     block = mechanism.body("block", mass=1)
     mechanism.add(SlidingFriction("rub", mechanism.ground, block, at=0, axis=1, friction=6))
     mechanism.output("x", block.position[0], units="m")
-    with pytest.raises(uqmbd.AssemblyError, match="omits dry friction, which may hold the drawn pose"):
+    with pytest.raises(uqmbd.AssemblyError, match="omits dry friction, which may hold the given pose"):
         uqmbd.static_equilibrium(mechanism)
 
 

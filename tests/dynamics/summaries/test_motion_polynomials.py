@@ -153,7 +153,7 @@ def test_declarations_of_one_function_with_different_units_differ():
     [
         (lambda: uqmbd.extend.summary(_nothing, units="s"), "power is None; expected known units"),
         (lambda: uqmbd.extend.summary(_nothing, power=1, units="foo"), "units is 'foo'"),
-        (lambda: uqmbd.extend.summary(_nothing, further=("rad",)), "with polynomials=True"),
+        (lambda: uqmbd.extend.summary(_nothing, further=("rad",)), "and polynomials=True"),
         (lambda: uqmbd.extend.summary(_nothing, polynomials=True, further=("foo",)), r"further=\('foo',\)"),
         (lambda: uqmbd.extend.summary(_nothing, polynomials=True, further="rad"), "further is 'rad'"),
         (lambda: integral_over_angle(oscillator()[1].position[0]), "given 1 expressions; expected 2"),

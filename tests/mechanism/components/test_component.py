@@ -299,8 +299,8 @@ ROOT = sympy.sqrt(1 - 2 * LENGTH)
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
-        ({"angle": -sympy.asin(2 * LENGTH)}, "body 'bar': its drawn pose is nan at .*: angle = -asin.*; length = 1"),
-        ({"position": (0, ROOT)}, r"body 'bar': its drawn pose is nan at .*: y = sqrt\(1 - 2\*length\); length = 1"),
+        ({"angle": -sympy.asin(2 * LENGTH)}, "body 'bar': its given pose is nan at .*: angle = -asin.*; length = 1"),
+        ({"position": (0, ROOT)}, r"body 'bar': its given pose is nan at .*: y = sqrt\(1 - 2\*length\); length = 1"),
         ({"velocity": (ROOT, 0)}, "body 'bar': its velocity is nan at .*: velocity = sqrt.*; length = 1"),
     ],
 )

@@ -153,13 +153,13 @@ def test_a_body_drawn_at_a_random_place_takes_an_axis_but_no_point():
     i, j = mechanism.bodies["i"], mechanism.bodies["j"]
     refused(
         lambda: mechanism.add(Spherical("S", i, j, at=POINT)),
-        "Spherical 'S': at is given, but the drawn pose of body_i 'i' depends on length; .* Give point_i in",
+        "Spherical 'S': at is given, but the given pose of body_i 'i' depends on length; .* Give point_i in",
     )
     joint = mechanism.add(Revolute("R", i, j, (0, 0, 0), (0, 0, 0), axis=AXIS))
     np.testing.assert_allclose([float(x) for x in joint.axis_j], local("j", axis=AXIS), atol=1e-14)
     turned = two_bodies(quaternion=(sympy.cos(LENGTH), 0, 0, sympy.sin(LENGTH)))
     bodies = [turned.bodies[name] for name in BODIES]
-    refused(lambda: turned.add(Parallel1("P", *bodies, axis=AXIS)), "axis is given, but the drawn pose of body_i 'i'")
+    refused(lambda: turned.add(Parallel1("P", *bodies, axis=AXIS)), "axis is given, but the given pose of body_i 'i'")
 
 
 def test_what_cannot_be_given_in_the_world():
@@ -174,8 +174,8 @@ def test_what_cannot_be_given_in_the_world():
         (lambda: Revolute("J", i, j, at=POINT, axis=AXIS, axis_j=AXIS), "both axis and axis_j are given"),
         (lambda: Revolute("J", i, j, at=(1, 2), axis=AXIS), "at has 2 numbers, expected 3"),
         (lambda: Revolute("J", i, j, at=POINT, axis=zero), "Revolute 'J': axis"),
-        (lambda: Revolute("J", i, j, at=POINT), "'axis_i' is missing .* or axis= in world axes, for the drawn pose"),
-        (lambda: Revolute("J", i, j, axis=AXIS), "'point_i' is missing .* or at= in world axes, for the drawn pose"),
+        (lambda: Revolute("J", i, j, at=POINT), "'axis_i' is missing .* or axis= in world axes, for the given pose"),
+        (lambda: Revolute("J", i, j, axis=AXIS), "'point_i' is missing .* or at= in world axes, for the given pose"),
         (lambda: Revolute("J", i, j, at=uqmbd.t, axis=AXIS), "at has 1 number, expected 3"),
         (lambda: Revolute("J", i, j, at=(uqmbd.t, 0, 0), axis=AXIS), "at is .* depends on t; .* nor time-dependent"),
         # where two points or axes do not coincide, one in the world makes no sense

@@ -171,7 +171,7 @@ def _show_frequencies(screen: Console, study: Study) -> None:
 
 
 def _modes(study: Study) -> tuple[xr.Dataset, str]:
-    """Return modes about the static equilibrium; if there is none, about the drawn pose if the study starts there."""
+    """Return modes about the static equilibrium; if there is none, about the given pose if the study starts there."""
     import uqmbd
 
     time = float(study.times[0])
@@ -187,7 +187,7 @@ def _modes(study: Study) -> tuple[xr.Dataset, str]:
 
 
 def _start(study: Study) -> str:
-    """Describe the start of realisations; studies of other classes start at the drawn pose."""
+    """Describe the start of realisations; studies of other classes start at the given pose."""
     return str(getattr(study, "start", "drawn"))
 
 

@@ -57,7 +57,7 @@ class _ProgressHandler(logging.Handler):
         self.slow = False
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Show a bar for slow work, or advance it; steps without numbers belong to slow work only."""
+        """Show or advance a bar for slow work; show messages without numbers only after slow work."""
         found = COUNTED.fullmatch(record.getMessage())
         if found is None:
             self.end()

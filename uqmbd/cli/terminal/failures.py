@@ -32,7 +32,7 @@ def explained(*, debug: bool) -> Iterator[None]:
     except KeyboardInterrupt as error:
         _leave(error, "Interrupted.", INTERRUPTED, debug=debug)
     except StudyError as error:
-        # if no method succeeded, the computation failed, for any reason
+        # if no method succeeded, the status is FAILED, even if the reason is an error in the study
         _leave(error, f"Error: {error}", FAILED if error.failed else UNUSABLE, debug=debug)
     except UqmbdError as error:
         _leave(error, f"Error: {error}", FAILED, debug=debug)

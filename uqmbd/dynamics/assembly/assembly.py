@@ -1,11 +1,11 @@
-"""Assembly: consistent positions, velocities, accelerations and multipliers from the drawn pose.
+"""Assembly: consistent positions, velocities, accelerations and multipliers from the given pose.
 
 Damped Gauss-Newton steps yield positions with the smallest change; velocities have the smallest norm. The driver solves
 both; undecided realisations are solved by singular values.  Singular values and pivoted QR determine the rank of the
 constraint Jacobian. Accelerations follow from the index-1 system.
 
 Length: poses and velocities are in one module, because messages on impossible velocities require the closure of poses
-near the drawn pose.
+near the given pose.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _scales(gradient: Array) -> Array:
 def positions(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None = None
 ) -> tuple[Array, list[str]]:
-    """Close the constraints by the least change of drawn poses (K, coordinate), then satisfy start conditions.
+    """Close the constraints by the least change of given poses (K, coordinate), then satisfy start conditions.
 
     Return assembled poses (K, coordinate), and for each realisation the reason of failure or an empty text.  The
     independent equations are `rows`; by default they are chosen by singular values.
@@ -124,7 +124,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
 def _moved_least(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of drawn poses: by the driver, then by `iterate_poses`."""
+    """Close all constraints by the smallest change of given poses: by the driver, then by `iterate_poses`."""
     if rows is None:
         return iterate_poses(model, drawn, time, parameters, rows)
     q, undecided = closed_poses(model, drawn, time, parameters, rows)
@@ -140,7 +140,7 @@ def _moved_least(
 def iterate_poses(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of drawn poses, even if singular; return poses and messages."""
+    """Close all constraints by the smallest change of given poses, even if singular; return poses and messages."""
     n = drawn.shape[1]
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
@@ -228,7 +228,7 @@ def _position_messages(
             message = (
                 f"{owners} cannot be closed: equation {model.equations[i]!r} keeps a residual of {now['phi'][k, i]:.3g}"
                 f" (about {worst[i]:.3g} m or rad apart). "
-                + (remedy or "Check its points, axes and lengths, and the drawn pose.")
+                + (remedy or "Check its points, axes and lengths, and the given pose.")
             )
         elif now["cos"].size and now["cos"][k].min() < 0:
             i = int(np.argmin(now["cos"][k]))
@@ -261,7 +261,7 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
     if not len(here):
         return ""
     return (
-        f"The drawn pose is a dead centre: only in this pose {named(model, here)} can be omitted, and the motion "
+        f"The given pose is a dead centre: only in this pose {named(model, here)} can be omitted, and the motion "
         "from this pose is not determined. Draw the mechanism slightly farther along the motion, or drive "
         "another joint."
     )

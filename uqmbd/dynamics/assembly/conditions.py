@@ -20,7 +20,7 @@ __all__ = ["met"]
 
 
 STEPS = 3000
-"""Largest number of steps: about 150 turns from the drawn pose."""
+"""Largest number of steps: about 150 turns from the given pose."""
 
 TURN = 0.2
 """Largest change of an entry of a quaternion in one step."""

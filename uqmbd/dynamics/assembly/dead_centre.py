@@ -134,7 +134,7 @@ def dead_centre_of_speeds(
     """Return a message if velocities cannot be realised because the assembled pose is a dead centre; else empty.
 
     `directions` (equation, coordinate) are the gradients of the kept constraints; `error` is the contradiction between
-    statements and constraints, and `contradiction` evaluates it in another pose.  The callable `close` assembles drawn
+    statements and constraints, and `contradiction` evaluates it in another pose.  The callable `close` assembles given
     poses (K, coordinate).
     """
     motions, *_ = _motions(directions)
@@ -157,7 +157,7 @@ _SIDES = (ASIDE, -ASIDE)
 
 
 def _can_be_met(drawn: Array, error: float, contradiction: Callable[[Array], float], close: Close) -> bool:
-    """Return whether the start conditions can be satisfied in the pose nearest to a drawn pose."""
+    """Return whether the start conditions can be satisfied in the pose nearest to a given pose."""
     q, messages = close(drawn[None])
     return not messages[0] and contradiction(q[0]) < BETTER * error
 

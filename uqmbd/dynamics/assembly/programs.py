@@ -30,7 +30,7 @@ class _Closing(NamedTuple):
 
 
 def closed_poses(model: Model, drawn: Array, time: float, parameters: Array, rows: Index) -> tuple[Array, Mask]:
-    """Close all constraints, with independent `rows`, by the least change of drawn poses (K, coordinate).
+    """Close all constraints, with independent `rows`, by the least change of given poses (K, coordinate).
 
     Return poses, and a mask (K,) of undecided realisations, for example with singular equations or a mirror image.
     """

@@ -187,7 +187,7 @@ def violated(
             first,
             f"the equations {names}, omitted as redundant at the start, are violated from t = {times[first]:.6g} s "
             "on: other equations do not imply them. The constraints may contradict each other (such as two drivers of "
-            "one motion, or lengths that do not fit). Or several motions are possible, because the drawn pose is "
+            "one motion, or lengths that do not fit). Or several motions are possible, because the given pose is "
             "singular: draw the mechanism slightly farther along the motion",
         )
     return texts

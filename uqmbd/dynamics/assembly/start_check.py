@@ -16,7 +16,7 @@ __all__ = ["require_conditions"]
 
 
 DEPENDENT = 1e-6
-"""Independent part of a condition's gradient below which the condition depends on the others."""
+"""A condition counts as dependent if the part of its gradient outside the span of the others is below this share."""
 
 
 def require_conditions(where: str, model: Model, time: float, parameters: Array) -> None:
@@ -67,7 +67,7 @@ def _chosen(model: Model, time: float, parameters: Array) -> Index:
     residual = conditions(q, s, time, parameters)[0][0, which]
     turns = residual / (2 * np.pi)
     whole = (np.abs(turns) > 0.5) & (np.abs(turns - np.round(turns)) < 1e-6)
-    # random conditions may contain turns in some realisations only
+    # with random inputs, some realisations only may differ by whole turns, so no condition of positions is checked
     return which[:0] if len(conditions.inputs) else which[~whole]
 
 

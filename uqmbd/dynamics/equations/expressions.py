@@ -130,7 +130,7 @@ def _advice_on_symbol(component: Component, symbol: sympy.Symbol) -> str:
                 "a coordinate of this component, and a parameter for a coordinate of another component."
             )
         roles = [role for role, body in component.attached.items() if body is symbol.owner]
-        write = f"p.{roles[0]}" if roles else "an argument of the component, named in `bodies`, as p.body"
+        write = f"p.{roles[0]}" if roles else "p.NAME, after you have added the argument NAME of this body to `bodies`"
         return f"terms() uses {symbol} of body {symbol.owner.name!r} itself; write {write}."
     holders = [key for key, value in component.values.items() if symbol in random_variables(value)]
     if isinstance(symbol, RandomVariable) and holders:

@@ -61,7 +61,7 @@ class Model:
     norms: Index  # equations for the unit norm of quaternions, present in every mechanism
     cosines: tuple[str, ...]
     inputs: tuple[str, ...]
-    # parameters of all instances, then drawn pose, statements, break times, inputs of start conditions, ranged numbers
+    # parameters of all instances, then given pose, statements, break times, inputs of start conditions, ranged numbers
     parameters: ParameterMap
     drawn: Index
     statements: tuple[Statement, ...]
@@ -118,7 +118,7 @@ class Model:
     paths: tuple[PathFamily, ...] = ()
     """Families of sampled paths of excitations."""
     start_at: str = "drawn"
-    """Start of realisations: ``drawn`` (assembled from the drawn pose) or ``equilibrium``."""
+    """Start of realisations: ``drawn`` (assembled from the given pose) or ``equilibrium``."""
     own: tuple[tuple[str, str, str], ...] = ()
     """Component, name and units of each coordinate of a component; they follow the coordinates of the bodies."""
     largest: tuple[float, ...] = ()

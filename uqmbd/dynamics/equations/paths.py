@@ -21,12 +21,12 @@ __all__ = ["PathFamily", "path_families"]
 
 @dataclass(frozen=True)
 class PathFamily:
-    """Sources whose paths are drawn together by one key, such as wind at several points."""
+    """Random processes whose paths one input selects together (the key), such as the wind at several points."""
 
     sources: tuple[Any, ...]
     column: int  # of the key in the inputs
-    parameters: tuple[tuple[int, ...], ...]  # for each source: parameters of the model that are addresses of its path
-    lines: ParameterMap  # from inputs to slopes, then offsets, of all arguments
+    parameters: tuple[tuple[int, ...], ...]  # for each source: indices of the model's parameters that select its path
+    lines: ParameterMap  # from inputs to slopes, then offsets, of the arguments of all paths, which are linear in time
 
     def reach(self, values: Array, begin: float, end: float) -> Array:
         """Return the intervals of the arguments (K, 2) for inputs (K, input) between two times, s."""
@@ -36,7 +36,7 @@ class PathFamily:
 
 
 def _addresses(instances: Sequence[Instance], inputs: Sequence[RandomVariable]) -> dict[int, PathSymbol]:
-    """Return the paths whose keys are inputs, by the number of the parameter that is the address."""
+    """Return the paths whose keys are inputs, by the index of the model's parameter that selects the path."""
     found: dict[int, PathSymbol] = {}
     first = 0
     for instance in instances:

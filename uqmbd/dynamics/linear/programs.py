@@ -18,7 +18,7 @@ from uqmbd.typing import Index, Mask
 __all__ = ["MotionRows", "Programs", "Solver", "programs_of"]
 
 SMALL = 300
-"""Number of rows of the work array of a small mechanism."""
+"""Rows of the work array for which the cost of a step is increased by 1."""
 
 Solver = Kernel | FrontalSolver
 Residual = Kernel | RowResiduals
@@ -33,7 +33,7 @@ def _solution(solver: Solver, writer: ProgramWriter, given: Index) -> Index:
 
 @dataclass(frozen=True)
 class Programs:
-    """Programs whose arguments are a state (q, s, v), the time, zero, and the parameters of the blocks."""
+    """Programs whose arguments are a state (q, s, v), the time, the constant 0, and the parameters of the blocks."""
 
     dynamics: Dynamics  # equations of motion for the explicit integrator
     # returns accelerations, kept multipliers, rates of auxiliary states, and the residual of the index-1 system
@@ -79,8 +79,8 @@ def _turning(model: Model) -> Index:
     """Return the coordinates (body, 2 or 4) of the quaternions of rotating bodies that are not in a loop.
 
     Constraints of a tree are independent in every pose. Constraints of a loop are dependent in singular poses. An
-    integration passes these poses only if its steps violate the constraints little. In a loop, quaternions are
-    therefore stepped by their own rates, which are velocities of the equations.
+    integration passes these poses only if its steps violate the constraints little. In a loop, the
+    integrator therefore treats quaternions as ordinary coordinates. Outside of loops, it integrates angular velocities.
     """
     found = model.quaternions()
     if not found.size:
@@ -89,7 +89,7 @@ def _turning(model: Model) -> Index:
     for _, row, column in (x for x in model.evaluators["velocity"].targets if x[0] == "d"):
         if row not in norms and column < model.of_bodies:
             joined.setdefault(model.owners[row], set()).add(column // model.size)
-    # constraints that contain coordinates of components join bodies only
+    # only bodies are nodes of this graph, not components: a constraint on one body joins it to the ground
     tree = bodies_in_no_loop(len(model.bodies), [b | ({-1} if len(b) == 1 else set()) for b in joined.values()])
     return found[tree & ~np.isin(found, model.layout.frozen).all(axis=1)]
 
@@ -160,7 +160,7 @@ def programs_of(
     motion = writer.program(np.concatenate([found.solution, rates, found.residual]))
     writer, values, rates = begun()
     begin = len(writer.steps)
-    # directly after the values, so that solutions read both in place
+    # write the residuals directly after the values, so that the solvers read both without a copy
     drift, too_much, ends = surplus(writer, values) if layout.rank else (values[:0], values[:0], [begin])
     accelerations = _solution(accelerate, writer, values)
     before, after = writer.part(0, begin), writer.part(ends[-1])

@@ -91,7 +91,7 @@ def motion_header(sizes: dict[str, int], values: dict[str, Any]) -> str:
             "extern const Tensor motion_tensors[];",
             "extern const Measurement motion_measurements[];",
             "extern const Law motion_laws[];",
-            "extern const double motion_longest, motion_duration; /* longest step; of the typical simulation, s */",
+            "extern const double motion_longest, motion_duration; /* longest step, duration of a simulation, s */",
             "",
             "#endif",
             "",

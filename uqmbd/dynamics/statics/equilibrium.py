@@ -61,7 +61,7 @@ BALANCED = 1e-9
 """Force in a direction without stiffness, relative to the largest force of the search, that counts as zero."""
 
 
-OMITTED = " The search omits dry friction, which may hold the drawn pose; in this case, start as drawn."
+OMITTED = " The search omits dry friction, which may hold the given pose; in this case, start as drawn."
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Equilibrium:
 
 
 def equilibrium_start(drawn: Batch) -> Start:
-    """Return initial states of K realisations in static equilibrium, after assembly from the drawn pose.
+    """Return initial states of K realisations in static equilibrium, after assembly from the given pose.
 
     Given velocities are kept; the other velocities have the least norm, which is zero unless drivers move.
     """
@@ -165,7 +165,7 @@ class _EquilibriumSearch:
         for k in np.flatnonzero(apart > ELSEWHERE).tolist():
             if not self.messages[k]:
                 self.messages[k] = (
-                    "the drawn pose determines no static equilibrium: the rest position depends on the motion before "
+                    "the given pose determines no static equilibrium: the rest position depends on the motion before "
                     f"it, because {named(self.model, self.model.layout.nonholonomic)} constrain velocities only. Draw "
                     "the mechanism in its rest position, hold it with a spring or a joint, or start as drawn."
                 )
@@ -306,7 +306,7 @@ class _EquilibriumSearch:
             carrier, held = f"body {self.model.bodies[worst]!r}", "body"
             what = f"{force[worst]:.3g} N" + (f" and {moment[worst]:.3g} N m" if self.model.size > d else "")
         return (
-            f"no static equilibrium was found in {self.steps[k]} steps from the drawn pose: "
+            f"no static equilibrium was found in {self.steps[k]} steps from the given pose: "
             f"{carrier} is the farthest from balance, by {what}. Perhaps no force holds the "
             f"{held} in some direction, or it was drawn far from its rest position. Hold it with a spring or a joint, "
             "or draw it closer to that position."

@@ -1,7 +1,4 @@
-"""Summaries of motions: extremes, integrals, last values and first times, separately for each realisation.
-
-Also integrals along a motion, and times at which a value is first reached.
-"""
+"""Summaries of motions: extremes, integrals, last values and first times, separately for each realisation."""
 
 from __future__ import annotations
 
@@ -33,7 +30,7 @@ NODES = 16
 """Number of nodes of Gauss' rule on each part, for functions of plugins and studies."""
 
 BISECTIONS = 60
-"""Number of bisections to locate a reached value to rounding."""
+"""Number of bisections that locate the time at which a value is reached, up to rounding errors."""
 
 
 def integrals(parts: StepParts, column: int) -> tuple[Array, Array]:
@@ -43,7 +40,10 @@ def integrals(parts: StepParts, column: int) -> tuple[Array, Array]:
 
 
 def custom_values(parts: StepParts, column: int, declared: DeclaredSummary, numbers: tuple[float, ...]) -> Array:
-    """Apply a declared function to an output and weights in s, at nodes of Gauss' rule of each part; (R,), or NaN."""
+    """Apply a declared function to values of an output, and to weights of nodes, s, at the Gauss nodes of all parts.
+
+    The results have the shape (R,). They are NaN where the output is not finite.
+    """
     places, rule = np.polynomial.legendre.leggauss(NODES)
     series = parts.of("coefficients", column).T
     values = np.asarray(np.polynomial.chebyshev.chebval(places, series), dtype=float)  # (E, NODES)
@@ -104,7 +104,8 @@ def _number(declared: DeclaredSummary, given: tuple[Any, ...], numbers: tuple[fl
 def first_times(parts: StepParts, column: int) -> Array:
     """Return the first time at which an output is zero or above, s, of each realisation, shape (R,).
 
-    NaN: the output never reaches zero.  Infinite: the time is unknown because the output is not finite before it.
+    NaN: the output never reaches zero.  Infinite: the time is unknown, because the output is not finite at some time
+    before it reaches zero.
     """
     times = _first_times(parts, column)
     undefined = np.isnan(parts.of("highest", column))
@@ -285,8 +286,8 @@ def _note(
 ) -> None:
     """Record why realisations `rows` (R,) have no value `number`, unless a reason is already known.
 
-    The expression is not finite and real from `lost` (R,), s, and not resolved from `rough` (R,), s, on; infinite:
-    never.
+    `lost` (R,): time from which the expression is not a finite real number, s. `rough` (R,): time from which it is not
+    resolved, s. Infinity means never.
     """
     for since, status, fault, text in (
         (
@@ -325,7 +326,8 @@ def _note_functions(
 def _rough_since(parts: StepParts, column: int, allowed: Array, kind: int, values: Array) -> Array:
     """Return the time from which an unresolved output affects the required result, s, (R,).
 
-    The polynomials have tolerances (R, O); `kind` is `Need.kind`; `values` (R,) were found: for `REACHED`, times.
+    `allowed` (R, O): tolerances of the polynomials. `kind`: see `Need.kind`. `values` (R,): results, which are times
+    for the kind `REACHED`.
     """
     rough = unresolved(parts, column, allowed[:, column])
     if not len(rough.which):

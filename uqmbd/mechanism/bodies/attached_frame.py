@@ -107,7 +107,7 @@ class AttachedFrame(NamedFrame):
 
     @property
     def pose(self) -> Any:
-        """Drawn pose of the frame."""
+        """Given pose of the frame."""
         body = self.body
         offset, turned = drawn_in_body(self)
         angle = body.pose.angle
@@ -132,7 +132,7 @@ def _coordinates(space: Space, q: Sequence[Any], offset: Sequence[Any], turned: 
 
 
 def drawn_in_body(frame: AttachedFrame) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
-    """Return offset and quaternion of a frame relative to its body, in the drawn pose."""
+    """Return offset and quaternion of a frame relative to its body, in the given pose."""
     drawn: dict[sympy.Basic, sympy.Expr] = {}
     for owner in owners_in((*frame.offset, *frame.turned)):
         if isinstance(owner, CoordinateSet):
@@ -142,7 +142,7 @@ def drawn_in_body(frame: AttachedFrame) -> tuple[list[sympy.Expr], list[sympy.Ex
 
 
 def local_in_body(frame: Any, local: Sequence[Any], *, direction: bool = False) -> tuple[Any, ...]:
-    """Return a point or direction of a frame in the frame of its body, in the drawn pose."""
+    """Return a point or direction of a frame in the frame of its body, in the given pose."""
     if not isinstance(frame, AttachedFrame):
         return tuple(local)
     offset, turned = drawn_in_body(frame)

@@ -52,7 +52,7 @@ class Ground(NamedFrame):
 
 @dataclass(frozen=True)
 class BodyPose:
-    """The drawn pose of a body: expressions in random variables."""
+    """The given pose of a body: expressions in random variables."""
 
     q: tuple[sympy.Expr, ...]
     velocity: tuple[sympy.Expr, ...] | None

@@ -87,7 +87,7 @@ class Component:
     Jacobians and reactions from these terms.
 
     ``at=`` gives one point in the world frame instead of `point_i` and `point_j`. ``axis=`` gives one axis in the world
-    frame instead of `axis_i` and `axis_j`, or instead of the only axis. The point and the axis refer to the drawn
+    frame instead of `axis_i` and `axis_j`, or instead of the only axis. The point and the axis refer to the given
     poses, which must not be random. If the points (axes) of a component need not coincide, its `drawn_by` must not
     contain ``at`` (``axis``).
 
@@ -476,7 +476,7 @@ class Component:
         body_i, body_j : str
             Names of the body arguments. The axes are the parameters with the same endings, such as `axis_i`.
         drawn : bool
-            Whether the angle is zero in the drawn pose instead. An angle that is zero in the drawn pose needs only the
+            Whether the angle is zero in the given pose instead. An angle that is zero in the given pose needs only the
             axis of body j.
         speed : str
             Name of the rate of the angle.
@@ -503,7 +503,7 @@ class Component:
         return JointDisplacement(i.direction(axis_i).dot(j.point(point_j) - i.point(point_i)), speed)
 
     def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
-        """Return the quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`.
+        """Return the quaternion of one body relative to another in the given pose, ``conj(e_i) e_j``, for `prepare`.
 
         Parameters
         ----------
@@ -534,7 +534,7 @@ class Component:
         return as_symbolic(angle_j) - as_symbolic(angle_i)
 
     def drawn_frame(self, body: str) -> Frame:
-        """Return the frame of an attached body in the drawn pose, with zero velocity, for `prepare`."""
+        """Return the frame of an attached body in the given pose, with zero velocity, for `prepare`."""
         attached = self.attached[body]
         pose = getattr(attached, "pose", None)
         return Frame(self._space(), attached.q if pose is None else pose.q)
@@ -570,7 +570,7 @@ class Component:
         )
 
     def drawn_displacement(self) -> sympy.Expr:
-        """Return the displacement of `point_j` from `point_i` along `axis_i` in the drawn pose, for `prepare`."""
+        """Return the displacement of `point_j` from `point_i` along `axis_i` in the given pose, for `prepare`."""
         i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
         point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
         return i.direction(axis_i).dot(j.point(point_j) - i.point(point_i))

@@ -62,7 +62,7 @@ class Coordinate:
     units : str
         Units of the coordinate, such as ``"m^3"`` or ``"rad"``; ``"1"`` for a pure number.
     initial : number or expression
-        Value in the drawn pose, in these units. The assembly changes the value only if motions of bodies cannot satisfy
+        Value in the given pose, in these units. The assembly changes the value only if motions of bodies cannot satisfy
         the constraints and start conditions.
     rate : number or expression, optional
         Rate at the start, in these units per second. Default: the assembly solves for it, with the smallest norm of all
@@ -142,7 +142,7 @@ class CoordinateSet:
 
     @property
     def initial(self) -> tuple[sympy.Expr, ...]:
-        """Values in the drawn pose."""
+        """Values in the given pose."""
         return tuple(declared.initial for declared in self.declared.values())
 
 

@@ -239,7 +239,7 @@ def angle_between(
 
 
 def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[Any], speed: str) -> JointAngle:
-    """Return the rotation angle of frame j relative to frame i since the drawn pose, about an axis fixed in frame j.
+    """Return the rotation angle of frame j relative to frame i since the given pose, about an axis fixed in frame j.
 
     The rate follows from cosine and sine, because this component need not fix the axis in frame i.
     """

@@ -67,7 +67,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
             raise StudyError(
                 f"{where}: {key!r} is missing ({parameter.description}{units}). "
                 f"Usage: {type(component).__name__}{component.signature()}"
-                + (f", or {other[0]}= in world axes, for the drawn pose." if other else ".")
+                + (f", or {other[0]}= in world axes, for the given pose." if other else ".")
             )
         value = given.get(key, None if parameter.required else parameter.default)
         try:

@@ -16,7 +16,7 @@ __all__ = ["counted_angle", "half_angle"]
 
 @typechecked
 def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any]) -> tuple[Any, Any]:
-    """Return cosine and sine of half the rotation angle of body j relative to body i since the drawn pose.
+    """Return cosine and sine of half the rotation angle of body j relative to body i.
 
     Parameters
     ----------
@@ -25,7 +25,8 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
     body_i, body_j : Frame
         Frames of the bodies.
     drawn : sequence
-        Relative quaternion in the drawn pose, from `Component.drawn_quaternion`.
+        Relative quaternion at which the angle is zero: usually that of the given pose, from
+        `Component.drawn_quaternion`. In planar space, ``(1, 0)`` means equal orientation of both frames.
     axis_j : sequence
         Unit vector of the axis in the frame of body j; unused in planar space.
 
@@ -37,7 +38,7 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
 
     Examples
     --------
-    A body moves without rotation relative to its drawn pose:
+    A body moves without rotation relative to its given pose:
 
     >>> import uqmbd
     >>> class Held(uqmbd.Component):
@@ -60,7 +61,7 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
 def counted_angle(
     p: Local, state: str, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any] = ()
 ) -> tuple[sympy.Expr, Auxiliary]:
-    """Return the angle of body j relative to body i since the drawn pose, any number of turns, for constraints.
+    """Return the angle of body j relative to body i, counted over any number of turns, for constraints.
 
     The coordinates determine the angle up to whole turns.  An auxiliary state, which integrates the rate, only selects
     the turn.  The angle therefore does not drift, and constraints in the angle depend on the coordinates only.
@@ -72,12 +73,12 @@ def counted_angle(
     state : str
         Name of the state.
     body_i, body_j, drawn, axis_j
-        Bodies, drawn quaternion and axis, as for `half_angle`.
+        Bodies, quaternion at which the angle is zero, and axis, as for `half_angle`.
 
     Returns
     -------
     angle : expression
-        Angle, rad; zero in the drawn pose.
+        Angle, rad; zero at the relative quaternion `drawn`.
     term : Auxiliary
         Term of the auxiliary state; the method `terms` must also yield it.
 

@@ -87,7 +87,7 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
         if twice:
             raise StudyError(
                 f"{where}: both {keyword} and {twice[0]} are given. Give either {keyword} in world axes, for the "
-                f"drawn pose, or {' and '.join(names)} in the frames of the bodies."
+                f"given pose, or {' and '.join(names)} in the frames of the bodies."
             )
         size = max(declared[name].size(space) for name in names)
         if size == 0:
@@ -95,7 +95,7 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
                 f"{where}: {keyword} is given, but in planar space all rotations have the same axis; omit it."
             )
         value = without_quantities(f"{where}: {keyword}", value, declared[names[0]].units)
-        entries = numbers(where, keyword, value, size, "world axes, drawn pose")
+        entries = numbers(where, keyword, value, size, "world axes, given pose")
         _require_fixed(f"{where}: {keyword} is {shown(value)}, which", entries, names)
         for name in names:
             given[name] = _seen_from(where, component, keyword, name, entries)
@@ -108,7 +108,7 @@ def _seen_from(where: str, component: _Drawn, keyword: str, name: str, entries: 
     frame = component.drawn_frame(role)
     body = f"{role} {getattr(component.attached[role], 'name', '')!r}"
     used = (*frame.q[: frame.space.dimension], *frame.quaternion) if keyword == "at" else frame.quaternion
-    _require_fixed(f"{where}: {keyword} is given, but the drawn pose of {body}", list(used), [name])
+    _require_fixed(f"{where}: {keyword} is given, but the given pose of {body}", list(used), [name])
     vector = sympy.Matrix(entries) - (frame.position if keyword == "at" else sympy.zeros(len(entries), 1))
     found = [float(x) for x in frame.rotation.T * vector]
     size = max(1.0, *map(abs, found))

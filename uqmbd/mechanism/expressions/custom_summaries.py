@@ -251,8 +251,8 @@ def summary(
     strange = [x for x in further if not isinstance(x, str) or (x and read_units(x) is None)]
     if strange or (further and not polynomials) or isinstance(further, str):
         raise StudyError(
-            f"summary: further={further!r}; expected known units of expressions, such as ('rad',), with "
-            "polynomials=True."
+            f"summary: further={further!r}; expected a sequence with the units of each further expression, such as "
+            "('rad',), and polynomials=True."
         )
 
     def declare(written: Any) -> DeclaredSummary:

@@ -1,14 +1,16 @@
 """Check dimensions of expressions: find sums of metres and newtons, and numbers in wrong units.
 
-Findings are certain, with an exception for numbers without units.  A number in an expression may have any unit, and
-SymPy removes the number 1 from a product.  The check therefore uses these rules:
+A finding is an error of the expression, unless a number in it has units that are not visible. A number in an
+expression may have any unit, and SymPy removes the number 1 from a product. The check therefore uses these rules:
 
 - a number in a sum fits every dimension, as in ``position - 0.3``;
 - a product with a number other than 1 and -1 has an unknown dimension, as ``9.81 * height``. The same number in two
   terms of a sum has the same dimension, unless it is 1.0;
-- values of sine, exponential and other functions count as numbers, and quaternions as unknown. The reason is that an
-  invisible radius of 1 m may multiply such a value. An invisible rate of 1/s may multiply the time;
-- if quantities of a mechanism equal 1, such as a mass, each of them may be an invisible factor of a product.
+- values of sine, exponential and other functions fit every dimension, and so do quaternions. The reason is that an
+  invisible radius of 1 m may multiply such a value. The time also fits every dimension, because an invisible rate of
+  1/s may multiply it;
+- if parameters of a mechanism equal 1 or 2, such as a mass, each of them may be an invisible factor of a product. See
+  `VANISHING` in ``components/parameter_values.py``.
 
 The terms of a component have stricter rules, because units belong to its parameters: exact numbers, multiples of pi and
 small fractions, such as 0.5, are pure numbers (`exact=True`).
@@ -17,7 +19,7 @@ pint cannot process SymPy expressions. SymPy's units support neither constants w
 classes: the check of a sum raises an error at the first constant. This module therefore traverses expressions, and uses
 the unit algebra of `uqmbd.units`.
 
-Length: one traversal, with its messages and both sets of rules for numbers.
+Length: this module contains the complete traversal, its messages, and both sets of rules for numbers.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeSh
 from uqmbd.units import PURE, TABLE, Dimension, Unit, in_words, read_units, warn
 
 Unseen = Iterable[Dimension]
-"""Dimensions of quantities that equal 1."""
+"""Dimensions of parameters that may be invisible factors, because they equal 1 or 2."""
 
 __all__ = ["Mismatch", "check_dimensions", "mismatches", "units_of"]
 
@@ -78,7 +80,7 @@ _CYCLES, _ANGLES = re.compile(r"Hz|hertz"), re.compile(r"rad|deg|rev|rpm|turn|°
 
 _NUMERATORS, _DENOMINATORS = (1, 2, 3, 4), (1, 2, 3, 4, 6, 8, 12)
 _SMALL_FRACTIONS = tuple({n / d for n in _NUMERATORS for d in _DENOMINATORS} - {1.0})
-"""Floats that are pure numbers in terms of a component; 1.0 marks a number with units."""
+"""Floats that are pure numbers if they occur in a term of a component; 1.0 marks a number with units."""
 
 _SHOWN = 60
 """Largest number of characters of a term in a message."""
@@ -103,7 +105,7 @@ def check_dimensions(where: str, expression: Any, units: str = "", unseen: Calla
     """Raise if the values of an expression are in other units than stated; warn if its dimensions do not fit.
 
     Symbols have an attribute `units`; empty `units` accept any dimension.  The argument `unseen` is a function that
-    returns the dimensions of numbers that equal 1, which products may contain invisibly.  `unseen` is called only if
+    returns the dimensions of parameters that products may contain invisibly.  `unseen` is called only if
     dimensions do not fit.  `check_dimensions` raises `uqmbd.StudyError` if values are wrong by the factor between two
     units, such as metres declared as millimetres.  It warns with `uqmbd.UnitsWarning` if dimensions are inconsistent.
 
@@ -237,7 +239,7 @@ class _Walk:
         inner = self.measure(expression)
         if power is None or unit is None:
             return None
-        # the units of the expression do not matter for a rate
+        # with the power 0, as for the rate of an event, the units of the expression do not matter
         return product(raised(inner, Fraction(power)), MeasuredProduct(unit)) if power else MeasuredProduct(unit)
 
     def _relations(self, condition: Any) -> None:
@@ -339,7 +341,7 @@ class _Walk:
         return DECLARE if self.exact else SEEN
 
     def _explained(self, dimensions: list[Dimension]) -> bool:
-        """Return whether dimensions are equal after multiplication by invisible factors that equal 1."""
+        """Return whether dimensions are equal after multiplication by invisible factors."""
         ones = {PURE, *self.unseen()}
         products = {_sum_of(one, other) for one in ones for other in ones}
         reached = [{_sum_of(dimension, one) for one in products} for dimension in dimensions]

@@ -173,7 +173,7 @@ def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     at : {"equilibrium", "start", "steady"}
         State about which the motion is linearised, with time fixed at the first output time. ``equilibrium``: the
         static equilibrium of the realisation, found from its initial pose; a realisation without an equilibrium fails.
-        ``start``: the initial pose, at rest. The initial pose is the assembled drawn pose, or the equilibrium with
+        ``start``: the initial pose, at rest. The initial pose is the assembled given pose, or the equilibrium with
         ``Study(start="equilibrium")``. ``steady``: the steady motion (see `uqmbd.at_steady`), in which drivers
         continue. In steady motion, frequencies refer to the world frame if the coefficients of small motions are
         constant in this frame (a rotor in its bearings). Otherwise frequencies refer to the frame that turns with the

@@ -30,7 +30,7 @@ OPPOSITE = 1e-9
 """Versine of pi minus the angle of two vectors (4.5e-5 rad), below which the smallest rotation has a fixed axis."""
 
 PARALLEL = 1e-12
-"""Difference up to which two unit vectors are parallel in the drawn pose."""
+"""Difference up to which two unit vectors are parallel in the given pose."""
 
 
 def nominal(expression: Any) -> float:

@@ -116,7 +116,7 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     others = [] if wanted is None else [_Fitness.of(clock, seen, end) for clock in known if clock.name != wanted]
     whole = [fit.clock for fit in others if fit.share == 1.0]
     text = f"{wanted!r} does not" if wanted else f"these quantities do not: {', '.join(repr(c.name) for c in known)}"
-    why = f"a clock must turn or oscillate for at least one turn, without stopping or turning back; {text}"
+    why = f"the phase of a clock must advance by at least one turn or period, without stopping or reversing; {text}"
     if len(seen.values) > 1 and best.share:
         count = round(best.share * len(seen.values))
         why += f" (at best {best.clock.words}, in {count} of {len(seen.values)} realisations)"

@@ -47,16 +47,22 @@ DEATHS = 2
 """A task counts as lost when this number of workers have died while they ran the task."""
 
 LATE = 4.0
-"""A task is late after this multiple of the typical task time; an unoccupied worker then also computes the task."""
+"""A task is late after `patience` plus this multiple of the typical task time.
+
+An unoccupied worker then also computes the task.
+"""
 
 UNKNOWN = 10.0
 """A task is late after this multiple of `patience` if no worker has replied, so that the typical time is unknown."""
 
 MISSES = 3
-"""Number of replies "missing" after which a task waits until a task that carries its packed objects ends or is late."""
+"""Maximum number of replies of workers that lack the packed objects of a task.
+
+After this number, the task is not sent again before another task that carries the objects ends or is late.
+"""
 
 PAUSE = 0.002
-"""Time between attempts while no worker accepts tasks, and between checks, s."""
+"""Time between attempts to send a task while no worker accepts tasks, and minimum time between checks, s."""
 
 TICK = 0.25
 """Maximum time between checks for late tasks, s."""
@@ -77,8 +83,8 @@ def run_in_order(
     `patience`, s), an unoccupied worker computes it, too. The first reply counts; both replies have the same bits.
     `known` returns a stored result, or None. `work` returns the function and its arguments (some may be `Packed`).
     `keep` converts a result and its time, s, into the yielded value. If the second worker of a task dies, too, `lost`
-    returns the result or raises an error (the default). Raise IntegrationError if no worker has the versions of this
-    process, or if a task is lost.
+    returns the result or raises an error (the default). Raise IntegrationError if no worker has the same versions of
+    Python, uqmbd and libraries as this process, or if a task is lost.
     """
     if executor is None:
         return _compute_here(pieces, known, work, keep)
@@ -111,7 +117,7 @@ class _Submission:
     futures: list[Future[Reply]] = field(default_factory=list)  # several if the task is late
     whole: bool = False  # whether packed arguments are sent entirely
     sent: float = 0.0  # time of the last submission, s
-    begun: float | None = None  # time of the first reply to a later task, s; a worker has begun this task before
+    begun: float | None = None  # first reply to a task sent later, s: a worker has begun this task before that time
     deaths: int = 0  # number of workers that died while they ran the task
     misses: int = 0  # number of replies of workers that lacked a packed object
     alone: bool = False  # whether no other task may run at the same time
@@ -189,7 +195,7 @@ class _Dispatcher(Generic[Piece, Result]):
         free = not self._carried()
         for _ in range(len(self.lacking)):
             index, submission = self.lacking.popleft()
-            if free:  # workers that have the object must receive tasks, too
+            if free:  # no task carries the object now, so try once more: a worker that has the object may be free
                 submission.misses = min(submission.misses, MISSES - 1)
             carried = self._carried()
             submission.whole = self.registry.needs_objects(carried)
@@ -237,7 +243,7 @@ class _Dispatcher(Generic[Piece, Result]):
         self.arrived.put((index, future))
 
     def _send_late(self, now: float) -> None:
-        """Send late tasks also to unoccupied workers; add one more task each time the delay doubles."""
+        """Send late tasks also to unoccupied workers; send a task once more each time its delay doubles."""
         # a run of one task has no earlier reply: its worker may have stopped before its first reply
         known = self.registry.count > 0
         late = self.patience + LATE * self.registry.typical if known else UNKNOWN * self.patience

@@ -47,10 +47,11 @@ class Propagator(ABC):
 
     name: ClassVar[str]
     requirements: ClassVar[bool] = False
-    """Whether the method evaluates requirements without a separate run on the margins.
+    """Whether the method evaluates requirements itself.
 
     If `Problem.answers_requirements` is true, the node of such a method has the child ``requirements``
-    (`uqmbd.extend.requirements_dataset`). Other methods run on the margins as if they were outputs.
+    (`uqmbd.extend.requirements_dataset`). For other methods, uqmbd computes the margins of the requirements in a second
+    run, as outputs.
     """
     accepts_keys: ClassVar[bool] = False
     """Whether the method accepts keys of sampled paths (`uqmbd.extend.path_key`), on which no result depends smoothly.
@@ -101,8 +102,8 @@ class Propagator(ABC):
     def remarks(self, study: Any) -> tuple[str, ...]:
         """Return remarks on a study before it runs, as sentences without a full stop.
 
-        `uqmbd check` shows the remarks. A subclass may override this method. The method may integrate one realisation.
-        By default there are no remarks.
+        `uqmbd check` shows the remarks. A subclass may override this method, which then may integrate at most one
+        realisation. By default there are no remarks.
 
         Parameters
         ----------
@@ -114,8 +115,8 @@ class Propagator(ABC):
     def watches(self, mechanism: Mechanism) -> Mapping[str, Any]:
         """Return the expressions, by name, that this method observes in addition to the outputs.
 
-        In the problem `Problem.watching`, the values of these expressions follow the outputs. A subclass may override
-        this method; by default there are no such expressions.
+        `Problem.watching` returns a problem in which these expressions are appended to the outputs. A subclass may
+        override this method; by default there are no such expressions.
 
         Parameters
         ----------

@@ -116,7 +116,7 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     if methods.isEnabledFor(logging.INFO):
         about = found.attrs
         methods.info(
-            "%s: ends: %s realisations, %s failed, %.3g s",
+            "%s: finished: %s realisations, %s failed, %.3g s",
             *(
                 problem.label,
                 total_realisations(found),

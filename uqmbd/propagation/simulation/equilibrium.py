@@ -29,8 +29,8 @@ def static_equilibrium(
 ) -> xr.Dataset:
     """Compute the static equilibrium, at the means of the random variables or at given values.
 
-    The search starts at the drawn pose, and moves the bodies in directions in which forces do positive work. If the
-    drawn pose is exactly an unstable equilibrium, it is the result. During the search, the angles of rotational springs
+    The search starts at the given pose, and moves the bodies in directions in which forces do positive work. If the
+    given pose is exactly an unstable equilibrium, it is the result. During the search, the angles of rotational springs
     follow the bodies over any number of turns, and wheels roll. If the rest position of a wheel may depend on its path,
     the function raises an error.
 
@@ -91,7 +91,8 @@ def eigenfrequencies(
 ) -> xr.Dataset:
     """Compute eigenfrequencies and damping ratios of small motions, at the means of the inputs or at given values.
 
-    For a pose at rest, drivers do not move; for a steady motion, drivers continue to move.
+    For ``equilibrium`` and ``start``, drivers and loads are constant, with their values at `time`. For ``steady``,
+    drivers continue to move with their rates at `time`.
 
     Parameters
     ----------
@@ -101,15 +102,15 @@ def eigenfrequencies(
         Values of random variables by name. Default: their means.
     at : {"equilibrium", "start", "steady"}
         State about which the motion is linearised. ``equilibrium``: the static equilibrium. ``start``: the assembled
-        drawn pose, at rest. ``steady``: the steady motion, found from the assembled drawn pose (see `uqmbd.at_steady`;
+        given pose, at rest. ``steady``: the steady motion, found from the assembled given pose (see `uqmbd.at_steady`;
         `uqmbd.eigenfrequency` states the frame of reference).
     time : float
-        Time at which drivers and loads are held, s.
+        Time at which drivers and loads are evaluated, s.
 
     Returns
     -------
     xarray.Dataset
-        Over the dimension ``mode``, sorted: ``frequency``, ``|eigenvalue| / 2 pi``, Hz;
+        Over the dimension ``mode``, in ascending order of frequency: ``frequency``, ``|eigenvalue| / 2 pi``, Hz;
         ``damping_ratio``, ``-Re(eigenvalue) / |eigenvalue|``; ``eigenvalue_real`` and ``eigenvalue_imaginary``, 1/s.
         An overdamped degree of freedom has two modes of damping ratio 1. An unstable degree of freedom has a mode of
         damping ratio -1; a rigid-body mode has frequency and damping ratio 0.

@@ -167,8 +167,8 @@ def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
     label, kind = propagator.node_name, type(propagator)
     if not isinstance(found, str):
         return StudyError(
-            f"{label}: obstacle of {kind.__module__}.{kind.__qualname__} returned {type(found).__name__}; expected a "
-            "string or None."
+            f"{label}: the method obstacle() of {kind.__module__}.{kind.__qualname__} returned "
+            f"{type(found).__name__}; expected a string or None."
         )
     return StudyError(f"{label}: the method cannot run this study: {found}")
 

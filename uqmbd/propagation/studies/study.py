@@ -64,8 +64,8 @@ class Study(StudyData):
         Name of the integrator. ``auto``: explicit, but implicit for stiff realisations and IDA for large mechanisms.
         ``dop853``: explicit for all realisations. ``radau``: implicit. ``ida``: IDA. Plugins register others.
     start : {"drawn", "equilibrium"}
-        Initial pose of each realisation. ``drawn``: the drawn pose, assembled. ``equilibrium``: the static equilibrium
-        of the realisation, at rest; the search starts from the drawn pose. At the equilibrium, stated velocities keep
+        Initial pose of each realisation. ``drawn``: the given pose, assembled. ``equilibrium``: the static equilibrium
+        of the realisation, at rest; the search starts from the given pose. At the equilibrium, stated velocities keep
         their values, and moving drivers move their bodies. A realisation without an equilibrium fails.
     report_times : sequence of float
         Times, s, at which the report shows distributions. Default: times that the report chooses.

@@ -141,7 +141,7 @@ def _thinned(edges: Array) -> Array:
 
 
 def _goes_on(law: AffineDistribution, end: float, sign: float, spread: float) -> bool:
-    """Return whether the density decreases towards the bound of chaospy, and is nonzero beyond it."""
+    """Return whether the density decreases towards a bound at which chaospy truncates it, and is nonzero beyond."""
     at = law.pdf(end + sign * spread * np.array([-0.02, 0.0, 0.02, 0.2]))
     return bool(at[1] * spread < 1e-5 and np.all(np.diff(at) < 0) and at[-1] > 0)
 

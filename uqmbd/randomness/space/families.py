@@ -1,4 +1,4 @@
-"""Germ and map of an input; the structure of a distribution and its values identify the family."""
+"""Germ and map of an input. The class of a distribution suggests its family, and quantiles verify it."""
 
 from __future__ import annotations
 

@@ -163,8 +163,8 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
 def convergence(node: Samples, output: str, time: float | None = None) -> Figure:
     """Draw mean and standard deviation over the number of samples, with 95 % confidence intervals.
 
-    Single points of a Latin hypercube or Sobol' design give no estimate. For these designs, the horizontal axis is the
-    number of independent replicates.
+    Points of a Latin hypercube or Sobol' design are not independent, so they give no confidence interval. For these
+    designs, the horizontal axis is the number of independent replicates.
 
     Parameters
     ----------

@@ -26,22 +26,22 @@ MOST_NUMBERS = 250_000
 """Maximum number of pose values in a page (1.3 MB); above it, the page contains fewer realisations."""
 
 RESOLVED = 2e-5
-"""Allowed error of positions, relative to the extent of the drawing: one fiftieth of a pixel of 1000 pixels."""
+"""Allowed error of positions, relative to the extent of the drawing: 1/50 of a pixel if the drawing has 1000 pixels."""
 
 
 def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
     """Return the poses of a mechanism, and the style in which they are drawn.
 
     `motion` is the result of `uqmbd.report.motion`, or the node ``motion`` of results; `most` is the maximum number of
-    pose values. The result has these keys:
+    pose values. These keys of the result need an explanation:
 
-    ``solids``: surfaces of shapes, only if bodies have shapes. ``poses``:
-    (realisation, time, body, width), the first realisation at the means; named realisations follow the
-    ``realisations`` others. ``named``: their names and times, s. ``local``: points (realisation, point, axis) in the
-    frames of the bodies. ``owners``: indices of bodies; -1 is the ground. ``symbols``: strokes,
-    whose points are indices in ``lists``. ``roles``: colours on a light and on a dark page. ``corners``: points that
-    outline each body. ``bounds``: bounds of the drawing. ``start``: the frame with the largest distance between
-    realisations.
+    ``poses``: array (realisation, time, body, width). The first realisation is at the means. After ``realisations``
+    unnamed realisations come the named realisations. ``named``: names of these, with their times, s. ``local``: points
+    (realisation, point, axis) in the frames of the bodies. ``owners``: index of the body of each point; -1 is the
+    ground. ``symbols``: strokes, whose points are indices in ``lists``, the lists of points. ``roles``: colours on a
+    light and on a dark page. ``corners``: points that outline each body. ``bounds``: bounds of the drawing. ``start``:
+    index of the time with the largest distance between realisations. ``solids``: surfaces of shapes, only if bodies
+    have shapes.
     """
     named, others = named_poses(motion), without_named(motion)
     room = most // max(motion["pose"][0].size, 1) - len(named)
@@ -87,7 +87,7 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
 
 
 def _solids(data: xr.Dataset) -> dict[str, Any]:
-    """Return the surfaces of shapes: coordinates between corners, first corners, and triangles."""
+    """Return the surfaces of shapes: vertices, first corner of the shape of each vertex, and triangles."""
     return {
         "vertices": packed(data["solid_vertex"].values, "float32"),
         "corners": packed(data["solid_corner"].values, "int32"),

@@ -9,9 +9,9 @@ const quantity = (value, units) => `${formatNumber(value)}${units ? ` ${units}` 
 export function findingRows(scene, facts) {
   const rows = [];
   const add = (kind, text, part = null) => rows.push({ kind, text, part });
-  if (scene.note) add("bad", `Not assembled; the drawing shows the drawn pose. ${scene.note}`);
+  if (scene.note) add("bad", `Not assembled; the drawing shows the given pose. ${scene.note}`);
   for (const { component, distance, closed } of scene.gaps)
-    add(closed ? "note" : "bad", `${component}: the points of the joint are ${quantity(distance, "m")} apart in the drawn pose${closed ? "; the assembly closed the joint" : ""}.`, { kind: "component", name: component });
+    add(closed ? "note" : "bad", `${component}: the points of the joint are ${quantity(distance, "m")} apart in the given pose${closed ? "; the assembly closed the joint" : ""}.`, { kind: "component", name: component });
   for (const { body, text } of scene.moved) add("note", `The assembly moved ${text}.`, { kind: "body", name: body });
   for (const { name, free } of scene.bodies) if (free) add("note", `${name}: no joint, spring or load is attached to this body.`, { kind: "body", name });
   if (facts) {

@@ -48,7 +48,7 @@ __all__ = [
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
-    """Return the pose of an assembled mechanism, or the drawn pose with the reason why the assembly failed.
+    """Return the pose of an assembled mechanism, or the given pose with the reason why the assembly failed.
 
     `mechanism` has at least one body. `values` are values of random variables by name; other variables are at their
     means. `time` is the initial time, s. The module describes the result, which has one realisation and one time. The

@@ -47,15 +47,16 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     Second, if replicates are skewed, as for few points of a long tail, t is increased by ``g (1 + 2 t^2) / (6
     sqrt(R))``. A skewness g moves an end of the interval by at most this amount [2]_. Here g is the sum of two terms.
     The first term is the skewness of the replicates minus ``sqrt(6 / R)``, the random skewness of normal replicates.
-    The second term is the skewness of the samples. It is needed because few replicates rarely include an outlier. The
-    sampling error of a design in a long tail comes from its outermost points: means of replicates are about as skewed
-    as the samples. For a standard deviation, the skewness of squared samples is taken as ``sqrt((2.5 (k - 3))^2
-    / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the samples, and k - 3 is at least 0;
+    The second term is the skewness of the samples. It is needed because few replicates rarely include an outlier. If a
+    distribution has a long tail, the outermost points of a design cause most of the sampling error. Means of replicates
+    are therefore about as skewed as the samples. For a standard deviation, the skewness of squared samples is taken as
+    ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the samples, and k - 3 is at
+    least 0;
     `docs/explanation/stated_errors.md` contains measurements of the formula.
 
     Third, the error of a standard deviation s is proportional to the true value, which is above s more often than
-    below. A half-width x, relative to s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to second
-    order.
+    below. A half-width x, relative to s, therefore becomes ``exp(x + x^2) - 1``. To second order, this is the upper end
+    of an interval whose width is proportional to the true value.
 
     References
     ----------

@@ -1,7 +1,7 @@
 """Provide HDF5 files that can be closed after a failed write, and that cache their objects by path.
 
-For each access, h5netcdf searches an object by its path: 43 times for a variable. These searches take half of the time
-to write (152 small variables: 1.0 of 2.0 s) or read results. The classes in this module find each object once.
+h5netcdf looks up an object by its path at each access: 43 times to write one variable. These searches take half of the
+time to write (152 small variables: 1.0 of 2.0 s) or read results. The classes in this module find each object once.
 
 Files have the format of HDF5 1.10 (2016). All structures of this format have checksums, and a variable of one chunk
 needs no index, which would take 2 kB.
@@ -159,7 +159,8 @@ class NetcdfFile:
 def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
     """Create a netCDF file, which is closed after any exception.
 
-    Raise WriteError at the end if the file could not be written; exceptions of the context are passed on.
+    Raise WriteError if the file could not be written, also in place of an exception of the context. Other exceptions of
+    the context are passed on.
 
     >>> import tempfile, xarray
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -311,8 +311,8 @@ def _check_failures(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
             )
         else:
             assert message, (
-                f"{what} cannot be continued after t = {form.times[there][-1]:g} s, where a force is not finite, but "
-                "has no message; expected the reason in messages."
+                f"{what}: a force is not finite after t = {form.times[there][-1]:g} s, but the message of the "
+                "realisation is empty; expected the reason in `messages`."
             )
             wrong = np.isfinite(found.states[k, ~there]).any()
             assert not wrong, f"{what}: states after the time of failure are finite; expected NaN."
