@@ -124,11 +124,13 @@ def _version_2(of: Description, variables: Sequence[Variable]) -> Xml.Element:
         scalar = Xml.SubElement(declared, "ScalarVariable", about)
         Xml.SubElement(scalar, "Boolean" if v.truth else "Real", _numbers(v))
     structure = Xml.SubElement(root, "ModelStructure")
-    places = [str(k + 1) for k, v in enumerate(variables) if v.causality == "output"]
+    places = {v.name: str(k + 1) for k, v in enumerate(variables)}
     for group in ("Outputs", "InitialUnknowns"):
         listed = Xml.SubElement(structure, group)
-        for place in places:
-            Xml.SubElement(listed, "Unknown", {"index": place})
+        for v in variables:
+            if v.causality == "output":
+                known = _dependencies(v, places, initial=group == "InitialUnknowns")
+                Xml.SubElement(listed, "Unknown", {"index": places[v.name], **known})
     return root
 
 
@@ -163,8 +165,18 @@ def _version_3(of: Description, variables: Sequence[Variable]) -> Xml.Element:
             about["initial"] = "exact" if v.causality == "parameter" else "calculated"
         Xml.SubElement(declared, "Boolean" if v.truth else "Float64", about | _numbers(v))
     structure = Xml.SubElement(root, "ModelStructure")
+    references = {v.name: str(k) for k, v in enumerate(variables)}
     for group in ("Output", "InitialUnknown"):
-        for reference, v in enumerate(variables):
+        for v in variables:
             if v.causality == "output":
-                Xml.SubElement(structure, group, {"valueReference": str(reference)})
+                known = _dependencies(v, references, initial=group == "InitialUnknown")
+                Xml.SubElement(structure, group, {"valueReference": references[v.name], **known})
     return root
+
+
+def _dependencies(of: Variable, places: Mapping[str, str], *, initial: bool) -> dict[str, str]:
+    """Return the attribute of the variables that change an output directly; without it, programs assume all of them."""
+    if of.depends is None:
+        return {}
+    names = of.starts if initial else of.depends
+    return {"dependencies": " ".join(sorted((places[name] for name in names), key=int))}

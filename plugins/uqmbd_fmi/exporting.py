@@ -31,8 +31,17 @@ QUANTILES = (0.05, 0.5, 0.95)
 SHARED = ("instance.c",)
 """Sources of all FMUs, in addition to those of the version and of the model."""
 
-HEADERS = {"surrogate.c": ("model.h", "surrogate.h"), "mechanism.c": ("model.h", "mechanism.h")}
-"""Headers of the package that the source of a model needs."""
+SURROGATE = ("surrogate.c",)
+"""Sources of a surrogate."""
+
+MECHANISM = ("mechanism.c", "contact_laws.c", "sampled_laws.c", "motion_memory.c", "driver.c", "motion_data.c")
+"""Sources of a mechanism: those of the package, and those of its motion."""
+
+HEADERS = {
+    SURROGATE: ("model.h", "surrogate.h"),
+    MECHANISM: ("model.h", "motion_memory.h", "contact_laws.h", "sampled_laws.h"),
+}
+"""Headers of the package that the sources of a model need."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +152,7 @@ def export_fmu(
     if isinstance(source, uqmbd.Mechanism):
         model = mechanism_model(source, times, tuple(inputs), rtol, token, fmi)
         about = f"Mechanism {source.name!r}, integrated by the driver of uqmbd"
-        own = ("mechanism.c", "contact_laws.c", "sampled_laws.c", "driver.c", "motion_data.c")
-        return _written(model, target, fmi, token, about, own, compiler, windows)
+        return _written(model, target, fmi, token, about, MECHANISM, compiler, windows)
     if not isinstance(source, xr.DataTree):
         raise StudyError(
             f"export_fmu: source is a {type(source).__name__}; expected a mechanism, or the node of a method, "
@@ -158,7 +166,7 @@ def export_fmu(
     model = surrogate_model(source, levels, token, fmi)
     label = str(source.attrs.get("label", source.name))
     about = f"Surrogate of the method {label!r}, with the uncertainty of its inputs"
-    return _written(model, target, fmi, token, about, ("surrogate.c",), compiler, windows)
+    return _written(model, target, fmi, token, about, SURROGATE, compiler, windows)
 
 
 def _written(
@@ -167,7 +175,7 @@ def _written(
     fmi: Literal[2, 3],
     token: str,
     about: str,
-    own: Sequence[str],
+    own: tuple[str, ...],
     compiler: str | None,
     windows: bool,
 ) -> Exported:
@@ -180,7 +188,7 @@ def _written(
         target.stem, identifier, token, about, model.times, model.tolerance, model.tolerance is None, compiled
     )
     folder = importlib.resources.files("uqmbd_fmi") / "sources"
-    for name in (*HEADERS[own[0]], *compiled):
+    for name in (*HEADERS[own], *compiled):
         if name not in files:
             files[name] = (folder / name).read_text(encoding="utf-8")
     parameters = [v for v in variables if v.causality == "parameter"]

@@ -50,13 +50,24 @@ def mechanism_model(
                 content=f"{{COMMAND_VALUE, {k}}}",
             )
         )
-    for k, (name, units) in enumerate(zip(motion.outputs, motion.units, strict=True)):
+    about = [
+        (name, f"Output {name} of the mechanism", units)
+        for name, units in zip(motion.outputs, motion.units, strict=True)
+    ]
+    about += [(name, "Measured by a controller", "") for name in motion.measured]
+    parameters = [v.name for v in variables if v.causality == "parameter"]
+    time = ["time"] if fmi == 3 else []
+    for k, (name, description, units) in enumerate(about):
         variables.append(
-            Variable(name, "output", f"Output {name} of the mechanism", units, content=f"{{OUTPUT_VALUE, {k}}}")
-        )
-    for k, name in enumerate(motion.measured):
-        variables.append(
-            Variable(name, "output", "Measured by a controller", content=f"{{OUTPUT_VALUE, {len(motion.outputs) + k}}}")
+            Variable(
+                name,
+                "output",
+                description,
+                units,
+                content=f"{{OUTPUT_VALUE, {k}}}",
+                depends=(*motion.direct[k], *time),
+                starts=(*parameters, *motion.at_start[k], *time),
+            )
         )
     if fmi == 3:
         variables.append(Variable("time", "time", "Time", "s", content="{TIME_VALUE, 0}"))

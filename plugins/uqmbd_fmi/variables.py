@@ -27,6 +27,10 @@ class Variable:
     tunable: bool = False
     content: str = ""
     """Entry of the C table of contents."""
+    depends: tuple[str, ...] | None = None
+    """Inputs that change an output at a communication point, without a step; None: not stated."""
+    starts: tuple[str, ...] = ()
+    """Inputs and parameters that change it in initialisation mode."""
 
 
 def check_names(variables: Sequence[Variable]) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 import uqmbd
 from uqmbd_fmi import export_fmu
 from uqmbd_fmi.compiling import find_compiler
+from uqmbd_fmi.exporting import MECHANISM
 
 STUDIES = Path(__file__).parents[1]
 NAMES = ("slider_crank", "four_bar", "agile_eye", "pendulum", "robot")
@@ -101,15 +102,7 @@ def main(names):
                 archive.extractall(folder)
             sources = folder / "sources"
             (sources / "bench.c").write_text(PROGRAM)
-            files = [
-                "bench.c",
-                "mechanism.c",
-                "contact_laws.c",
-                "sampled_laws.c",
-                "driver.c",
-                "motion_data.c",
-                "data.c",
-            ]
+            files = ["bench.c", *MECHANISM, "data.c"]
             flags = ["-std=gnu11", "-O2", "-ffp-contract=off", "-Wl,--wrap=advance", "-o", str(folder / "bench")]
             subprocess.run([*compiler.command, *flags, *files, "-lm"], cwd=sources, check=True)
             steps = len(study.times) - 1

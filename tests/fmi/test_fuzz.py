@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from uqmbd_fmi import export_fmu
+from uqmbd_fmi.exporting import MECHANISM, SURROGATE
 
 from .surrogates import KINDS, node
 from .test_mechanism_fmu import controlled, hitting_rod, lawful, rotor, swung_by_inputs, two_contacts
@@ -35,12 +36,8 @@ def test_no_sequence_of_calls_crashes(kind, tmp_path):
     done = export_fmu(source, tmp_path / "one.fmu", compiler="none", inputs=inputs)
     with zipfile.ZipFile(done.path) as archive:
         archive.extractall(tmp_path)
-    own = (
-        ("mechanism.c", "contact_laws.c", "sampled_laws.c", "driver.c", "motion_data.c")
-        if mechanism
-        else ("surrogate.c",)
-    )
-    sources = [str(tmp_path / "sources" / name) for name in ("instance.c", "fmi2.c", "data.c", *own)]
+    names = ("instance.c", "fmi2.c", "data.c", *(MECHANISM if mechanism else SURROGATE))
+    sources = [str(tmp_path / "sources" / name) for name in names]
     words = ["gcc", *SANITIZED, *sources, str(Path(__file__).with_name("fuzz.c")), "-lm", "-o", str(tmp_path / "fuzz")]
     made = subprocess.run(words, capture_output=True, text=True, check=False)
     if made.returncode and "asan" in made.stderr:

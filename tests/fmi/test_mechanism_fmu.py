@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes as c
 from pathlib import Path
+from xml.etree import ElementTree
 
 import chaospy
 import numpy as np
@@ -623,3 +624,57 @@ def test_fmpy_finds_nothing_and_simulates_the_same(fmi, tmp_path):
     found = fmpy.simulate_fmu(str(done.path), start_values=values, stop_time=1.0, output_interval=0.1)
     expected = uqmbd.simulate(rotor(), times, values=values, rtol=1e-9)
     np.testing.assert_allclose(found["speed"], expected["speed"].values, rtol=0, atol=1e-8)
+
+
+def seen():
+    """A rotor whose outputs depend directly on no input, one input, all of them by an acceleration, or a command."""
+    one = uqmbd.Controller("loop", ["speed"], {"torque": "N m"}, rate=50, function=lambda time, measured: -measured)
+    mechanism = rotor(one)
+    wheel, level = mechanism.bodies["wheel"], uqmbd.RandomVariable("level", chaospy.Normal(0, 1), units="N m")
+    mechanism.add(Torque("load", wheel, level))
+    mechanism.output("twice", 2 * level, units="N m")
+    mechanism.output("command", one.command("torque"), units="N m")
+    mechanism.output("acceleration", wheel.angular_acceleration, units="rad/s^2")
+    return mechanism
+
+
+@compiled
+@pytest.mark.thorough
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_description_states_what_inputs_change_directly(fmi, tmp_path):
+    """Programs need it to couple units without algebraic loops: outputs without an input in it do not change."""
+    for number, (make, held, commands) in enumerate(
+        ((seen, ("level",), ("loop.torque",)), (swung_by_inputs, tuple(MOTION), ()))
+    ):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        fmu = exported(make(), folder, fmi, inputs=held)
+        root = ElementTree.parse(folder / f"unpacked{fmi}" / "modelDescription.xml").getroot()
+        names = {str(k + (fmi == 2)): name for name, k in fmu.references.items()}
+        structure = root.find("ModelStructure")
+        for initial, place in ((True, "InitialUnknown"), (False, "Output")):
+            listed = structure.find(f"{place}s") if fmi == 2 else structure.findall(place)
+            stated = {
+                names[one.attrib["index" if fmi == 2 else "valueReference"]]: {
+                    names[k] for k in one.attrib["dependencies"].split()
+                }
+                for one in listed
+            }
+            assert fmu.reset() == 0 and fmu.set(list(held), [0.3] * len(held)) == 0
+            if not initial:
+                assert fmu.begin() == 0 and fmu.step(0.0, 0.1) == 0
+            elif fmi == 2:
+                assert fmu.call("EnterInitializationMode") == 0
+            else:
+                flags = (c.c_bool(False), c.c_double(0), c.c_double(0), c.c_bool(False), c.c_double(0))
+                assert fmu.call("EnterInitializationMode", *flags) == 0
+            before = dict(zip(stated, fmu.get(list(stated)), strict=True))
+            for name in (*held, *commands):
+                assert fmu.set([name], [0.31]) == 0
+                after = dict(zip(stated, fmu.get(list(stated)), strict=True))
+                changed = {x for x in stated if after[x] != before[x]}
+                expected = {x for x in stated if name in stated[x]}
+                # at the start, some coefficients of the motion have the factor zero
+                assert changed == expected or (make is swung_by_inputs and changed < expected)
+                before = after
+    assert stated["bob"] >= set(MOTION)

@@ -2,7 +2,7 @@
    last, which stick or slip, until they open.
 
    The driver integrates between events and finds them; the decisions here are those of `uqmbd.simulate`. */
-#include "mechanism.h"
+#include "contact_laws.h"
 
 static const double CLOSED = 1e-9, LOST = 1e-6; /* a closed gap, also of a contact that lasted, relative to the size */
 static const double DEEP = 1e-6;                /* an overlap of bodies that is an error */

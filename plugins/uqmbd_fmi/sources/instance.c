@@ -24,6 +24,15 @@ void report(Report *to, int status, const char *format, ...) {
     va_end(arguments);
 }
 
+void remark(Report *to, const char *format, ...) {
+    va_list arguments;
+    if (to->status != OK || to->remarked) return;
+    to->remarked = 1;
+    va_start(arguments, format);
+    vsnprintf(to->text, sizeof to->text, format, arguments);
+    va_end(arguments);
+}
+
 int instance_exists(const Instance *instance) { return instance && instance->mark == INSTANCE_MARK; }
 
 static void say(const Instance *instance, int status, const char *text) {
@@ -42,7 +51,7 @@ int instance_refuse(Instance *instance, const char *format, ...) {
 
 /* Pass a report to the logger; an error ends the simulation if `ends`. */
 static int finish(Instance *instance, const Report *from, int ends) {
-    if (from->status != OK) say(instance, from->status, from->text);
+    if (from->status != OK || from->remarked) say(instance, from->status != OK ? from->status : WARNING, from->text);
     if (from->status >= ERROR && ends) instance->phase = FAILED;
     return from->status;
 }

@@ -1,6 +1,7 @@
 /* A mechanism as a model: assembly for any parameters, integration by the driver from one communication point to the
    next, and outputs that are consistent with the equations of motion. */
-#include "mechanism.h"
+#include "contact_laws.h"
+#include "sampled_laws.h"
 
 /* Contents of a variable: the index of an input of the motion, of an output, or of a command of a controller. */
 enum { INPUT_VALUE, OUTPUT_VALUE, TIME_VALUE, COMMAND_VALUE };
@@ -25,6 +26,7 @@ enum {
 static const double FAR = 1000.0, FARTHEST = 3e-3; /* residual of an interpolated state, in tolerances; its limit */
 static const double BETWEEN = 3.0;                 /* interpolation error that rejects a step */
 static const double RELEVANT = 100.0;              /* relevant deviation of a table from a cubic, in tolerances */
+static const double SHORTEST = 1e-12;              /* shortest step of the integration, relative to the time */
 
 size_t model_bytes(void) { return sizeof(Motion); }
 
@@ -34,11 +36,6 @@ void model_start(void *model) {
     for (int k = 0; k < MOTION_INPUTS; k++) of->inputs[k] = start_values[k];
     for (int k = 0; k < MOTION_COMMANDS; k++) of->commands[k] = start_commands[k];
     of->dirty = 1.0;
-}
-
-double *cleared(Motion *of) {
-    memset(of->work, 0, sizeof of->work);
-    return of->work;
 }
 
 /* Parameters of the equations from the inputs. */
@@ -85,13 +82,6 @@ static void check_parameters(const Motion *of, Report *to) {
             return;
         }
     }
-}
-
-void fill_arguments(const Motion *of, const double *state, double time, double *to) {
-    memcpy(to, state, MOTION_WIDTH * sizeof(double));
-    to[MOTION_WIDTH] = time;
-    to[MOTION_WIDTH + 1] = 0.0;
-    memcpy(to + STATE, of->parameters, MOTION_BLOCK * sizeof(double));
 }
 
 /* Report the equation with the largest residual in a pose. */
@@ -212,7 +202,7 @@ static void find_outputs(Motion *of, Report *to) {
     evaluate(&motion_outputs, (V *)cleared(of), &source, 1, 0, 1, motion_output_rows, MOTION_RESULTS, of->outputs);
     if (MOTION_RESULTS > MOTION_OUTPUTS && of->warned == 0.0 && !(of->outputs[MOTION_RESULTS - 1] <= MOTION_POOR)) {
         of->warned = 1.0;
-        report(to, WARNING,
+        remark(to,
                "Accelerations and reactions may be inaccurate from t = %g s on: an equation has a large relative residual, "
                "as in a singular pose, or where all its terms vanish. This is reported once.",
                of->time);
@@ -275,7 +265,6 @@ void model_initialise(void *model, Report *to) {
     for (int k = 0; k < MOTION_COORDINATES; k++) largest = fmax(largest, fabs(of->state[k]));
     of->floor = of->tolerance * fmin(1.0, fmax(1e-3, largest));
     of->wanted = 0.0;
-    of->fresh = 1.0;
     of->length = fmin(1.0, fmax(1e-3, largest));
     start_contacts(of, inside(of->time, of->time, INFINITY), to);
     if (to->status >= ERROR) return;
@@ -449,7 +438,13 @@ void model_advance(void *model, double end, Report *to) {
     follow_inputs(of, to);
     while (end > of->time && to->status < ERROR) {
         const double next = next_sample(of), near = 1e-12 * fmax(1.0, fabs(end));
-        integrate(of, next < end - near && next > of->time ? next : end, to);
+        const double target = next < end - near && next > of->time ? next : end;
+        if (target - of->time >= SHORTEST * fmax(fabs(of->time), fabs(target)))
+            integrate(of, target, to);
+        else if (target < end)
+            of->time = target;
+        else
+            break; /* times that programs add up differ by rounding; the next step covers this one */
         if (MOTION_LAWS && to->status < ERROR) sample_laws(of, to);
     }
 }

@@ -21,12 +21,15 @@ typedef struct {
 
 /* Outcome of a call to a model, with a message for the logger. */
 typedef struct {
-    int status;
+    int status, remarked;
     char text[1000];
 } Report;
 
 /* Set the status and the message of a report; the status ERROR replaces any other. */
 void report(Report *to, int status, const char *format, ...);
+
+/* Set a message for the logger that changes no status: some programs stop at each status other than OK. */
+void remark(Report *to, const char *format, ...);
 
 extern const char model_token[];
 extern const Variable model_variables[];

@@ -1,6 +1,6 @@
 /* Sampled controllers with laws, in the order of the driver: all laws measure the state, then waiting commands act, then
    the new ones. */
-#include "mechanism.h"
+#include "sampled_laws.h"
 
 static const double NEAR = 1e-9; /* distance of times that counts as zero, relative to the time between samples */
 

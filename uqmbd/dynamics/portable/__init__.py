@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.portable.commands import MotionCommand
-from uqmbd.dynamics.portable.motion import PortableMotion, motion_refusal, motion_source
+from uqmbd.dynamics.portable.motion import motion_refusal, motion_source
+from uqmbd.dynamics.portable.portable_motion import PortableMotion
 
 __all__ = ["MotionCommand", "PortableMotion", "motion_refusal", "motion_source"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,13 +23,15 @@ from uqmbd.dynamics.portable.commands import (
     measured_expressions,
     written_laws,
 )
+from uqmbd.dynamics.portable.dependencies import dependencies_of, nearby_values
 from uqmbd.dynamics.portable.header import is_real, is_whole, motion_header
 from uqmbd.dynamics.portable.impacts import PARTS_OF_STEPS, contacts_of, impact_obstacle, written_contacts
+from uqmbd.dynamics.portable.portable_motion import PortableMotion
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism
 from uqmbd.typing import Array
 
-__all__ = ["PortableMotion", "motion_refusal", "motion_source"]
+__all__ = ["motion_refusal", "motion_source"]
 
 POINTS = 8
 """Number of projected states of a step, and of coefficients of a series, as in dop853.h."""
@@ -39,41 +41,6 @@ MOST_KNOTS = 10_000
 
 STAGES = 12 + 4 + 7 + 5 + 5 + 2 * POINTS
 """Number of states in the workspace of the explicit method: stages, interpolant, nodes, series and others."""
-
-
-@dataclass(frozen=True)
-class PortableMotion:
-    """Motion of a mechanism as C source: the driver of uqmbd, and kernels and tables of the mechanism.
-
-    Attributes
-    ----------
-    files : dict of str to str
-        Source files and headers by name: ``driver.c`` includes the parts of the driver, and ``motion.h`` declares the
-        tables, which ``motion_data.c`` defines.
-    inputs : tuple of str
-        Names of the inputs, in the order of their values.
-    outputs : tuple of str
-        Names of the outputs, in their order.
-    units : tuple of str
-        Units of the outputs.
-    commands : tuple of MotionCommand
-        Commands of controllers, which the program that integrates the motion sets. They are constant in each step.
-    measured : tuple of str
-        Measured expressions of controllers, whose values follow those of the outputs.
-
-    Examples
-    --------
-    >>> from uqmbd.extend import PortableMotion
-    >>> PortableMotion({"driver.c": ""}, ("speed",), ("height",), ("m",)).outputs
-    ('height',)
-    """
-
-    files: dict[str, str]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    units: tuple[str, ...]
-    commands: tuple[MotionCommand, ...] = ()
-    measured: tuple[str, ...] = ()
 
 
 @typechecked
@@ -159,7 +126,10 @@ def motion_source(
             if unknown:
                 raise StudyError(f"{unknown[0]!r} is not an input; the inputs are {', '.join(model.inputs) or 'none'}")
             moving = _moving(model, ensemble, held)
-            return _written(model, ensemble, grid, rtol, commands_of(mechanism, model), moving)
+            commands = commands_of(mechanism, model)
+            direct, at_start = dependencies_of(mechanism, ensemble, held, commands, moving)
+            motion = _written(model, ensemble, grid, rtol, commands, moving)
+            return replace(motion, direct=direct, at_start=at_start)
         except StudyError as error:
             why = str(error)
     raise StudyError(f"The motion of mechanism {mechanism.name!r} cannot be written in C: {why.rstrip('.')}.")
@@ -225,19 +195,17 @@ def _moving(model: Model, ensemble: Ensemble, held: Sequence[str]) -> list[int]:
     start, found = ensemble.start, list[int]()
     # at another time than the start, at which a factor of time may vanish
     arguments = state_arguments(model.time + 0.37, start.q, start.s, start.v)
-    for name in held:
-        values = ensemble.values.copy()
-        column = model.inputs.index(name)
-        values[:, column] += max(1e-3, 1e-3 * abs(float(values[0, column])))
-        moved = model.parameters(values)[:, : model.block_parameters]
+    parameters = model.parameters(nearby_values(ensemble, held))[:, : model.block_parameters]
+    for k, name in enumerate(held):
         same = [
             np.array_equal(
-                model.evaluate(kind, arguments, ensemble.block)[part], model.evaluate(kind, arguments, moved)[part]
+                model.evaluate(kind, arguments, parameters[:1])[part],
+                model.evaluate(kind, arguments, parameters[k + 1 : k + 2])[part],
             )
             for kind, part in (("position", "phi"), ("velocity", "phi_t"), ("velocity", "d"))
         ]
         if not all(same):
-            found.append(column)
+            found.append(model.inputs.index(name))
     return found
 
 

@@ -1,6 +1,6 @@
-/* Memory of a mechanism, and functions of its contacts. */
-#ifndef UQMBD_MECHANISM_H
-#define UQMBD_MECHANISM_H
+/* Memory of a mechanism, for its integration, contacts and controllers, and arguments of programs. */
+#ifndef UQMBD_MOTION_MEMORY_H
+#define UQMBD_MOTION_MEMORY_H
 
 #include "model.h"
 
@@ -19,7 +19,7 @@ typedef struct {
     double commands[MOTION_COMMANDS + 1];
     double parameters[MOTION_PARAMETERS + 1];
     double time, tolerance, floor;
-    double wanted, fresh;             /* size of the next step; whether an input has changed */
+    double wanted;                    /* size of the next step */
     double state[MOTION_WIDTH];       /* state of the integration */
     double shown[MOTION_WIDTH];       /* this state, projected onto the constraints, for outputs */
     double rate[MOTION_WIDTH];
@@ -47,24 +47,5 @@ double *cleared(Motion *of);
 
 /* Arguments of the programs of a state: state, time, zero, parameters of the equations. */
 void fill_arguments(const Motion *of, const double *state, double time, double *to);
-
-/* Find the contacts that are closed at the start of the motion, and whether they last. */
-void start_contacts(Motion *of, double time, Report *to);
-
-/* Prepare the guards of contacts at the start of a step, at a time in it; inputs may have changed. */
-void begin_contacts(Motion *of, double time, double *wanted, Report *to);
-
-/* Process the event that the driver has found at `now`; `time` is inside of the interval, where functions of time do
-   not jump. */
-void decide_contact(Motion *of, double now, double time, double *wanted, Report *to);
-
-/* Take the first samples of controllers with laws. */
-void start_laws(Motion *of, Report *to);
-
-/* Time of the next sample of a controller, or of commands that begin to act; infinity without laws. */
-double next_sample(const Motion *of);
-
-/* Take the samples that are due, and let commands act. */
-void sample_laws(Motion *of, Report *to);
 
 #endif
