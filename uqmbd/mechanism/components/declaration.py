@@ -69,8 +69,8 @@ def _require_listed(component: type[Declared]) -> None:
     annotated = [key for key, kind in _annotations(component).items() if _is_frame(kind)]
     unlisted = [key for key in annotated if key not in bodies]
     if unlisted:
-        # the class `Component` also has `bodies`, which are default names
-        stated = any("bodies" in vars(base) for base in component.__mro__[:-2])
+        # one class of the order, `Component`, has default names
+        stated = sum("bodies" in vars(base) for base in component.__mro__) > 1
         suggested = [*(bodies if stated else ()), *(key for key in annotated if not stated or key in unlisted)]
         raise StudyError(
             f"{component.__name__}: {unlisted[0]!r} is annotated as a body, but bodies is "
