@@ -13,8 +13,8 @@ import uqmbd
 from uqmbd.extend import AlignedElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
 from uqmbd.results import AlignedChaos, ComposedChaos, PolynomialChaos, propagator_node, validate
+from uqmbd.results.assessment.error_sentences import own_statements
 from uqmbd.results.assessment.own_errors import own_error
-from uqmbd.results.assessment.own_statements import own_statements
 from uqmbd.results.chaos import stored_as
 from uqmbd.results.statistics import settled
 from uqmbd.testing.propagators import stated_errors

@@ -9,11 +9,11 @@ from uqmbd.results.assessment.costs import error_against_cost
 from uqmbd.results.assessment.coupled import coupled_systems
 from uqmbd.results.assessment.differences import choose_reference, compare
 from uqmbd.results.assessment.error_norms import relative_errors
+from uqmbd.results.assessment.error_sentences import own_statements
 from uqmbd.results.assessment.integration_share import IntegrationShare, integration_shares, worst_integration_share
 from uqmbd.results.assessment.judgements import Judgement, judgements_of, worst
 from uqmbd.results.assessment.limits import COARSE, EXACT
 from uqmbd.results.assessment.own_errors import NO_SPREAD, NO_VARIATION
-from uqmbd.results.assessment.own_statements import own_statements
 from uqmbd.results.assessment.recommendation import recommend, recommended
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, REFERENCE, UNDER_RESOLVED
 

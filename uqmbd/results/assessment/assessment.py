@@ -16,10 +16,10 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
+from uqmbd.results.assessment.error_sentences import own_statements
 from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
 from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
 from uqmbd.results.assessment.own_errors import NO_SPREAD, NO_VARIATION, own_error, replicates_of
-from uqmbd.results.assessment.own_statements import own_statements
 from uqmbd.results.assessment.recommendation import recommended, resort
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED, UNVERIFIED
 from uqmbd.results.chaos import spread_words

@@ -14,9 +14,9 @@ from uqmbd.arguments import Bounds, Share, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment.accuracy import accuracies, stated_accuracy
 from uqmbd.results.assessment.distances import distributions
+from uqmbd.results.assessment.error_sentences import own_statements
 from uqmbd.results.assessment.limits import COARSE, ROUGH
 from uqmbd.results.assessment.own_errors import OwnError, own_error, root_mean_square
-from uqmbd.results.assessment.own_statements import own_statements
 from uqmbd.results.assessment.recommendation import advice, loose
 from uqmbd.results.assessment.verdicts import NO_SPREAD, REFERENCE, Verdict, compare_with_reference
 from uqmbd.results.schema import total_realisations
