@@ -18,7 +18,7 @@ class _ImpactComponent(uqmbd.extend.TypedComponent):
     body_i: uqmbd.extend.NamedFrame
     body_j: uqmbd.extend.NamedFrame
     restitution: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
-        "1", "coefficient of restitution, 0 to 1", default=1, minimum=0, maximum=1
+        "1", "coefficient of restitution", default=1, minimum=0, maximum=1
     )
     friction: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "1", "coefficient of friction", default=0, minimum=0, dimensions=2

@@ -61,7 +61,7 @@ class PositionDriver(uqmbd.Component):
 class DistanceDriver(uqmbd.extend.TypedComponent):
     """The distance of two points follows a function of time that never vanishes.
 
-    On a line, point j stays on its drawn side of point i.
+    On a line, point j stays on the side of point i on which it is in the given pose.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class DistanceDriver(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the drawn side of point j relative to point i, 1 or -1, in a mechanism on a line."""
+        """Return the side of point i on which point j is in the given pose of a line, 1 or -1."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

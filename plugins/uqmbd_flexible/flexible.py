@@ -326,9 +326,9 @@ def flexible_body(
     position : sequence of numbers or expressions, optional
         Origin of the frame of the body in the given pose, m.
     angle : number or expression, optional
-        Drawn angle of the frame in the plane, rad.
+        Angle of the frame in the given pose, in the plane, rad.
     quaternion : sequence of numbers or expressions, optional
-        Drawn rotation of the frame in space, scalar first.
+        Quaternion of the frame in the given pose, in space, scalar first.
     velocity : sequence of numbers or expressions, optional
         Initial velocity of the origin of the frame, m/s. Default: the assembly solves for it.
     angular_velocity : number, expression or sequence, optional

@@ -16,7 +16,7 @@ class Distance(uqmbd.extend.TypedComponent):
 
     Both ends are ball joints in three dimensions, and hinges in planar space.
 
-    On a line, point j stays on its drawn side of point i.
+    On a line, point j stays on the side of point i on which it is in the given pose.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class Distance(uqmbd.extend.TypedComponent):
     length: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def prepare(self) -> dict[str, Any]:
-        """Return the drawn side of point j relative to point i, 1 or -1, in a mechanism on a line."""
+        """Return the side of point i on which point j is in the given pose of a line, 1 or -1."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

@@ -28,7 +28,7 @@ class Fixed(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
     rotation = uqmbd.Parameter(
-        "1", "rotation of body j relative to body i; None: as drawn", kind="rotation", default=None
+        "1", "rotation of body j relative to body i; None: as in the given pose", kind="rotation", default=None
     )
 
     if TYPE_CHECKING:

@@ -71,7 +71,7 @@ class Gear(uqmbd.Component):
 
 
 class RackAndPinion(uqmbd.Component):
-    """A pinion (body j) rolls on a rack (body i): as the pinion turns, its centre advances from the drawn position.
+    """A pinion (body j) rolls on a rack (body i): as the pinion turns, its centre advances from the given position.
 
     Other joints must keep the pinion on the rack. A wheel that rolls on the ground is also a pinion.
 

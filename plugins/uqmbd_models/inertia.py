@@ -1,7 +1,7 @@
 r"""Physically impossible inertia tensors: rejected, used as stated, or replaced by the nearest possible tensor.
 
-A tensor J about the centre of mass belongs to a body if its matrix of second moments of mass, ``S = tr(J) / 2 1 - J``,
-is positive semi-definite. S is the integral of ``x x^T`` over the mass. In principal axes, this condition is the
+A tensor J about the centre of mass belongs to a body if its matrix of second moments of mass, ``S = (tr(J) / 2) I -
+J``, is positive semi-definite. S is the integral of ``x x^T`` over the mass. In principal axes, this condition is the
 triangle inequality: no moment exceeds the sum of the others. The nearest possible tensor has the nearest S in the
 Frobenius norm, with the same mass and centre of mass. This S is the original one with negative eigenvalues set to zero:
 the projection onto the cone of positive semi-definite matrices (N. J. Higham, Linear Algebra and its Applications 103,

@@ -39,7 +39,7 @@ class Bushing(uqmbd.Component):
         kind="option",
         example=2.0,
     )
-    damping = uqmbd.Parameter("N s/m, N m s/rad", "alike; 0: none", kind="option", default=0)
+    damping = uqmbd.Parameter("N s/m, N m s/rad", "in a form of the stiffness; 0: no damping", kind="option", default=0)
 
     if TYPE_CHECKING:
 
@@ -56,7 +56,7 @@ class Bushing(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Return stiffness and damping as matrices, and the drawn relative quaternion, at which the moment is zero."""
+        """Return stiffness and damping as matrices, and the relative quaternion at which the moment is zero."""
         turn = self.drawn_quaternion()
         size = 6 if len(turn) == 4 else 3
         return {

@@ -21,8 +21,9 @@ class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
 
     A positive force pulls the points together. The law is an expression in ``uqmbd_springs.length`` and
     ``uqmbd_springs.rate``, and may contain random variables and `uqmbd.t`. On a line, the length is positive while
-    point j is on its drawn side of point i. The length is negative when the points have passed each other. If both
-    points are drawn at one place, the law must be odd: opposite signs of length and rate give the opposite force.
+    the points have the order of the given pose. The length is negative when the points have passed each other. If both
+    points are at one place in the given pose, the law must be odd: opposite signs of length and rate give the opposite
+    force.
 
     Examples
     --------
@@ -44,7 +45,7 @@ class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the coefficients of the law for each realisation; on a line, also the drawn side of point j."""
+        """Return the coefficients of the law for each realisation; on a line, also the side of point j."""
         found = law_values(self.law, length, rate, package="uqmbd_springs")
         return {**found, "side": self.drawn_side(either=_is_odd(self.law))} if len(self.point_i) == 1 else found
 

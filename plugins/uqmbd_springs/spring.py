@@ -18,8 +18,8 @@ class SpringDamper(uqmbd.extend.TypedComponent):
     """A linear spring and damper along the line between two points.
 
     For the vector ``d`` between the points, the length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length
-    is possible. On a line, the length is positive while point j is on its drawn side of point i. The length is negative
-    when the points have passed each other, and the force remains linear. Points drawn at one place need
+    is possible. On a line, the length is positive while the points have the order of the given pose. The length is
+    negative when the points have passed each other, and the force remains linear. Points at one place need
     ``free_length=0``.
 
     Examples
@@ -42,7 +42,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Return the drawn side of point j relative to point i, 1 or -1, in a mechanism on a line."""
+        """Return the side of point i on which point j is in the given pose of a line, 1 or -1."""
         return (
             {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length, strict=True).is_zero))}
             if len(self.point_i) == 1

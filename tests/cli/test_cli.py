@@ -363,8 +363,10 @@ def test_check_of_bodies_that_are_drawn_in_degrees():
     for name, angle in (("degrees", 60), ("radians", 1.05), ("turned", -6.2), ("random", tilt)):
         made.body(name, mass=1, inertia=1, angle=angle)
     made.output("x", made.bodies["degrees"].position[0])
-    (found,) = (x for x in uqmbd.findings(uqmbd.Study("parts", made, [0, 1])) if "drawn at" in x.message)
-    assert str(found) == ("Warning: body 'degrees' is drawn at 60 rad, 9.55 turns. Write degrees as math.radians(60).")
+    (found,) = (x for x in uqmbd.findings(uqmbd.Study("parts", made, [0, 1])) if "has the angle" in x.message)
+    assert str(found) == (
+        "Warning: body 'degrees' has the angle 60 rad, 9.55 turns. Write degrees as math.radians(60)."
+    )
     space = uqmbd.Mechanism("space", uqmbd.Spatial())
     cube = space.body("cube", mass=1, inertia=(1, 1, 1))
     space.output("x", cube.position[0])

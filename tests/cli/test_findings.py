@@ -39,7 +39,7 @@ study = uqmbd.Study("machine", m, [0, 0.01, 0.02], [MonteCarlo(samples=20, seed=
 FAULTS = {
     "degrees": (
         "m.add(Revolute('wheel pivot', m.ground, m.body('wheel', mass=1, inertia=1, angle=90), (0, 0), (0, 0)))",
-        "warning", "body 'wheel' is drawn at 90 rad, 14.3 turns",
+        "warning", "body 'wheel' has the angle 90 rad, 14.3 turns",
     ),
     "forgotten": (
         "PointForce('pull', rod, (0, 0), (1, 0))",
@@ -82,12 +82,12 @@ FAULTS = {
     "moved far": (
         "cart = m.body('cart', mass=1, inertia=1, position=(7, 0), angle=1.0)\n"
         "m.add(Fixed('cart weld', m.ground, cart, (0, 0), (0, 0), rotation=0))",
-        "warning", "assembly moved body 'cart' by 7 m and by 57.3 degrees from where it was drawn",
+        "warning", "assembly moved body 'cart' by 7 m and by 57.3 degrees from its given pose",
     ),
     "moved": (
         "cart = m.body('near', mass=1, inertia=1, position=(0.3, 0))\n"
         "m.add(Fixed('near weld', m.ground, cart, (0, 0), (0, 0), rotation=0))",
-        "note", "assembly moved body 'near' by 0.3 m from where it was drawn",
+        "note", "assembly moved body 'near' by 0.3 m from its given pose",
     ),
     "heavy tail": (
         "speed = random('speed', chaospy.Cauchy(), 'm/s')\n"

@@ -18,7 +18,7 @@ from uqmbd.typing import Array
 __all__ = ["Move", "apart", "extent_of", "drawn_points", "moved", "moves", "size_of"]
 
 MOVED = 0.01
-"""Displacement by the assembly, relative to the size of the drawn mechanism, that counts as zero."""
+"""Displacement by the assembly, relative to the size of the given pose, that counts as zero."""
 
 TILTED = np.radians(1)
 """Rotation by the assembly, rad, that counts as zero."""

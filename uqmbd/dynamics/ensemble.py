@@ -178,7 +178,7 @@ class Ensemble:
         q, s, v : array, shape (K, ...)
             Coordinates, auxiliary states and velocities.
         multipliers : array, shape (K, rank)
-            Multipliers of all kept equations; only those in ``y`` are used.
+            Multipliers of all independent `equations`; only those in ``y`` are used.
 
         Returns
         -------
@@ -316,13 +316,13 @@ class Ensemble:
         Returns
         -------
         tuple of array, shapes (K, coordinate) and (K, kept)
-            Accelerations of all coordinates, and multipliers of the kept `equations`; NaN if the equations are
+            Accelerations of all coordinates, and multipliers of the independent `equations`; NaN if the equations are
             singular.
         """
         return accelerations(self.model, *self.model.layout.split(states), time, self.block)[:2]
 
     def equations_of_motion(self, time: Array | float, states: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the matrices and vectors of ``M a + D^T lambda = f`` and ``D a = g`` for the kept `equations`.
+        """Return the matrices and vectors of ``M a + D^T lambda = f`` and ``D a = g`` for the independent `equations`.
 
         Parameters
         ----------
@@ -344,14 +344,14 @@ class Ensemble:
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """Names of the kept constraint equations, without redundant ones, in the order of multipliers."""
+        """Names of the independent constraint equations, without redundant ones, in the order of multipliers."""
         return tuple(self.model.equations[k] for k in self.model.layout.kept)
 
     @property
     def unknowns(self) -> dict[str, slice]:
         """Parts of the unknowns ``y`` of `residual`, by letter: ``q``, ``s``, ``v``, and multipliers ``l``, ``m``.
 
-        ``q`` and ``v`` belong to the coordinates that no constraint freezes. ``l`` and ``m`` belong to the kept
+        ``q`` and ``v`` belong to the coordinates that no constraint freezes. ``l`` and ``m`` belong to the independent
         equations that freeze no coordinate.
         """
         return dict(self.model.layout.slices)
@@ -388,7 +388,10 @@ class Ensemble:
         return found
 
     def guards(self, time: Array | float, states: Array) -> Array:
-        """Return guards of all `events`, shape (K, event): gaps, m, for impacts; a falling zero crossing is an event.
+        """Return guards of all `events`, shape (K, event); the guard of an impact is its gap, m.
+
+        An event is a zero crossing of its guard from positive to negative values.
+
 
         Arguments are those of `rates`.
 

@@ -37,7 +37,7 @@ __all__ = ["Assembled", "inputs_of_notices", "model_findings"]
 
 
 FAR = 1.0
-"""Displacement of a body by assembly, in sizes of the drawn mechanism, above which a note becomes a warning."""
+"""Displacement of a body by assembly, relative to the size of the mechanism, above which a note becomes a warning."""
 
 TURNED = np.pi / 4
 """Rotation of a body by assembly, rad, above which a note becomes a warning."""
@@ -84,7 +84,7 @@ class Assembled:
 
     @cached_property
     def size(self) -> float:
-        """Largest extent of the drawn mechanism, m."""
+        """Largest extent of the given pose, m."""
         return extent_of([place for found in self.places.values() for _, place in found])
 
     def values(self) -> Iterator[tuple[Instance, list[float]]]:
@@ -126,13 +126,12 @@ def _moved(a: Assembled) -> Iterator[Finding]:
     near = [m for m in found if m not in far]
     for severity, some in ((Severity.WARNING, far), (Severity.NOTE, near)):
         if some:
-            bodies, were, it = ("bodies", "they were", "them") if len(some) > 1 else ("body", "it was", "it")
+            bodies, its = ("bodies", "their given poses") if len(some) > 1 else ("body", "its given pose")
             yield Finding(
                 severity,
                 f"{bodies} {', '.join(repr(m.body) for m in some)}",
-                f"mechanism {a.mechanism.name!r}: assembly moved {bodies} {', '.join(map(str, some))} from where "
-                f"{were} drawn",
-                f"Draw {it} closer to the intended pose (uqmbd check --figure shows the mechanism)",
+                f"mechanism {a.mechanism.name!r}: assembly moved {bodies} {', '.join(map(str, some))} from {its}",
+                "Change position= and angle= towards the intended pose (uqmbd check --figure shows the mechanism)",
             )
 
 
@@ -154,7 +153,7 @@ SPUN, PARTS = 2.0, 24
 
 
 def _turned(a: Assembled) -> Iterator[Finding]:
-    """Yield bodies with drawn angles over one turn, for example because of degrees instead of radians."""
+    """Yield bodies with given angles over one turn, for example because of degrees instead of radians."""
     for name, body in a.mechanism.bodies.items():
         angle = body.pose.angle
         if not getattr(angle, "is_number", True) or abs(float(angle)) <= 2 * math.pi:
@@ -165,7 +164,7 @@ def _turned(a: Assembled) -> Iterator[Finding]:
         yield Finding(
             Severity.NOTE if meant else Severity.WARNING,
             f"body {name!r}",
-            f"body {name!r} is drawn at {shown} rad, {turns:.3g} turns",
+            f"body {name!r} has the angle {shown} rad, {turns:.3g} turns",
             f"Write degrees as math.radians({shown})",
         )
 
@@ -243,7 +242,7 @@ def _uncounted_turns(a: Assembled) -> Iterator[Finding]:
         if not far.any():
             continue
         share = "" if far.all() else f" in {100 * far.mean():.2g} % of the realisations"
-        advice = "Draw the body there, or state" if model.dimension == 2 else "State"
+        advice = "Give the body this angle, or state" if model.dimension == 2 else "State"
         followed = " and ".join(map(str, _followed(component)))
         others = f". State {followed} as well, which the driver follows" if followed else ""
         yield Finding(
@@ -275,7 +274,7 @@ def _followed(component: Component) -> list[AngleSymbol]:
 
 
 def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) -> list[tuple[Array, Array]]:
-    """Return the initial and the drawn angles of drivers, rad, in the checked realisations."""
+    """Return the initial and the given angles of drivers, rad, in the checked realisations."""
     if not drivers:
         return []
     rows = inputs_of_notices(mechanism)
@@ -319,7 +318,7 @@ def inputs_of_notices(mechanism: Mechanism) -> Array:
 
 
 def _drawn_angle(component: Component) -> sympy.Expr:
-    """Return the drawn angle between two bodies, rad, as rotation drivers define it; at the means in spatial models."""
+    """Return the given angle between two bodies, rad, as rotation drivers define it; at the means in spatial models."""
     i, j = (component.drawn_frame(body) for body in ("body_i", "body_j"))
     if i.space.dimension == 2:
         return component.drawn_angle()

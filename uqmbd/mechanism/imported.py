@@ -257,9 +257,9 @@ def from_urdf(
         Whether to add outputs for the position of each joint and for its distance from the nearer limit.
     inertia : {"refuse", "as stated", "repair"}
         Treatment of an impossible inertia tensor, whose largest principal moment exceeds the sum of the others.
-        ``"refuse"``: raise an error if the excess is more than 1 %. ``"repair"``: use the nearest possible tensor.
-        ``"as stated"``: keep the kinetic energy defined in the file, with a rotor ``NAME_excess`` for the impossible
-        part of the tensor.
+        ``"refuse"``: raise an error if the excess is more than 1 % of the largest moment. ``"repair"``: use the nearest
+        possible tensor. ``"as stated"``: keep the kinetic energy defined in the file, with a rotor ``NAME_excess`` for
+        the impossible part of the tensor.
 
     Returns
     -------
@@ -276,8 +276,8 @@ def from_urdf(
     As in the URDF specification, a link without ``<inertial>`` has no mass; the import infers nothing from its shape.
 
     ``inertia="repair"`` keeps the mass and the centre of mass. The second moments of mass about the centre of mass form
-    the matrix ``tr(J) / 2 1 - J``. The repair sets its negative eigenvalues to zero. The result is the nearest positive
-    semi-definite matrix in the Frobenius norm.
+    the matrix ``(tr(J) / 2) I - J``. The repair sets its negative eigenvalues to zero. The result is the nearest
+    positive semi-definite matrix in the Frobenius norm.
 
     Examples
     --------

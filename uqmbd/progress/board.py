@@ -28,7 +28,8 @@ class AtMost(int):
     """Maximum of the total number of steps; the task may end with fewer steps.
 
     Methods that determine their number of realisations automatically report it at their start:
-    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``. Other receivers treat it as a number.
+    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``. Receivers that do not know this class treat it
+    as a number.
 
     Examples
     --------

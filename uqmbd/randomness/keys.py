@@ -29,8 +29,8 @@ def path_key(name: str) -> RandomVariable:
 
     Notes
     -----
-    Results do not depend smoothly on a key.  Methods that only sample their inputs accept keys; others declare that
-    they do (`uqmbd.extend.Propagator.accepts_keys`) or refuse them.
+    Results do not depend smoothly on a key.  A method that only samples its inputs may declare that it accepts keys
+    (`uqmbd.extend.Propagator.accepts_keys`). All other methods reject keys.
 
     Examples
     --------

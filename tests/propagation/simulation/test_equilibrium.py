@@ -163,6 +163,6 @@ def test_check_shows_natural_frequencies(tmp_path, capsys):
     said_now = said(gravity=-G, damping=0.1, start="drawn")
     damping = 0.1 / (2 * about * omega)
     assert f"frequencies {omega / 2 / np.pi:.4g} ({100 * damping:.2g} % damped) Hz, at the means" in said_now
-    assert "in static equilibrium" in said_now and "start       as drawn" in said_now
-    assert "own static equilibrium" in said(gravity=-G, damping=0, start="equilibrium")
+    assert "in static equilibrium" in said_now and "start       in the given pose" in said_now
+    assert "the static equilibrium for its inputs" in said(gravity=-G, damping=0, start="equilibrium")
     assert "frequencies" not in said(gravity=0.0, damping=0, start="drawn")

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["show_check"]
 
-STARTS = {"drawn": "as drawn", "equilibrium": "each realisation in its own static equilibrium"}
+STARTS = {"drawn": "in the given pose", "equilibrium": "each realisation in the static equilibrium for its inputs"}
 FREQUENCIES = 8  # maximum number of displayed natural frequencies
 
 
@@ -183,7 +183,7 @@ def _modes(study: Study) -> tuple[xr.Dataset, str]:
         except uqmbd.AssemblyError:
             if _start(study) == "equilibrium":
                 raise
-        return uqmbd.eigenfrequencies(study.mechanism, at="start", time=time), "as drawn"
+        return uqmbd.eigenfrequencies(study.mechanism, at="start", time=time), "in the given pose"
 
 
 def _start(study: Study) -> str:

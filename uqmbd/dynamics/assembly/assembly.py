@@ -234,7 +234,7 @@ def _position_messages(
             i = int(np.argmin(now["cos"][k]))
             message = (
                 f"{model.cosines[i]} was assembled in its mirror image, half a turn off "
-                f"(cosine {now['cos'][k, i]:.3g}). Draw the body closer to the intended pose."
+                f"(cosine {now['cos'][k, i]:.3g}). Give the body a pose closer to the intended one."
             )
         messages.append(message)
     return messages

@@ -27,7 +27,7 @@ class Start:
     v: Array  # (K, coordinate)
     a: Array  # (K, coordinate)
     rates: Array  # rates of the auxiliary states (K, state)
-    multipliers: Array  # multipliers of the kept equations (K, kept)
+    multipliers: Array  # multipliers of the independent equations (K, kept)
     messages: tuple[str, ...]  # empty if the realisation was assembled, else the reason
     outside: NDArray[np.bool_]  # (K,): whether a number outside its range is the reason
 

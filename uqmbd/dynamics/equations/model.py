@@ -96,7 +96,7 @@ class Model:
     tables: Any = field(default=None, repr=False)
     """Tables over time, a `uqmbd.dynamics.integration.knots.TimedTables`; None: no tables."""
     length: float = 1.0
-    """Largest extent of the drawn mechanism, m, at the means; 1 if unknown."""
+    """Largest extent of the given pose at the means, m; 1 if unknown."""
     max_step: float = np.inf
     """Longest step of any integrator, s."""
     added_breaks: tuple[float, ...] = ()

@@ -63,7 +63,7 @@ class AngleCounter(Component):
     signed = Parameter("", "whether the common sign of cosine and sine matters", kind="option")
 
     def terms(self, p: Local) -> list[Auxiliary]:
-        """Return the state; its initial value is the angle of the assembled pose nearest to the drawn angle."""
+        """Return the state; its initial value is the angle of the assembled pose nearest to the given angle."""
         angle = JointAngle(p.cosine, p.sine, half=p.half, signed=p.signed)
         return [Auxiliary(p.state("angle"), p.rate, angle.nearest(p.near, p.cosine, p.sine))]
 

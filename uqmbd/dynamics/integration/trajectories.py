@@ -26,7 +26,8 @@ class Counters:
     integrations : int
         Starts of IDA, plus realisations started by the compiled integrators.
     alone : int
-        Realisations that IDA integrated again without their stack, because they are much rougher than the stack.
+        Realisations that IDA integrated again without their stack, because their motions are much rougher than those of
+        the stack.
     accelerations : int
         Evaluations of the equations of motion by the compiled integrators ``dop853`` and ``radau``, each for up to
         eight realisations. A matrix of an implicit step counts as four.

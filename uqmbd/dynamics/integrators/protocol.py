@@ -67,7 +67,8 @@ class Capabilities:
         Whether it may leave realisations to ``dop853``, ``radau`` or ``ida``; it then names these in its counters.
     sampled_control : bool
         Whether it samples controllers by ``ensemble.sampling``, also across events if it handles events.  Otherwise
-        ``integrate`` is called from sample to sample, as is every ``integrate_projected``.
+        uqmbd calls ``integrate`` from sample to sample. It calls ``integrate_projected`` from sample to sample in any
+        case.
     releases_gil : bool
         Whether ``integrate`` runs compiled code that releases the global interpreter lock, and may run in several
         threads at once with the same bits as result.  Workers are then threads, unless the mechanism has events or

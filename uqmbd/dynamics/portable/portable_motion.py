@@ -28,7 +28,7 @@ class PortableMotion:
     commands : tuple of MotionCommand
         Commands of controllers, which the program that integrates the motion sets. They are constant in each step.
     measured : tuple of str
-        Measured expressions of controllers, whose values follow those of the outputs.
+        Measured expressions of controllers, whose values come after the values of the outputs.
     direct, at_start : tuple of tuple of str
         For each output, then each measured expression: the inputs and commands that change it at the time at which
         they are set, during the motion and at its start.

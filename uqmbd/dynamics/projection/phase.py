@@ -233,7 +233,7 @@ class PhaseMotion:
         rates : array, shape (P, width + 1)
             Derivatives; NaN if the rate of the clock is not positive at a node, or the iterations do not converge.
         multipliers : array, shape (P, kept)
-            Multipliers of the kept equations, multiplied by the time per phase.
+            Multipliers of the independent equations, multiplied by the time per phase.
         """
         self._evaluations += 1
         projected, n, first = self.projected, self._layout.coordinates, self._layout.velocities

@@ -61,7 +61,7 @@ BALANCED = 1e-9
 """Force in a direction without stiffness, relative to the largest force of the search, that counts as zero."""
 
 
-OMITTED = " The search omits dry friction, which may hold the given pose; in this case, start as drawn."
+OMITTED = " The search omits dry friction, which may hold the given pose; in this case, use start='drawn'."
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,8 @@ class _EquilibriumSearch:
             if not self.messages[k]:
                 self.messages[k] = (
                     "the given pose determines no static equilibrium: the rest position depends on the motion before "
-                    f"it, because {named(self.model, self.model.layout.nonholonomic)} constrain velocities only. Draw "
-                    "the mechanism in its rest position, hold it with a spring or a joint, or start as drawn."
+                    f"it, because {named(self.model, self.model.layout.nonholonomic)} constrain velocities only. Give "
+                    "the bodies their rest positions, hold them with a spring or a joint, or use start='drawn'."
                 )
 
     def _newton(self, active: Index, now: Forces) -> tuple[Array, Mask]:
@@ -308,7 +308,7 @@ class _EquilibriumSearch:
         return (
             f"no static equilibrium was found in {self.steps[k]} steps from the given pose: "
             f"{carrier} is the farthest from balance, by {what}. Perhaps no force holds the "
-            f"{held} in some direction, or it was drawn far from its rest position. Hold it with a spring or a joint, "
-            "or draw it closer to that position."
+            f"{held} in some direction, or its given pose is far from its rest position. Hold it with a spring or a "
+            "joint, or give it a pose closer to that position."
             f"{OMITTED if has_dry_friction(self.model) else ''}"
         )

@@ -50,8 +50,8 @@ class Channel:
 class LinearSystem:
     """Response of one expression to the excitations of the linearised mechanism, in K realisations.
 
-    With the excitations ``w(t)`` of all channels, ``z' = a z + b w`` and ``y = mean + c z + e0 w + e1 w' + e2 w''``.
-    State-space form of the equations of motion within the constraints; the state has no units.
+    With the excitations ``w(t)`` of all channels, the system is ``z' = a z + b w`` and ``y = mean + c z + e0 w + e1 w'
+    + e2 w''``. This is the state-space form of the equations of motion within the constraints; the state has no units.
 
     Attributes
     ----------
@@ -62,7 +62,8 @@ class LinearSystem:
     c : array, shape (K, n)
         Output matrix.
     e : array, shape (K, 3, channel)
-        Direct response to the excitations, and to their first and second rates. Rounding is set to zero.
+        Direct response to the excitations, and to their first and second rates. Values at the level of rounding are set
+        to zero.
     mean : array, shape (K,)
         Value of the expression in the pose of the linearisation; NaN if it changes during the steady motion.
     channels : tuple of Channel

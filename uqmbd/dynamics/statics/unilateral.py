@@ -106,7 +106,7 @@ def overlaps(ensemble: Batch, q: Array, s: Array) -> list[str]:
             ""
             if worst is None
             else f"static equilibrium omits rigid contacts, and bodies would overlap by {-worst.size:.3g} m at "
-            f"{worst.component!r}. Use a compliant contact, or start as drawn"
+            f"{worst.component!r}. Use a compliant contact, or start='drawn'"
         )
     return found
 

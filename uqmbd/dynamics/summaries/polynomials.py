@@ -63,7 +63,8 @@ class MotionPolynomials:
         -------
         array, shape (expression, N)
             Values, per s for each order of the derivative. A derivative contains the error of the values divided by
-            the length of the part, which matters in very short first steps; integrals of it do not.
+            the length of the part, which matters in very short first steps. Integrals of a derivative do not contain
+            this factor.
         """
         part = np.clip(np.searchsorted(self.begin, times, side="right") - 1, 0, len(self.begin) - 1)
         length = np.where(self.end > self.begin, self.end - self.begin, 1.0)[part]  # a run of a single time

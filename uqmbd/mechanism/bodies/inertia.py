@@ -112,7 +112,7 @@ def is_tensor_of_body(moments: NDArray[np.float64]) -> NDArray[np.bool_]:
 def orientation(
     where: str, space: Space, angle: Any = None, quaternion: Any = None, rotation: Any = None
 ) -> tuple[sympy.Expr, ...]:
-    """Return the drawn quaternion of a body: a half-angle pair in planar space, empty for point masses.
+    """Return the given quaternion of a body: a half-angle pair in planar space, empty for point masses.
 
     Raises `uqmbd.StudyError` if the orientation is given twice, in a form for another space, or is not a rotation.
     """

@@ -42,7 +42,7 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     mean : float or array_like
         Mean inertia about the centre of mass, kg m^2, in the form for `Mechanism.body`. Planar body: one number.
         Spatial body: the diagonal, six entries ``(Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)`` or a 3 x 3 matrix. All entries are
-        plain numbers.
+        numbers, not random variables.
     dispersion : float
         :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms. In planar space, the
         dispersion is the coefficient of variation of the moment of inertia. In three dimensions, the second moments
@@ -161,7 +161,7 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     Parameters
     ----------
     mass : float
-        Mean mass, kg.  Mass, centre and inertia are plain numbers.
+        Mean mass, kg.  Mass, centre and inertia are numbers, not random variables.
     centre : array_like, shape (2,) or (3,)
         Mean centre of mass, m, in a frame of the body; two numbers for a planar body.
     inertia : float or array_like

@@ -1,4 +1,4 @@
-"""Drawn poses of the bodies that a component attaches to each other, and motions of one relative to another."""
+"""Given poses of the bodies that a component attaches to each other, and motions of one relative to another."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class AttachedBodies:
         """Return the rotation angle of one body relative to another about a common axis, for `motion`.
 
         The angle is zero if the joint frames coincide. The joint frames are `uqmbd.extend.joint_frames` of `axis_i` and
-        `axis_j`, and in planar space the body frames. In planar space, the initial angle is the difference of the drawn
+        `axis_j`, and in planar space the body frames. In planar space, the initial angle is the difference of the given
         angles, which may include whole turns. In three dimensions, the initial angle is within half a turn of zero.
 
         Parameters
@@ -92,7 +92,7 @@ class AttachedBodies:
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
 
     def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
-        """Return the drawn angle of one body relative to another in planar space, including whole turns, for `prepare`.
+        """Return the given angle of one body relative to another in planar space, including whole turns, for `prepare`.
 
         Parameters
         ----------
@@ -114,12 +114,12 @@ class AttachedBodies:
         return Frame(self._space(), attached.q if pose is None else pose.q)
 
     def drawn_side(self, *, either: bool = False) -> int:
-        """Return the drawn side of `point_j` relative to `point_i` on a line, for `prepare`.
+        """Return the side of `point_i` on which `point_j` is, in the given pose on a line, for `prepare`.
 
         Parameters
         ----------
         either : bool
-            Whether to return 1 if the drawn points coincide; otherwise coincident points are an error.
+            Whether to return 1 if the points coincide in the given pose; otherwise coincident points are an error.
 
         Returns
         -------
@@ -129,7 +129,7 @@ class AttachedBodies:
         Raises
         ------
         uqmbd.StudyError
-            If the drawn points coincide and `either` is false.
+            If the points coincide in the given pose and `either` is false.
         """
         i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
         ends = [nominal(x) for x in (i.point(self.values["point_i"])[0], j.point(self.values["point_j"])[0])]
@@ -139,7 +139,7 @@ class AttachedBodies:
         if either:
             return 1
         raise StudyError(
-            f"point_i and point_j have the same drawn position, {ends[0]:g} m, so their order on the line is "
+            f"point_i and point_j have the same given position, {ends[0]:g} m, so their order on the line is "
             "unknown. Separate them by position= of the bodies or by the points."
         )
 
@@ -160,7 +160,7 @@ class AttachedBodies:
 
 
 def _drawn(body: Any) -> tuple[sympy.Expr, ...]:
-    """Return the drawn quaternion of a body; for the ground, the identity."""
+    """Return the given quaternion of a body; for the ground, the identity."""
     pose = getattr(body, "pose", None)
     q = body.q if pose is None else pose.q
     return tuple(q[body.space.dimension :])

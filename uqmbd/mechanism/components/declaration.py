@@ -151,7 +151,7 @@ def _in_world(component: type[Declared]) -> dict[str, Any]:
     return {
         word: Parameter(
             "m" if word == "at" else "1",
-            f"in world axes, as drawn, instead of {' and '.join(names)}",
+            f"in world axes, in the given pose, instead of {' and '.join(names)}",
             kind=component.parameters()[names[0]].kind,
             default=None,
         )

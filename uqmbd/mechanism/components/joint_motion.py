@@ -48,7 +48,7 @@ VOCABULARY = ("angle", "speed", "displacement", "sliding_speed")
 """Names of the motion quantities of joints with one angle and one displacement."""
 
 HALF_TURN = 1e-9
-"""Rounding error, in turns, of an angle drawn at half a turn; within this error the angle starts at +pi."""
+"""Rounding error, in turns, of a given angle of half a turn; within this error the angle starts at +pi."""
 
 
 @typechecked
@@ -218,8 +218,8 @@ def angle_between(
 ) -> JointAngle:
     """Return the angle of frame j relative to frame i about a common axis; it is zero if the joint frames coincide.
 
-    `axes` contains one unit vector for each frame, and is empty in planar space; `start` is the drawn relative
-    quaternion. In planar space, `drawn` is the drawn angle, rad. In three dimensions, the initial angle is within half
+    `axes` contains one unit vector for each frame, and is empty in planar space; `start` is the given relative
+    quaternion. In planar space, `drawn` is the given angle, rad. In three dimensions, the initial angle is within half
     a turn of zero.
     """
     if i.space.dimension == 2:

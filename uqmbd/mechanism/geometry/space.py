@@ -213,7 +213,7 @@ class Line(_Turnless):
     or ``-1``.  ``body.position`` is a column of one symbol.  Components for lines declare this space in
     `Component.spaces`.
 
-    The drawn order of two points on a line defines their side: one point is ahead of the other. Lengths of springs,
+    The order of two points in the given pose defines their side: one point is ahead of the other. Lengths of springs,
     distances and gaps of spheres are positive towards this side. These values become negative, without a kink, when the
     points pass each other.
 

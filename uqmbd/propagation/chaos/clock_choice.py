@@ -60,8 +60,9 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     """Choose the clock that is suitable in most realisations; otherwise return the reason why there is no clock.
 
     An angle that turns in some realisations is preferred, although it may swing in others. An output that oscillates in
-    all realisations also changes its motion at this transition. The further criteria, in this order, are: most
-    realisations with a phase, not very unsteady, angles before other outputs, steadier, and the first of equal clocks.
+    all realisations also changes its motion at this transition. The further criteria, in this order, are: the
+    largest number of realisations with a phase; a rate that is not very unsteady; an angle before another output; the
+    steadiest rate; and the first of equal clocks.
 
     Parameters
     ----------

@@ -154,8 +154,8 @@ class Phases:
     def running(self, end: float) -> Mask:
         """Return a mask of the realisations whose phase grows until a time, s, or until it stops, shape (K,).
 
-        The phase makes at least one turn, and its rate never becomes very small before. The amplitude of an oscillation
-        changes slowly.
+        The phase makes at least one turn, and its rate does not become very small before this time. The amplitude of an
+        oscillation changes slowly.
         """
         even = np.array([swing is not None and swing.even for swing in self.swings] or [True])
         rests = np.array([swing is not None and swing.rests and swing.rest <= end for swing in self._swings])

@@ -62,7 +62,7 @@ class Dense:
     error : float
         Largest estimated interpolation error, relative to the range of the output.
     asked : array, shape (K, O, N), optional
-        Outputs at other requested times, from the integration instead of the interpolation.
+        Outputs at N further requested times, computed by the integration instead of the interpolation.
     integrations : int
         Number of integrations of each realisation; each has more times than the previous one.
 

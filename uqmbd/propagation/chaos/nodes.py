@@ -56,7 +56,7 @@ class NodeFit:
 def fit_nodes(
     label: str, response: Array, good: Mask, reason: str, psi: Array, multi_index: Index, weights: Array | None
 ) -> NodeFit:
-    """Project the responses at nodes; if some nodes failed, fit the others by regression.
+    """Project the responses at nodes; if some nodes failed, fit the successful nodes by regression.
 
     If the successful nodes do not determine all terms, fewer terms are fitted; see `uqmbd.extend.regress_on_nodes`.
 

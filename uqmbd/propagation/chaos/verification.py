@@ -153,7 +153,7 @@ class Verification:
     def failed_share(verified: Sequence[Verification], boxes: Sequence[Share], nodes: Size, failed: Size) -> float:
         """Return the weighted share of failed realisations.
 
-        All nodes have the same weight. Verification realisations, half of which are in the tails, have their own
+        All nodes have the same weight. Verification realisations, half of which are in the tails, have separate
         weights.
 
         Parameters

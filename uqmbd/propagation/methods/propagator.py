@@ -90,7 +90,7 @@ class Propagator(ABC):
     def obstacle(self, study: Any) -> str | None:
         """Return the reason, in one sentence, why this method cannot compute a study, or None.
 
-        `uqmbd check` shows the reason. A subclass may override this method. The method must not start computations.
+        `uqmbd check` shows the reason. A subclass may override this method; an override must not start computations.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class Propagator(ABC):
         """Return the estimated cost of this method, or None if unknown.
 
         `uqmbd check` shows the cost. A study that would exceed the available memory is rejected before the computation.
-        A subclass may override this method. The method must neither compute nor allocate data of the estimated size.
+        A subclass may override this method; an override must neither compute nor allocate data of the estimated size.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Propagator(ABC):
         """Return the possible sizes of this method, or None if its size is fixed.
 
         A run with a budget or an accuracy chooses one of the sizes. A subclass may override this method together with
-        `estimate`, which states the cost of a size. The method must not start computations.
+        `estimate`, which states the cost of a size. An override must not start computations.
 
         Parameters
         ----------

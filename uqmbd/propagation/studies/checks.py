@@ -59,7 +59,7 @@ def findings(study: Studied) -> list[Finding]:
     >>> mechanism.output("angle", rod.angle, units="rad")
     >>> (finding,) = uqmbd.findings(uqmbd.Study("swing", mechanism, [0, 1]))
     >>> finding.place, finding.message, finding.remedy
-    ("body 'rod'", "body 'rod' is drawn at -90 rad, 14.3 turns", 'Write degrees as math.radians(-90)')
+    ("body 'rod'", "body 'rod' has the angle -90 rad, 14.3 turns", 'Write degrees as math.radians(-90)')
     """
     if not hasattr(study, "mechanism") or not hasattr(study, "times"):
         raise StudyError(f"findings: study is {shown(study)}; expected a uqmbd.Study.")

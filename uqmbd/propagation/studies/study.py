@@ -76,9 +76,9 @@ class Study(StudyData):
     max_step : float, optional
         Longest step of the integration, s. Default: only the error estimate limits the step. Set a limit for short
         actions that depend on state and time, such as a wave that runs along a mechanism. Before the integration, uqmbd
-        searches functions that depend only on time for short pulses. The search finds pulses longer than 1/8000 of the
-        study and a quarter of the output interval. The search also finds shorter pulses unless they are small compared
-        with the rest of the function.
+        searches functions that depend only on time for short pulses. The search finds pulses that are longer than
+        1/8000 of the simulated time and longer than a quarter of the output interval. The search also finds shorter
+        pulses unless they are small compared with the rest of the function.
     breaks : sequence of float
         Times, s, at which the integration restarts. The integration also restarts at the corners of `uqmbd.step`, and
         at changes of conditions of a `sympy.Piecewise` that are linear in time.
@@ -204,7 +204,7 @@ class Study(StudyData):
     def propagate(
         self, propagator: Propagator, workers: int | Executor = 1, progress: Progress | bool | None = None
     ) -> xr.DataTree:
-        """Run one propagator, which may be one of the study or another.
+        """Run one propagator, which need not be one of the study.
 
         Parameters
         ----------

@@ -357,13 +357,13 @@ class GermSpace:
         return np.asarray(degrees[(degrees <= highest).all(axis=1)])
 
     def to_dataset(self) -> xr.Dataset:
-        """Return the germ space as plain arrays and texts, which :meth:`from_dataset` reads.
+        """Return the germ space as arrays and texts, which :meth:`from_dataset` reads.
 
         The Rosenblatt transform of a general joint distribution is stored as text, and formulas of chaospy evaluate it.
         A transform that contains functions of a user is not stored: :meth:`to_inputs` and :meth:`to_germs` then fail,
-        but everything else works. Recurrence coefficients and affine, lognormal and multivariate normal maps are stored
-        exactly. Other quantile functions are tables over the probit scale. The same tables are in use before storage,
-        so storage does not change results.
+        but all other methods work. Recurrence coefficients and affine, lognormal and multivariate normal maps are
+        stored exactly. Other quantile functions are tables over the probit scale. The same tables are in use before
+        storage, so storage does not change results.
 
         Examples
         --------

@@ -94,7 +94,7 @@ def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None,
     from uqmbd.dynamics import constraining
 
     point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
-    known = {"method": "", "note": "as drawn"}
+    known = {"method": "", "note": "given pose"}
     return _dataset(mechanism, _stated(mechanism, point)[:, None, :], point, [time], constraining(mechanism), known)
 
 

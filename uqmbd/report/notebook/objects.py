@@ -96,7 +96,7 @@ def mechanism_tables(mechanism: Mechanism) -> str:
     outputs = [(o.name, typeset_units(o.units), str(o.expression)) for o in mechanism.outputs.values()]
     return "".join(
         (
-            table("Bodies", ("name", "mass [kg]", "drawn position [m]"), bodies),
+            table("Bodies", ("name", "mass [kg]", "given position [m]"), bodies),
             table("Components", ("name", "type", "between"), components),
             table("Controllers", ("name", "rate [Hz]", "measures", "commands"), controllers),
             table("Random inputs", ("name", "distribution", "units"), inputs),

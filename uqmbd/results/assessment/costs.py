@@ -43,8 +43,9 @@ def error_against_cost(
         - ``stated_accuracy``: stated error in the same measure, with 95 % confidence.
         - ``realisations``, ``wall_time`` (s): costs.
 
-        ``regret (method, accuracy)``: realisations, divided by the fewest of a method whose errors are at most the
-        accuracy. NaN for methods with larger errors, and for accuracies that the reference does not reach itself. The
+        ``regret (method, accuracy)``: number of realisations, divided by the smallest number among methods whose errors
+        are at most the accuracy. NaN for methods with larger errors, and for accuracies below the stated accuracy of
+        the reference. The
         attribute ``reference_accuracy`` contains the stated accuracy of the reference. Outputs that do not vary are
         ignored.
 

@@ -43,11 +43,11 @@ class PolynomialChaos(Surrogate):
     ``germ``. An output that is constant within the rounding of its mean has the indices 0, skewness 0 and kurtosis 3.
 
     *Memory*: the coefficients need P x O x T x 8 bytes. Variance, indices, and skewness with kurtosis are computed in
-    blocks over outputs and times, and need some 20 MB each. For many inputs, skewness and kurtosis also need a table of
-    products of polynomials, with 140 bytes for each product during its construction. The table needs 9 MB for 10 inputs
-    of order 3 (286 terms, 67,000 products for normal inputs). It needs 310 MB for 20 inputs of order 3 (1771 terms, 2.2
-    million products). Above 5 million products, skewness and kurtosis are estimated from samples of the surrogate.
-    Quantiles need P x 8 bytes for each sample, and 65 MB.
+    blocks over outputs and times, and need about 20 MB each. For many inputs, skewness and kurtosis also need a table
+    of products of polynomials, with 140 bytes for each product during its construction. The table needs 9 MB for 10
+    inputs of order 3 (286 terms, 67,000 products for normal inputs). It needs 310 MB for 20 inputs of order 3 (1771
+    terms, 2.2 million products). Above 5 million products, skewness and kurtosis are estimated from samples of the
+    surrogate. Quantiles need P x 8 bytes for each sample, and 65 MB.
 
     Parameters
     ----------

@@ -222,7 +222,7 @@ class AlignedElement(GermElement):
         Raises
         ------
         uqmbd.StudyError
-            If the values have other axes, or less than two points.
+            If the values have other axes, or fewer than two points.
         """
         if values.ndim != 4 or not 2 <= values.shape[-1] <= MOST_POINTS:
             raise StudyError(

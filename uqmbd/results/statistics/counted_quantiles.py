@@ -29,7 +29,7 @@ __all__ = ["CountedQuantiles"]
 
 @typechecked
 class CountedQuantiles:
-    """Quantiles of samples in a single pass, with certain error bounds.
+    """Quantiles of samples in a single pass, with guaranteed error bounds.
 
     The class counts samples between edges, which are chosen from the first 20,000 samples (fewer for many outputs) and
     are dense near each quantile. A quantile is interpolated between the two enclosing edges, and cannot be outside
