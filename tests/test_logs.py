@@ -43,7 +43,7 @@ def test_info_says_what_begins_and_ends_and_refinements(said):
     assert words[1].startswith("monte-carlo: finished: 20 realisations, 0 failed, ")
     assert [text.split(":")[0] for text in words] == ["monte-carlo", "monte-carlo", "collocation", "collocation"]
     steps = [text for name, _, text in found if name == "uqmbd.refinement"]
-    assert len(steps) >= 2 and "2 terms: mean changes by inf" in steps[0] and "tolerance 0.05" in steps[0]
+    assert len(steps) >= 2 and "2 terms: mean changed by inf" in steps[0] and "tolerance 0.05" in steps[0]
     assert {level for _, level, _ in found} == {"INFO"}
 
 

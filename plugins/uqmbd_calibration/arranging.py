@@ -126,7 +126,7 @@ def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Seq
     if individual and (nameless := [record.name for record in records if not record.machine]):
         raise uqmbd.StudyError(
             f"calibrate: individual={list(individual)!r} requires the machine of every record, but record "
-            f"{nameless[0]!r} does not state it. Set it, e.g. machine='rig 2'."
+            f"{nameless[0]!r} states no machine. State the machine of the record, e.g. machine='rig 2'."
         )
     for variable in inputs.variables:
         names = set(variable.joint.names)

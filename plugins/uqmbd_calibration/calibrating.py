@@ -160,7 +160,7 @@ def _method(surrogate: object) -> uqmbd.extend.Propagator | Found | None:
     read = isinstance(surrogate, Calibration)
     raise uqmbd.StudyError(
         f"calibrate: surrogate is {surrogate!r}"
-        + (", which was loaded from a file and has no surrogate" if read else "")
+        + (", a calibration that was loaded from a file without its surrogate" if read else "")
         + "; expected a method, e.g. Collocation(order=4), or a result of calibrate() from this process."
     )
 
@@ -179,9 +179,9 @@ def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str
         raise uqmbd.StudyError(f"calibrate: noise is {noise!r}; expected 'normal' or 'student'.")
     if keys := [variable.name for variable in study.mechanism.inputs.variables if variable.is_key]:
         raise uqmbd.StudyError(
-            f"calibrate: the outputs of study {study.name!r} depend on sampled paths of {keys[0]!r}, on which no "
-            "likelihood depends smoothly. Calibrate outputs of the stationary response, or replace the process by a "
-            "spline through the record."
+            f"calibrate: the outputs of study {study.name!r} depend on sampled paths of {keys[0]!r}, so the likelihood "
+            "is not a smooth function of the inputs. Calibrate outputs of the stationary response, or replace the "
+            "process by a spline through measured values of it."
         )
     least = {"realisations": 1, "draws": 100, "chains": 2, "seed": 0}
     for name, value in numbers.items():

@@ -133,7 +133,7 @@ def collocate_elements(
         warnings.warn(text, stacklevel=3)
     if failed := sum(one.verification.failures for one in kept):
         requested, empty = sum(one.verification.asked for one in kept), sum(not len(one.verification) for one in kept)
-        all_of = f", including all of them in {empty} of {len(kept)} elements" if empty else ""
+        all_of = f", and in {empty} of {len(kept)} elements all of them failed" if empty else ""
         warnings.warn(
             f"{problem.label}: {failed} of {requested} verification realisations failed{all_of}; the stated error is "
             "based on the successful ones.",

@@ -43,7 +43,7 @@ class Expanded:
             statistics = statistics.reindex(time=problem.times)
             statistics["time"].attrs.update(about)
         if self.leave_one_out is not None:
-            note = {"long_name": "leave-one-out error of the regression, over the variance of the samples"}
+            note = {"long_name": "leave-one-out error of the regression, divided by the variance of the samples"}
             statistics = statistics.assign(leave_one_out=(problem.labels.dims, self.leave_one_out, note))
         return problem.node(
             propagator,

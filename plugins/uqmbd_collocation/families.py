@@ -300,12 +300,16 @@ def _composed(
             )
     about = {
         "long_name": "error at the verification realisations",
-        "comment": "root mean square over them and over time, over the largest standard deviation over time",
+        "comment": "root mean square over realisations and times, divided by the largest standard deviation over time",
     }
     table = xr.Dataset(
         {
             "error": (("family", "output"), np.array([errors[name] for name in chaoses]), about),
-            "taken": ("output", np.array(words, dtype=np.str_), {"long_name": "families of the surrogate over time"}),
+            "taken": (
+                "output",
+                np.array(words, dtype=np.str_),
+                {"long_name": "families of alignment that the surrogate uses over time"},
+            ),
             "taken_at": (("output", "time"), names, {"long_name": "family of the surrogate"}),
         },
         coords={

@@ -246,7 +246,10 @@ class Collocation(uqmbd.extend.Propagator):
             ("threshold", split, "elements=None"),
         ):
             if not used and (given := getattr(self, name)) != getattr(Collocation, name):
-                text = f"Collocation: {name}={given!r} has no effect with {what}. Omit it, or change the other option."
+                text = (
+                    f"Collocation: {name}={given!r} has no effect with {what}. Omit {name}, or change "
+                    f"{what.partition('=')[0]}."
+                )
                 warnings.warn(text, uqmbd.StudyWarning, stacklevel=3)
 
     def _convert_expansion(self) -> None:

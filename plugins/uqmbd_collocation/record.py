@@ -26,7 +26,11 @@ def nodes_of(
     data = {
         "inputs": (("node", "input"), inputs),
         "germs": (("node", "germ"), germs),
-        "status": ("node", status.astype(np.int32), {"comment": "0 for a success; other values as for samples"}),
+        "status": (
+            "node",
+            status.astype(np.int32),
+            {"comment": "0 if the realisation succeeded; other values have the meaning of 'status' of samples"},
+        ),
         "message": ("node", np.array(messages, dtype=str)),
         "purpose": ("node", purpose),
     }

@@ -74,7 +74,10 @@ class RefinementStep:
     def log(self, label: str, limits: Limits) -> None:
         """Write the step to the log ``uqmbd.refinement``."""
         about = (label, self.realisations, self.terms, self.change_mean, self.change_std, self.missed_std)
-        text = "%s: %d realisations, %d terms: mean changes by %.2g, deviation by %.2g, missed %.2g; tolerance %.2g"
+        text = (
+            "%s: %d realisations, %d terms: mean changed by %.2g, standard deviation by %.2g; missing %.2g; tolerance "
+            "%.2g"
+        )
         logging.getLogger("uqmbd.refinement").info(text, *about, limits.tolerance)
 
 
@@ -179,8 +182,13 @@ def prospect(steps: Sequence[RefinementStep], tolerance: float, *, more: bool = 
 
 def history(steps: tuple[RefinementStep, ...]) -> xr.Dataset:
     """Return the dataset `refinement` of a node."""
-    note = {"comment": "largest over outputs and times, over the largest standard deviation of the output over time"}
-    missed = {"comment": "missing part of the standard deviation, from the verification; NaN without verification"}
+    note = {
+        "comment": "largest change over outputs and times, divided by the largest standard deviation of the "
+        "output over time"
+    }
+    missed = {
+        "comment": "missing part of the standard deviation at verification realisations; NaN without such realisations"
+    }
     found = {
         "realisations": ("step", np.array([s.realisations for s in steps], dtype=np.int64)),
         "terms": ("step", np.array([s.terms for s in steps], dtype=np.int64)),

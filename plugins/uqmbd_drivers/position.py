@@ -23,7 +23,7 @@ class PositionDriver(uqmbd.Component):
 
     symbol = "driver"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
+    point_i = uqmbd.Parameter("m", "point of zero displacement, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     displacement = uqmbd.Parameter("m", "displacement, an expression in uqmbd.t")
@@ -74,8 +74,12 @@ class DistanceDriver(uqmbd.extend.TypedComponent):
     drawn_by = ()
     body_i: uqmbd.extend.NamedFrame
     body_j: uqmbd.extend.NamedFrame
-    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "one end, frame of body i", kind="point", body="body_i")
-    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "other end, frame of body j", kind="point", body="body_j")
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "end of the distance, frame of body i", kind="point", body="body_i"
+    )
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "end of the distance, frame of body j", kind="point", body="body_j"
+    )
     length: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "m", "distance, an expression in uqmbd.t", minimum=0, exclusive=True
     )

@@ -169,11 +169,12 @@ def diagonal_modes(
         kept = kept[np.sqrt(np.maximum(values[kept], 0.0)) <= 2 * np.pi * highest]
     if not len(kept):
         raise uqmbd.StudyError(
-            f"{where}: no elastic mode remains of {len(values)}, of which {rigid} are rigid"
+            f"{where}: no elastic mode remains: {rigid} of the {len(values)} modes are rigid"
             + (
                 ""
                 if highest is None
-                else f"; the lowest frequency is {_hertz(values[rigid:])}, highest is {highest:g} Hz"
+                else f"; the lowest elastic frequency is {_hertz(values[rigid:])}, and the limit is "
+                f"highest={highest:g} Hz"
             )
             + ". Give more modes or interfaces."
         )
@@ -266,7 +267,8 @@ def basis_of(where: str, mass: Any, stiffness: Any, fixed: Array, modes: int) ->
     inner = np.setdiff1d(np.arange(size), fixed)
     if modes > len(inner):
         raise uqmbd.StudyError(
-            f"{where}: modes is {modes}, but the model has only {len(inner)} degrees of freedom that are no interface."
+            f"{where}: modes is {modes}, but the model has only {len(inner)} degrees of freedom that are not at "
+            "interfaces."
         )
     basis = np.zeros((size, len(fixed) + modes))
     basis[fixed, np.arange(len(fixed))] = 1.0

@@ -120,9 +120,9 @@ class _Pool:
         else:
             if key not in self.places:
                 raise StudyError(
-                    f"the state of FMU {self.function.name!r} at t = {time:.6g} s belongs to no simulation so far. An "
-                    "FMU stores data that cannot be averaged or expanded in polynomials. Use methods that integrate "
-                    "single realisations, such as Monte Carlo and collocation, not Galerkin."
+                    f"FMU {self.function.name!r}: the state at t = {time:.6g} s does not belong to a realisation that "
+                    "was simulated before. An FMU stores data that cannot be averaged or expanded in polynomials. Use "
+                    "methods that integrate single realisations, such as Monte Carlo and collocation, not Galerkin."
                 )
             history, number = self.places[key]
         if history is not None and number in history.results and history.results[number][0] == row:

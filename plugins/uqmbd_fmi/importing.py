@@ -169,9 +169,9 @@ def _variable(
     known = [v.name for v in variables.values() if v.causality == causality and v.type in types]
     one = variables.get(name)
     if one is None or one.causality != causality:
-        what = "no variable" if one is None else f"not an {causality}, but of the causality {one.causality!r},"
+        what = "not a variable of the FMU" if one is None else f"of the causality {one.causality!r}, not {causality!r}"
         listed = ", ".join(map(repr, known[:20])) or "none"
-        raise StudyError(f"{where}: {name!r} is {what} of the FMU. Its {causality}s are: {listed}.")
+        raise StudyError(f"{where}: {name!r} is {what}. The {causality}s of the FMU are: {listed}.")
     if one.type not in types or one.dimensions:
         of = f"an array of {one.type}" if one.dimensions else f"of the type {one.type}"
         raise StudyError(f"{where}: the {causality} {name!r} is {of}; expected a scalar of {' or '.join(types)}.")

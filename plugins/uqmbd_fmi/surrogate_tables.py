@@ -308,12 +308,12 @@ def _output_variables(
             row = np.asarray(values).reshape(shape)[k]
             add(f".{ending}", words + note, f"{{STATISTIC, {number_}, {k}, {tables.doubles(row)}, NULL}}")
         if errors is not None:
-            words = "Stated root mean square error of the value: of surrogate, integration and interpolation"
+            words = "Stated root mean square error of the value (errors of surrogate, integration and interpolation)"
             table = f"{tables.doubles(errors.reshape(shape)[k])}, {tables.doubles(between[k])}"
             add(".stated_error", words, f"{{STATED_ERROR, {number_}, {k}, {table}}}")
         add(
             ".valid",
-            f"Whether {info.name} has a value: inputs in their supports, and a time with outputs",
+            f"Whether {info.name} has a value: the inputs are in their supports, and the time is in the study",
             f"{{VALID, {number_}, {k}, NULL, NULL}}",
             truth=True,
         )

@@ -129,9 +129,9 @@ def find_clock(
         )
     rows = rows_of(clock)
     if rows is None:
-        what = "its acceleration" if FIRST + names[clock.row] in names else "its rate"
+        what = "acceleration" if FIRST + names[clock.row] in names else "rate"
         raise uqmbd.StudyError(
-            f"{label} whose rate is a function of the state, but for {clock.words}, {what} contains accelerations, "
+            f"{label} whose rate is a function of the state, but the {what} of {clock.words} contains accelerations, "
             "reactions or commands. Select a position or an angle with clock=."
         )
     phases = clock.phases(found)
@@ -140,7 +140,7 @@ def find_clock(
         worst = pilots[int(np.argmin(runs))]
         values = ", ".join(f"{n} = {x:.6g}" for n, x in zip(problem.inputs.names, worst, strict=True))
         raise uqmbd.StudyError(
-            f"{label} with a growing phase in all realisations, but {clock.words} stops or turns back in "
+            f"{label} with a growing phase in all realisations, but {clock.words} stops or reverses in "
             f"{int((~runs).sum())} of {len(runs)}, first at {values}. Use Collocation(alignment='phase', "
             "elements=...), truncate the distributions, or choose another clock."
         )

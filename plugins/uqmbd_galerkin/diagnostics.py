@@ -56,12 +56,15 @@ def motion_invariants(
             "top_order_share": (
                 "time",
                 share,
-                {"units": "1", "long_name": "part of the variance of coordinates in the top order"},
+                {"units": "1", "long_name": "share of the variance of the coordinates in terms of the highest order"},
             ),
             "smallest_singular_value": (
                 "probe_time",
                 values,
-                {"long_name": "of the projected constraint Jacobian", "comment": "accurate to 0.5 % or better"},
+                {
+                    "long_name": "smallest singular value of the projected constraint Jacobian",
+                    "comment": "accurate to 0.5 % or better",
+                },
             ),
             "smallest_singular_value_nodes": ("probe_time", of_nodes, {"long_name": "smallest of all nodes"}),
         },

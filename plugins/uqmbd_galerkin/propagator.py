@@ -210,7 +210,7 @@ class Galerkin(uqmbd.extend.Propagator):
             # the number of times for the clock is still unknown
             pilots = max(self.verify, PILOTS)
             count += pilots
-            detail += f", {pilots} realisations for the clock, repeated if their splines need more times"
+            detail += f", {pilots} realisations that select the clock (repeated if their splines need more times)"
         # coefficients of each output at each time, and some forty statistics and errors
         disk = 8 * (40 + boxes * terms) * (times * outputs + len(study.mechanism.scalars))
         return uqmbd.extend.Estimate(count, memory, detail, at_most=uncertain, disk=disk, together=True)

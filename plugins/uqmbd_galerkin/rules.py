@@ -120,20 +120,19 @@ class Discretisation:
         # suggest options that give as many terms as nodes
         remedies = []
         if self.products != "tensor":
-            remedies.append("index_set='tensor'")
+            remedies.append("set index_set='tensor'")
         if self.rule != "gauss":
-            remedies.append("rule='gauss' without samples=")
+            remedies.append("set rule='gauss' and omit samples")
         elif self.nodes is not None:
-            remedies.append("without nodes=")
+            remedies.append("omit nodes")
         if self.weights is not None:
-            remedies.append("without weights=")
+            remedies.append("omit weights")
         listed = ", ".join(map(repr, names))
         raise uqmbd.StudyError(
             f"{self.label}: velocities or forces jump at the events of {listed}, at different times in each "
-            f"realisation. A Galerkin projection of {terms} terms on {nodes} nodes cannot represent these jumps; "
-            f"it needs as many terms as nodes. Use Galerkin {' and '.join(remedies)}, preferably with "
-            "elements='adaptive'; or collocation with alignment='events'. Smooth friction and compliant contacts have "
-            "no jumps."
+            f"realisation. A Galerkin projection of {terms} terms on {nodes} nodes cannot represent these jumps; it "
+            f"needs as many terms as nodes. For Galerkin, {', '.join(remedies)}, preferably with elements='adaptive'. "
+            "Or use collocation with alignment='events'. Smooth friction and compliant contacts have no jumps."
         )
 
     def _gauss_counts(self, space: uqmbd.extend.GermSpace) -> list[int]:

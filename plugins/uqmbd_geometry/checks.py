@@ -28,7 +28,7 @@ class ClearanceMethods:
             yield uqmbd.extend.Finding(
                 uqmbd.extend.Severity.WARNING,
                 f"output {names[0]!r}",
-                f"the clearance {names[0]!r} is zero in contact and has kinks, and the methods {', '.join(methods)} "
-                "approximate it by polynomials",
+                f"the clearance {names[0]!r} is zero in contact and has kinks, but the methods {', '.join(methods)} "
+                "approximate clearances by polynomials",
                 "Use a sampling method, such as MonteCarlo, for clearances",
             )

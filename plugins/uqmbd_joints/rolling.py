@@ -168,7 +168,7 @@ class Skate(uqmbd.extend.TypedComponent):
     body_i: uqmbd.extend.NamedFrame
     body_j: uqmbd.extend.NamedFrame
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
-        "m", "place of the blade, frame of body j", kind="point", body="body_j"
+        "m", "point of the blade, frame of body j", kind="point", body="body_j"
     )
     axis_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "1", "direction of the blade, frame of body j", kind="axis", body="body_j"

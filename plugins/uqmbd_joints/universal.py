@@ -28,8 +28,8 @@ class Universal(uqmbd.Component):
     drawn_by = ("at",)
     point_i = uqmbd.Parameter("m", "centre of the cross, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "centre of the cross, frame of body j", kind="point", body="body_j")
-    axis_i = uqmbd.Parameter("1", "axis of the cross in body i, its frame", kind="axis", body="body_i")
-    axis_j = uqmbd.Parameter("1", "axis of the cross in body j, its frame", kind="axis", body="body_j")
+    axis_i = uqmbd.Parameter("1", "axis of the cross, frame of body i", kind="axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis of the cross, frame of body j", kind="axis", body="body_j")
 
     if TYPE_CHECKING:
 

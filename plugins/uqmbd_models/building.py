@@ -113,8 +113,8 @@ def _located_error(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.Stu
     advice = CORRECT
     if link.line and excess(link.inertial.inertia) > 0:
         advice = (
-            'Correct the file, or use inertia="repair" for the nearest physically possible inertia. With '
-            'inertia="as stated", the body takes the possible part, and a rotor the rest.'
+            'Correct the file, or use inertia="repair" for the nearest physically possible inertia. inertia="as '
+            'stated" gives the possible part to the body, and the rest to a RotorInertia.'
         )
     return uqmbd.StudyError(f"{tree.source}: {line}{error} {advice}")
 

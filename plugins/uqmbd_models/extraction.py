@@ -225,7 +225,7 @@ def _remarks(loaded: ParsedFile, model: Any, joints: Sequence[TreeJoint], off: s
     medium = [name for name in ("density", "viscosity", "wind") if np.any(getattr(model.opt, name))]
     note("forces of the medium", medium, "uqmbd has no model of the surrounding fluid; add forces if they matter")
     compiler = loaded.spec.compiler
-    why = "the file requests them: masses and inertia are the changed ones"
+    why = "the file requests them; the mechanism has the changed masses and inertia"
     bounds = [x for x in ("boundmass", "boundinertia", "settotalmass") if getattr(compiler, x) > 0]
     bounds += ["balanceinertia"] if compiler.balanceinertia else []
     note("changes by MuJoCo's compiler", bounds, why)

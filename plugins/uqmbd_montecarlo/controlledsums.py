@@ -114,7 +114,7 @@ class ControlledSums:
             wide = statistics[name].values
             factor = np.divide(wide.ravel(), alone, out=np.ones(wide.size), where=alone > 0)
             replaced[name] = shaped(error * np.maximum(factor, 1.0), wide, where)
-        note = {"comment": f"of samples, with {self._control.words} as control variate"}
+        note = {"comment": f"estimated from samples, with {self._control.words} as control variate"}
         dims = statistics["mean"].dims
         reductions = {
             "variance_reduction": ("mean", shaped(found.reduction_mean, 1.0, useful)),
@@ -124,7 +124,10 @@ class ControlledSums:
             name: (dims, value, {**statistics[name].attrs, **({} if "error" in name else note)})
             for name, value in replaced.items()
         }
-        about = "variance of the estimate without control, divided by the variance with control; 1 without variance"
+        about = (
+            "variance of the estimate without control, divided by the variance with control; 1 where the output does "
+            "not vary"
+        )
         added = {
             name: (dims, value, {"long_name": f"variance reduction of the {what}", "comment": about})
             for name, (what, value) in reductions.items()
@@ -134,5 +137,5 @@ class ControlledSums:
             if name not in statistics:
                 continue
             kept = statistics[name].attrs.get("comment", "")
-            result[name].attrs["comment"] = f"{kept}; of the samples alone, without the control".lstrip("; ")
+            result[name].attrs["comment"] = f"{kept}; from the samples alone, without the control".lstrip("; ")
         return result

@@ -50,7 +50,7 @@ def of_study(
         "control_failures": paired.failures,
         "control_cost": stated,
     }
-    about = f"control variate {paired.words}, with a remaining share {left:.3g} of the variances"
+    about = f"control variate {paired.words}, which leaves the share {left:.3g} of the variances"
     if total == samples:
         words = (
             f"{about}, at the relative cost {stated:g}: variance reduction 1.0, no advantage over Monte Carlo "
@@ -59,7 +59,7 @@ def of_study(
         warnings.warn(f"{problem.label}: {words}.", stacklevel=3)
         return attrs | {"control_summary": words}
     attrs["control_summary"] = (
-        f"{about}, with {total} realisations, {samples} of them at the samples: {_reductions(statistics)}"
+        f"{about}; {total} realisations of the control, {samples} of them at the samples: {_reductions(statistics)}"
     )
     further = paired.alone / (total - samples)
     whole = wall_time / samples - further
@@ -69,10 +69,10 @@ def of_study(
     gains = [_medians(statistics)[k] / (1 + cost * ratio) for k in range(2)]
     best = round(optimum(left, cost) * samples)
     attrs["control_measured"] = (
-        f"a realisation of the control took {cost:.3g} of the time of a realisation of the study: on an equal "
-        f"budget, it divides the variance of the mean by {gains[0]:.3g} and the variance of the standard deviation by "
-        f"{gains[1]:.3g}; these factors are medians over outputs and times, relative to Monte Carlo without control; "
-        f"with cost={cost:.2g} the optimum is {best} realisations of the control"
+        f"a realisation of the control took {cost:.3g} of the time of a realisation of the study. On an equal budget, "
+        f"the control divides the variance of the mean by {gains[0]:.3g} and the variance of the standard deviation by "
+        f"{gains[1]:.3g}. These factors are medians over outputs and times, relative to Monte Carlo without control. "
+        f"With cost={cost:.2g}, the optimum number of realisations of the control is {best}"
     )
     if max(gains) < HARM:
         warnings.warn(

@@ -328,7 +328,7 @@ def violations_dataset(found: Gathered, problem: uqmbd.extend.Problem) -> xr.Dat
         "worst_time": {
             "long_name": "first output time at or after the smallest margin",
             "units": "s",
-            "comment": "the last output time for requirements that are not over time",
+            "comment": "for requirements that are not over time: the last output time",
         },
     }
     rows = counted.sizes["requirement"] - len(known)

@@ -63,8 +63,8 @@ def obstacle_of(inputs: Any) -> str | None:
         moves = change.max(axis=0) > 1e-9 * np.ptp(base, axis=0)
         if moves.any():
             return (
-                f"inputs {moved.name!r} and {variables[int(moves.argmax())].name!r} are dependent. Pick-freeze "
-                "estimators would give indices of an ordered transform of them, not of the inputs. Use "
+                f"inputs {moved.name!r} and {variables[int(moves.argmax())].name!r} are dependent. For dependent "
+                "inputs, pick-freeze estimators give indices of transformed variables, not of the inputs. Use "
                 "Collocation(...), which computes such indices under separate names"
             )
     return None

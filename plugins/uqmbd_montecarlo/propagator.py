@@ -360,7 +360,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             reasons = dict.fromkeys(UNKNOWN, "too few replicates have successful samples")
             if everything is not None:
                 reasons["quantile_interval"] = (
-                    "of more samples than keep, quantiles of single replicates are not counted"
+                    "there are more samples than keep, so quantiles of single replicates are not counted"
                 )
             for name, why in reasons.items():
                 # a sample fails as a whole, but a single output may have no error

@@ -45,8 +45,8 @@ class SobolRun:
             return f"no Sobol' indices: {next(iter(self.without.values()))}"
         blocks = f"the {self.replicates} replicates of the design" if self.replicates else "blocks of rows"
         text = (
-            f"Jansen's estimators on {self.rows} rows of {d + 2} realisations each, with 95 % intervals of a jackknife "
-            f"over {blocks}"
+            f"Jansen's estimators on {self.rows} rows of {d + 2} realisations each, with 95 % intervals from a "
+            f"jackknife over {blocks}"
         )
         if self.dropped:
             text += f"; {self.dropped} further rows with failed realisations were omitted"
@@ -89,7 +89,7 @@ def run_sobol(
     if any(late.values()):
         # a request with a missing output has no indices; outputs that always occur are requested again without the
         # others
-        beside = dict.fromkeys(names, "another output of the same request does not occur in some realisations")
+        beside = dict.fromkeys(names, "another output of the same computation does not occur in some realisations")
         without = beside | _reasons({names[k]: late[k] for k in late}, problem.runner.observed.counted)
         unknown = np.full((2, dimension, *problem.labels.shape), np.nan)
         indices = SobolIndices(*[unknown[0]] * 3, *[unknown] * 3, varies=True)
@@ -140,10 +140,7 @@ def run_sobol(
 def _reasons(missing: Mapping[str, int], of: int) -> dict[str, str]:
     """Return the reasons of missing indices for outputs that do not occur in some realisations."""
     return {
-        name: (
-            f"it does not occur in {number} of {of} realisations, and conditional on its occurrence "
-            "the inputs are dependent"
-        )
+        name: (f"it does not occur in {number} of {of} realisations; given that it occurs, the inputs are dependent")
         for name, number in missing.items()
         if number
     }

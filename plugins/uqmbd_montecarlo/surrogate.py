@@ -107,5 +107,5 @@ def no_surrogate(control: Any, inputs: uqmbd.extend.JointInput) -> str | None:
         return None
     return (
         f"control is {control!r}, but no surrogate exists for outputs that depend on sampled paths of {keys[0]!r}; "
-        "omit control, or use a study of less accuracy with the same processes"
+        "omit control, or use LowFidelity(...) with a less expensive study of the same processes"
     )

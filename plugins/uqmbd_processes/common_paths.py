@@ -230,7 +230,7 @@ def _obstacle(inputs: uqmbd.extend.JointInput, requirements: int) -> str | None:
     if not keys:
         return "the outputs do not depend on sampled paths of random processes; use Collocation or MonteCarlo"
     if len(keys) == len(inputs):
-        return "the mechanism has no random variables but its random processes; use MonteCarlo"
+        return "the mechanism has random processes, but no other random inputs; use MonteCarlo"
     if requirements:
         return "the method does not estimate probabilities of violated requirements on sampled paths; use MonteCarlo"
     return None

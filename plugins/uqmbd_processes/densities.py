@@ -83,8 +83,8 @@ class PowerSpectralDensity:
             raise uqmbd.StudyError(f"{where}: function is {self.function!r}; expected a function of the frequency.")
         if self.sided not in ("one", "two"):
             raise uqmbd.StudyError(
-                f"{where}: sided is {self.sided!r}; expected 'one', whose integral over positive frequencies is the "
-                "variance, or 'two', whose integral over all frequencies is."
+                f"{where}: sided is {self.sided!r}; expected 'one' (the integral over positive frequencies is the "
+                "variance) or 'two' (the integral over all frequencies is the variance)."
             )
         if self.per not in FACTORS:
             listed = ", ".join(map(repr, FACTORS))

@@ -139,8 +139,8 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
     density, cutoff, length = process.two_sided, process.cutoff, process.length
     if not math.isfinite(process.variance):
         raise uqmbd.StudyError(
-            f"{where}: it has no finite variance, like white noise or a road of ISO 8608 without a band, and therefore "
-            f"no sampled paths. Give its spectrum a band=, such as (0.01, 10.0) {units[1]}."
+            f"{where}: the process has no finite variance, like white noise or a road of ISO 8608 without a band, and "
+            f"therefore no sampled paths. Give its spectrum a band=, such as (0.01, 10.0) {units[1]}."
         )
     low, end = process.band
     edges = _octaves(low, end, process.marks)
@@ -153,7 +153,7 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
         if high <= low:
             raise uqmbd.StudyError(
                 f"{where}: cutoff is {cutoff:g} {units[1]}, and the band begins at {low / (2 * math.pi):g} {units[1]}; "
-                "expected a frequency above."
+                "expected a frequency above this."
             )
     elif end == math.inf:
         high = 2 * math.pi * _rounded_up(_quantile(density, edges, above, 1 - INSIDE) / (2 * math.pi))
@@ -170,7 +170,7 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
         if 0 < period * low < 2 * math.pi * (1 - 1e-9):
             raise uqmbd.StudyError(
                 f"{where}: length is {period:g} {units[0]}, shorter than the longest wavelength of the band, "
-                f"{2 * math.pi / low:g} {units[0]}; expected several times that."
+                f"{2 * math.pi / low:g} {units[0]}; expected several times this wavelength."
             )
     from scipy.fft import next_fast_len
 
@@ -208,7 +208,9 @@ def draw_splines(
     """Return the first knot, the step and the coefficients (K, sources, n) of paths on an interval."""
     where, units = f"random process {sources[0].family!r}", UNITS[sources[0].over][0]
     if not (math.isfinite(begin) and math.isfinite(end) and begin <= end):
-        raise uqmbd.StudyError(f"{where}: paths from {begin} to {end} were requested; expected an interval.")
+        raise uqmbd.StudyError(
+            f"{where}: paths from {begin} to {end} were requested; expected finite numbers that do not decrease."
+        )
     if end - begin > USABLE * spectrum.period:
         raise uqmbd.StudyError(
             f"{where}: a path of {end - begin:g} {units} was requested, but sampled paths repeat after "

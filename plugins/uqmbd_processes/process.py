@@ -108,8 +108,8 @@ class RandomProcess:
         where = f"random process {self.name!r}"
         given = [name for name in GIVEN if getattr(self, name) is not None]
         if len(given) != 1:
-            what = " and ".join(given) if given else "no description"
-            raise uqmbd.StudyError(f"{where}: {what} given; expected one of psd=, covariance=, filter= and record=.")
+            what = f"{' and '.join(given)} are given" if given else "no description is given"
+            raise uqmbd.StudyError(f"{where}: {what}; expected one of psd=, covariance=, filter= and record=.")
         over = {distance: "distance", uqmbd.t: "time"}.get(self.over, self.over)
         if over not in ("distance", "time"):
             raise uqmbd.StudyError(f"{where}: over={self.over!r}; expected 'distance' or 'time'.")
@@ -345,12 +345,14 @@ class RandomProcess:
         where = f"random process {self.name!r}"
         if self.coherence is None:
             raise uqmbd.StudyError(
-                f"{where}: it has no coherence, so that its values at different points are unknown; give coherence=, "
-                "such as davenport_coherence(decay, speed)."
+                f"{where}: the process has no coherence, so its values at different points are unknown; give "
+                "coherence=, such as davenport_coherence(decay, speed)."
             )
         numbers = [isinstance(x, (int, float, np.number)) and math.isfinite(x) for x in point]
         if not point or not all(numbers) or self.point:
-            raise uqmbd.StudyError(f"{where}: at was given {point!r}; expected the finite coordinates of one point.")
+            raise uqmbd.StudyError(
+                f"{where}: the argument of at() is {point!r}; expected the finite coordinates of one point."
+            )
         text = ", ".join(f"{x:g}" for x in point)
         where_at = tuple(float(x) for x in point)
         return replace(self, name=f"{self.name} at {text}", point=where_at, field=self.name)

@@ -250,7 +250,7 @@ def _checked(one: ProbabilityEstimate, level: Levels, column: int, notes: list[s
     if level.probability / spread <= one.upper:
         return one
     notes.append(
-        f"importance sampling gives {one.probability:.3g} for margin {column + 1}, and splitting gives "
+        f"importance sampling gives {one.probability:.3g} for requirement no. {column + 1}, and splitting gives "
         f"{level.probability:.3g}: importance sampling misses some violations, so the interval includes both values"
     )
     return ProbabilityEstimate(one.probability, one.error, one.lower, min(level.probability * spread, 1.0))

@@ -59,7 +59,7 @@ def described(
             ("requirement", "input"),
             importance,
             {
-                "long_name": "importance of the input for the limit",
+                "long_name": "importance of the input for the requirement",
                 "comment": "squared direction cosines at the design points, weighted by their probabilities; without "
                 "a design point, from the second moments of violations",
             },
@@ -68,9 +68,9 @@ def described(
             ("requirement", "moment", "input"),
             gradient,
             {
-                "long_name": "derivative of the probability by mean and standard deviation of the input",
+                "long_name": "derivative of the probability with respect to mean and standard deviation of the input",
                 "comment": "for a shift and a scaling of the standard normal variable of the input, so that a bounded "
-                "input keeps its bounds; NaN for inputs that depend otherwise than by a Gaussian copula",
+                "input keeps its bounds; NaN for dependent inputs without a Gaussian copula",
             },
         ),
         "probability_gradient_error": (

@@ -319,7 +319,7 @@ class Reliability(uqmbd.extend.Propagator):
             return None
         most = "up to " if planned.at_most else ""
         return (
-            f"it needs {most}{planned.realisations} realisations and the analysis needs {LEAST} more, but "
+            f"the surrogate needs {most}{planned.realisations} realisations, and the analysis needs {LEAST} more, but "
             f"max_realisations is {self.max_realisations}. Increase it to {planned.realisations + LEAST} or more, or "
             "limit the realisations of the surrogate"
         )

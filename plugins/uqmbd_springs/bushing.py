@@ -31,8 +31,8 @@ class Bushing(uqmbd.Component):
 
     symbol = "spring"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    point_i = uqmbd.Parameter("m", "where there is no force, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point", body="body_j")
+    point_i = uqmbd.Parameter("m", "point without force, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "point without force, frame of body j", kind="point", body="body_j")
     stiffness = uqmbd.Parameter(
         "N/m, N m/rad",
         "diagonal (3 + 3 numbers, 2 + 1 in planar space), symmetric matrix, or one number for N/m and for N m/rad",

@@ -73,7 +73,7 @@ class SlidingSpringDamper(uqmbd.Component):
     symbol = "spring"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ("axis",)
-    point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
+    point_i = uqmbd.Parameter("m", "point of zero displacement, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     stiffness = uqmbd.Parameter("N/m", "spring rate", one_sign=True)

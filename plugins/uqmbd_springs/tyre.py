@@ -88,7 +88,7 @@ class RadialTyre(uqmbd.extend.TypedComponent):
     stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N/m", "spring rate", minimum=0)
     damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N s/m", "damper rate", default=0, minimum=0)
     transition: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
-        "m", "compression e within which contact begins", default=1e-4, minimum=0, exclusive=True
+        "m", "range e of the compression in which contact starts smoothly", default=1e-4, minimum=0, exclusive=True
     )
 
     prepare = RoadFollower.prepare

@@ -342,7 +342,7 @@ def discrete():
         ({"bias": {"y": Bias(sd=1)}}, "bias has the key 'y'; expected outputs of the study, x"),
         ({"bias": {"x": 1.0}}, r"expected a mapping from outputs to Bias objects, e.g. .*Bias\(sd=0.5\)"),
         ({"individual": ["dampin"]}, "individual contains 'dampin'; expected names of inputs"),
-        ({"individual": ["damping"]}, "requires the machine of every record, but record 'run 1' does not state it"),
+        ({"individual": ["damping"]}, "requires the machine of every record, but record 'run 1' states no machine"),
         ({"surrogate": "collocation"}, "expected a method, e.g. Collocation"),
         ({"on": "mechanism"}, "needs at least [0-9]* realisations"),
     ],
@@ -369,7 +369,8 @@ def test_noise_that_values_cannot_tell_beside_the_inputs_is_to_be_stated(count):
     few = Record("short", [Series("x", TIMES[:count], [1.05, 1.06][:count], "m")])
     with pytest.raises(
         uqmbd.StudyError,
-        match=f"{count} different values of 'x' are too few to estimate its noise together with 2 inputs. State the noise",
+        match=f"{count} different values of 'x' are too few to estimate its noise together with 2 inputs. State the "
+        "noise",
     ):
         calibrate(oscillator(), few)
 

@@ -219,7 +219,7 @@ def test_a_clock_that_stands_in_some_realisations_is_refused_with_the_reason():
     )
     mechanism.add(Revolute("pin", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
     mechanism.output("angle", rod.angle, units="rad")
-    with pytest.raises(uqmbd.StudyError, match="in all realisations, .* stops or turns back in . of 16, first at len"):
+    with pytest.raises(uqmbd.StudyError, match="in all realisations, .* stops or reverses in . of 16, first at len"):
         run(mechanism, 8, Galerkin(order=2, alignment="phase", clock="angle"), rtol=1e-6)
 
 
@@ -255,7 +255,7 @@ def test_a_clock_whose_rate_is_not_known_is_refused():
     mechanism.output("pull", mechanism.components["pin"].reaction_force[1], units="N")
     with pytest.raises(
         uqmbd.StudyError,
-        match="whose rate is a function of the state, but for the oscillation of 'pull', its .* contains",
+        match="whose rate is a function of the state, but the .* of the oscillation of 'pull' contains",
     ):
         run(mechanism, 4, Galerkin(order=1, alignment="phase", clock="pull"), rtol=1e-6)
 

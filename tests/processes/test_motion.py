@@ -325,7 +325,7 @@ def test_jackknife_intervals_of_common_paths_cover_the_shares():
 def test_common_paths_need_paths_and_parameters():
     mechanism, body = oscillator(force(cutoff=20.0))
     mechanism.output("position", body.position[0], units="m")
-    with pytest.raises(uqmbd.StudyError, match="no random variables but its random processes; use MonteCarlo"):
+    with pytest.raises(uqmbd.StudyError, match="random processes, but no other random inputs; use MonteCarlo"):
         uqmbd.Study("s", mechanism, [0.0, 1.0], [CommonPaths()]).run()
     damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 6.0), units="N s/m")
     mechanism, body = oscillator(force(cutoff=20.0), damping)

@@ -405,8 +405,8 @@ FAR = {"psd": iso8608("C", band=(0.01, 10.0)), "over": "distance"}
             lambda: ROAD.sample_paths([ROAD], keys(1), 0, 1500),
             "path of 1500 m .* repeat after 1640 m; write length=1700",
         ),
-        (lambda: ROAD.sample_paths([ROAD], keys(1), 0, math.inf), "expected an interval"),
-        (lambda: ROAD.sample_paths([ROAD], keys(1), 1, 0), "expected an interval"),
+        (lambda: ROAD.sample_paths([ROAD], keys(1), 0, math.inf), "expected finite numbers that do not decrease"),
+        (lambda: ROAD.sample_paths([ROAD], keys(1), 1, 0), "expected finite numbers that do not decrease"),
         (lambda: ROAD.sample_paths([ROAD, SHORT], keys(1), 0, 1), "paths of 'road', 'short' .* points of one process"),
     ],
 )

@@ -27,7 +27,7 @@ class Calibrate:
         script: Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.")],
         records: Annotated[
             list[Path],
-            typer.Argument(metavar="RECORD", help="Records, .csv or .nc: outputs of the study at their times."),
+            typer.Argument(metavar="RECORD", help="Record files (.csv or .nc) with measured outputs and their times."),
         ],
         out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path(
             "calibration"
@@ -55,7 +55,8 @@ class Calibrate:
             ),
         ] = None,
         robust: Annotated[
-            bool, typer.Option("--robust", help="Noise of Student's t distribution, for records with outliers.")
+            bool,
+            typer.Option("--robust", help="Assume noise with Student's t distribution, for records with outliers."),
         ] = False,
         realisations: Annotated[
             int | None,

@@ -161,7 +161,7 @@ def _of_posterior(tree: xr.DataTree, checks: dict[str, Any]) -> Iterator[Reliabi
     cost = f"{int(tree.attrs.get('realisations', 0))} realisations"
     last = checks["surrogate"][-1] if checks.get("surrogate") else None
     if "even" in checks and last is not None:
-        shift = f"means shift by up to {last['shift']:.2g} standard deviations"
+        shift = f"they shift posterior means by up to {last['shift']:.2g} standard deviations"
         if checks["even"]:
             text = f"realisations at {last['draws']} draws verify the posterior: {shift} ({cost} in total)."
             yield ReliabilityStatement(2, "Posterior", text)
@@ -185,13 +185,15 @@ def _of_posterior(tree: xr.DataTree, checks: dict[str, Any]) -> Iterator[Reliabi
         yield ReliabilityStatement(1, "Posterior", text)
     if others := checks.get("unsampled", []):
         text = (
-            f"{len(others)} further maxima contain about {100 * sum(others):.0f} % of the probability, but less than a "
-            "fifth of the expected draws."
+            f"{len(others)} further maxima contain about {100 * sum(others):.0f} % of the probability, but the sampled "
+            "draws contain less than a fifth of the number expected there."
         )
         yield ReliabilityStatement(0, "Posterior", text)
     if unseen := checks.get("unseen"):
         yield ReliabilityStatement(
-            1, "Posterior", f"{unseen} further maxima of the surrogate have a similar probability."
+            1,
+            "Posterior",
+            f"{unseen} further maxima of the surrogate have a similar probability, but no realisations verified them.",
         )
     for one in checks.get("far", []):
         text = (

@@ -116,15 +116,16 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
         last = checks["surrogate"][-1] if checks.get("surrogate") else None
         seen = (
             f": realisations at {last['draws']} draws of the posterior give an effective sample size of "
-            f"{100 * last['share']:.1f} %, and shift means by up to {last['shift']:.2g} standard deviations"
+            f"{100 * last['share']:.1f} %, and shift posterior means by up to {last['shift']:.2g} standard deviations"
             + (f" (standard error of each {last['chance']:.2g})" if "chance" in last else "")
             if last is not None
             else ""
         )
         text += (
-            f"; they confirm the surrogate that was sampled{seen}."
+            f"; they verify the surrogate that was sampled{seen}."
             if checks["even"]
-            else f"; they do not confirm the surrogate that was sampled{seen}, whose errors widen the posterior."
+            else f"; they do not verify the surrogate that was sampled{seen}. Errors of the surrogate widen the "
+            "posterior."
         )
     else:
         text += "."
@@ -142,7 +143,7 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
     if others := checks.get("unsampled", []):
         sentences.append(
             f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of the probability, "
-            "but less than a fifth of the expected draws are near them."
+            "but the sampled draws contain less than a fifth of the number expected near these maxima."
         )
     sentences += [
         f"The posterior mean of {one['input']} is {abs(one['deviations']):.1f} prior standard deviations from the "

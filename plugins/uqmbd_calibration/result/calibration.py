@@ -254,13 +254,13 @@ class Calibration:
         lines += [text] if (text := several_maxima(checks)) else []
         if missing := sum(checks.get("unsampled", ())):
             lines.append(
-                f"other maxima contain about {100 * missing:.0f} % of the probability, but less than a fifth of the "
-                "expected draws"
+                f"other maxima contain about {100 * missing:.0f} % of the probability, but the sampled draws contain "
+                "less than a fifth of the number expected there"
             )
         state = (
             "verified by realisations of the mechanism"
             if checks["even"]
-            else "not verified by realisations of the mechanism, posterior widened"
+            else "not verified by realisations of the mechanism; errors of the surrogate widen the posterior"
         )
         lines.append(f"{self.realisations} realisations; {state}")
         if self.unidentified:

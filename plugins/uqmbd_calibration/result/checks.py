@@ -71,7 +71,7 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
     sentences = []
     if checks["widened"]:
         last = checks["surrogate"][-1] if checks["surrogate"] else None
-        seen = "no realisations verified it, and its errors widen the posterior"
+        seen = "no realisations verified the posterior, and errors of the surrogate widen it"
         if last is not None:
             seen = (
                 f"importance weights at {last['draws']} draws give an effective sample size of "
@@ -94,7 +94,8 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
     if others := checks["unsampled"]:
         sentences.append(
             f"{len(others)} further maxima of the posterior contain about {100 * sum(others):.0f} % of the "
-            "probability, but less than a fifth of the expected draws are near them. Increase realisations"
+            "probability, but the sampled draws contain less than a fifth of the number expected near these maxima. "
+            "Increase realisations"
         )
     if checks["unseen"]:
         sentences.append(
@@ -129,7 +130,9 @@ def outliers_in_words(one: Mapping[str, Any]) -> str:
     sentences = []
     for outlier in one["outlier_values"]:
         where = f"at {outlier['time']:g} s" if "time" in outlier else f"(no. {outlier['number']})"
-        sentences.append(f"{outlier['value']:.6g} {where}, {outlier['deviations']:.2g} standard deviations away")
+        sentences.append(
+            f"{outlier['value']:.6g} {where}, {outlier['deviations']:.2g} standard deviations from the model"
+        )
     return "; ".join(sentences)
 
 

@@ -72,9 +72,16 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
             [np.sqrt(one.block.sigma(unknowns, centre[None])[0] ** 2 + one.block.variance) for one in parts],
             long_name="standard deviation of the noise",
         ),
-        "fit": _series(named, [one.predicted for one in parts], long_name="mean of predictions, with its bias"),
+        "fit": _series(
+            named,
+            [one.predicted for one in parts],
+            long_name="posterior mean of the predictions, including the bias of the output",
+        ),
         "residuals": _series(
-            named, [one.raw for one in parts], units="", long_name="value minus prediction, over the noise"
+            named,
+            [one.raw for one in parts],
+            units="",
+            long_name="value minus prediction, divided by the standard deviation of the noise",
         ),
         "summary": _summary(study, found, posterior, physical, _unreliable(found, checks["model"])),
         "marginals": marginals_of(found, draws.vectors.reshape(-1, width)),
@@ -187,7 +194,10 @@ def _summary(
         "sd": (after.std(axis=1, ddof=1), "standard deviation of the posterior"),
         "lower": (np.quantile(after, 0.025, axis=1), "lower end of the 95 % interval"),
         "upper": (np.quantile(after, 0.975, axis=1), "upper end of the 95 % interval"),
-        "reduction": (1 - after.std(axis=1, ddof=1) / spread, "1 - posterior over prior deviation"),
+        "reduction": (
+            1 - after.std(axis=1, ddof=1) / spread,
+            "1 minus the ratio of the standard deviations of posterior and prior",
+        ),
         "rhat": (draws.rhat[where], "R-hat"),
         "ess": (draws.ess[where], "effective draws"),
     }

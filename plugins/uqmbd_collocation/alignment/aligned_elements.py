@@ -125,9 +125,9 @@ class _AlignedElements(ElementFits):
             if further is None:
                 share, since = float(np.mean(late > LATE * np.ptp(problem.times))), problem.times[-1] - late.max()
                 warnings.warn(
-                    f"{problem.label}: {share:.2g} of the samples do not reach the last output time within the "
-                    f"{paths.what} of the integrated nodes. Statistics are NaN from t = {since:.6g} s on. Raise the "
-                    "order, truncate the distributions, or use an earlier last output time.",
+                    f"{problem.label}: a share of {share:.2g} of the samples does not reach the last output time "
+                    f"within the {paths.what} that the integrated nodes have. Statistics are NaN from t = {since:.6g} "
+                    "s on. Raise the order, truncate the distributions, or use an earlier last output time.",
                     EndsEarlyWarning,
                     stacklevel=2,
                 )
@@ -229,9 +229,9 @@ def align(
     mixed = sum(one.lost * e.box.probability for one, e in zip(kept, chaos.elements, strict=True))
     if mixed > 0:
         warnings.warn(
-            f"{problem.label}: the sequence of {paths.what} differs within some of the {len(kept)} elements. "
-            "Realisations whose sequence differs from the sequence of their element have a probability "
-            f"of about {max(mixed, 1e-3):.1%}. {_remedy(limits, len(kept))}.",
+            f"{problem.label}: in some of the {len(kept)} elements, realisations have different sequences of "
+            f"{paths.what}. Realisations with another sequence than their element have a probability of about "
+            f"{max(mixed, 1e-3):.1%}. {_remedy(limits, len(kept))}.",
             stacklevel=3,
         )
     standing = sum(e.box.probability for one, e in zip(kept, chaos.elements, strict=True) if one.sequence == STANDS)

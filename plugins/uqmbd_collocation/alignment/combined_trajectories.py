@@ -126,7 +126,7 @@ class CombinedTrajectories:
         """Raise `Impossible` unless the clock grows in all realisations at inputs (K, d)."""
         standing = sum(not motion.grows(len(motion.phase)) for motion in self._motions(values))
         if standing:
-            why = f"the clock, {self.clock.words}, stops or turns back in {standing} of {len(values)} realisations"
+            why = f"the clock, {self.clock.words}, stops or reverses in {standing} of {len(values)} realisations"
             raise Impossible(self.problem.label, why, "Use only events or only phases.")
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:

@@ -34,8 +34,8 @@ def without_clock(problem: uqmbd.extend.Problem, why: str) -> Impossible:
     if problem.model.events:
         return Impossible(
             problem.label,
-            "alignment='phase' needs a clock that no event resets, such as an impact, but the "
-            f"mechanism has none: {why}",
+            "alignment='phase' needs a clock that no event (such as an impact) resets, but the mechanism has none: "
+            f"{why}",
             "Use alignment='events', which compares motions between events, alignment='auto', which selects the "
             "best family for each output, or alignment=None.",
         )

@@ -139,9 +139,9 @@ class PhaseTrajectories:
         """Return a message on the probability that the clock stops, from the sequences of the elements."""
         standing = sequences.count(STANDS)
         text = (
-            f"{self.problem.label}: the clock, {self._clock.words}, stops or turns back in realisations of about "
-            f"{max(share, 1e-3):.1%} of the probability. Without a common phase, {standing} of {len(sequences)} "
-            "elements compare realisations at equal times, where a chaos is valid for a few turns only."
+            f"{self.problem.label}: the clock, {self._clock.words}, stops or reverses with a probability of about "
+            f"{max(share, 1e-3):.1%}. Realisations in {standing} of {len(sequences)} elements therefore have no common "
+            "phase and are compared at equal times. Such a comparison is accurate for a few turns only."
         )
         return text + (
             f" The clock {self.better!r} does not stop in any node; try clock={self.better!r}." * bool(self.better)
@@ -391,7 +391,7 @@ class PhaseTrajectories:
         for path, gone in zip(paths, lost, strict=True):
             reason = path.message
             if gone and path.beyond:
-                reason = f"{path.beyond} (the integration continues beyond the last output time, {until})"
+                reason = f"{path.beyond} (the integration must continue beyond the last output time, {until})"
             elif gone:
                 reason = (
                     f"until t = {path.found.times[-1]:g} s, the clock, {self._clock.words}, does not reach the phase "

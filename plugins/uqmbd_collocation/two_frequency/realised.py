@@ -264,9 +264,9 @@ class SeriesProblem(DerivedSource):
         raise uqmbd.StudyError(
             f"{self.label}: alignment='two-frequency' needs motions that are sums of harmonics of one or two "
             f"frequencies; in {slow.sum()} of {len(slow)} examined realisations, {seen:g} s contain only "
-            f"{slowest.min() * seen / (2 * np.pi):.2g} periods of the slowest harmonic; {SEEN:g} are required. Such "
-            "a motion may also decay or grow. Study a longer time, use alignment='phase' if one angle or "
-            "oscillation persists, or use alignment=None."
+            f"{slowest.min() * seen / (2 * np.pi):.2g} periods of the slowest harmonic; {SEEN:g} are required. A "
+            "motion that decays or grows causes the same error. Study a longer time, use alignment='phase' if one "
+            "angle or oscillation persists, or use alignment=None."
         )
 
     def _store_series(self, values: Array, series: Sequence[HarmonicSeries]) -> None:

@@ -239,8 +239,8 @@ def _allocated(
         if tight and checked.lower > probability:
             raise uqmbd.StudyError(
                 f"{where}: tightening cannot reduce the probability to {probability:g}. With all tolerances at "
-                f"{narrowest:g} times their present width, it is still {checked.probability:.3g}. Change the nominal "
-                "values, tighten other inputs as well, or increase the allowed probability."
+                f"{narrowest:g} times their present width, the probability is still {checked.probability:.3g}. Change "
+                "the nominal values, tighten other inputs as well, or increase the allowed probability."
             )
         if abs(off) <= max(CLOSE * probability, checked.std_error / 2) or (loose and off < 0):
             break
@@ -303,13 +303,13 @@ def _result(
     notes = []
     if checked.lower > allowed:
         notes.append(
-            f"The probability exceeds {allowed:g}, because the surrogate of the margins is not "
-            "accurate enough for a smaller one."
+            f"The probability exceeds {allowed:g}, because the surrogate of the margins is not accurate enough for a "
+            "smaller probability."
         )
     factors = loosest * found.factors
     if (found.factors >= 1).all():
         notes.append(
-            f"All tolerances can be {loosest:g} times their present width."
+            f"All tolerances can be widened to {loosest:g} times their present width."
             if loosest > 1
             else "No tolerance has to be tightened."
         )

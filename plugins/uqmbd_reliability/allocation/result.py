@@ -126,7 +126,7 @@ class Allocation:
         """Return the results as a table in text."""
         width = max(len("input"), *(len(name) for name in self.inputs))
         lines = [
-            f"{'input':<{width}}  {'tolerance':>12}  {'changed to':>12}  {'of it':>6}  {'sensitivity':>11}  made from"
+            f"{'input':<{width}}  {'tolerance':>12}  {'changed to':>12}  {'factor':>6}  {'sensitivity':>11}  source"
         ]
         for row in zip(
             self.inputs, self.before, self.after, self.factors, self.sensitivity, self.units, self.sources, strict=True

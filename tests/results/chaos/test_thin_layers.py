@@ -235,7 +235,7 @@ def test_an_error_of_all_realisations_counts_at_its_own_times(power, realisation
 
 
 @pytest.mark.thorough
-@pytest.mark.filterwarnings("ignore:.*sequence of phases differs")
+@pytest.mark.filterwarnings("ignore:.*different sequences of phases")
 def test_points_are_where_aligned_elements_are_wrong():
     """A pendulum that may turn: near the separatrix, few realisations of one element differ from all others.
 

@@ -70,8 +70,8 @@ def variance_error(made, node, times):
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings(
-    "ignore:.*the sequence of phases still differs",
-    "ignore:.*stops or turns back",
+    "ignore:.*different sequences of phases",
+    "ignore:.*stops or reverses",
     "ignore::uqmbd.errors.SurrogateWarning",
 )
 def test_few_elements_hold_where_plain_ones_fail(made):
@@ -86,8 +86,8 @@ def test_few_elements_hold_where_plain_ones_fail(made):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings(
-    "ignore:.*the sequence of phases still differs",
-    "ignore:.*stops or turns back",
+    "ignore:.*different sequences of phases",
+    "ignore:.*stops or reverses",
     "ignore::uqmbd.errors.SurrogateWarning",
 )
 def test_variance_to_100(made):
