@@ -74,8 +74,8 @@ class LostVariance:
             return
         every, unknown = _lost_shares(mechanism, expressions, float(study.times[0]))
         shares = {output: found[0] for output, found in every.items()}
-        parts = [f"by {_percent(share)} for {output!r}" for output, share in shares.items()]
-        parts += [f"by an unknown share for {output!r} ({reason or NONE})" for output, reason in unknown.items()]
+        parts = [f"{_percent(share)} of {output!r}" for output, share in shares.items()]
+        parts += [f"an unknown share of {output!r} ({reason or NONE})" for output, reason in unknown.items()]
         much = any(unknown.values()) or max(shares.values(), default=0.0) > MUCH
         advice = "Give the process a higher cutoff=, or a band-limited spectrum" if much else ""
         if not much and not unknown and (lower := _lower_cutoff(list(every.values()))) is not None:
@@ -90,7 +90,7 @@ class LostVariance:
             uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
             f"random process {next(iter(lossy))!r}",
             f"sampled paths of random processes end at a frequency ({', '.join(ends)}); without the higher "
-            f"frequencies, the variance of the linear response at the means is too small: {', '.join(parts)}",
+            f"frequencies, parts of the variance of the linear response at the means are missing: {', '.join(parts)}",
             advice,
         )
 

@@ -163,8 +163,8 @@ def test_a_method_that_expands_states_is_refused(pi):
 
 REFUSED = {
     "input": ({"inputs": {"speed": "speed"}}, "'speed' is not a variable of the FMU. The inputs of the FMU are: 'y'"),
-    "output": ({"outputs": ["y"]}, "'y' is not an output, but of the causality 'input'"),
-    "parameter": ({"parameters": {"gain": 1}}, "Its parameters are: 'kp', 'ki', 'r', 'limit'"),
+    "output": ({"outputs": ["y"]}, "'y' is of the causality 'input', not 'output'"),
+    "parameter": ({"parameters": {"gain": 1}}, "The parameters of the FMU are: 'kp', 'ki', 'r', 'limit'"),
     "file": ({"path": "none.fmu"}, "none.fmu does not exist"),
 }
 

@@ -65,7 +65,7 @@ class Workers:
         if self.mpi and self.dask:
             raise StudyError(f"--mpi with --dask {self.dask}: give one of them, not both.")
         if self.executor is not None and (self.mpi or self.dask or self.count is not None):
-            raise StudyError("Workers: both an executor and other workers are given; give only one of them.")
+            raise StudyError("Workers: executor is given together with count, mpi or dask; give only one of them.")
         if self.mpi and self.count is not None:
             raise StudyError(
                 f"--mpi with --workers {self.count}: with MPI, mpiexec sets the number of processes, as in "

@@ -63,11 +63,14 @@ class Kernel:
         """Evaluate arguments (..., inputs); return results (..., outputs), in C-contiguous `out` if given."""
         rows = np.ascontiguousarray(arguments, dtype=float)
         if rows.shape[-1] != self.inputs:
-            raise ValueError(f"a kernel of {self.inputs} arguments was given {rows.shape[-1]}")
+            raise ValueError(f"the kernel has {self.inputs} arguments, but {rows.shape[-1]} are given")
         if out is None:
             out = np.empty((*rows.shape[:-1], self.outputs))
         if out.shape != (*rows.shape[:-1], self.outputs) or out.dtype != float or not out.flags.c_contiguous:
-            raise ValueError(f"a kernel {self.inputs} -> {self.outputs} writes C-contiguous float64, not {out.shape}")
+            raise ValueError(
+                f"out has the shape {out.shape} and type {out.dtype}; expected C-contiguous float64 (..., "
+                f"{self.outputs})"
+            )
         if not self.code:
             out[...] = 0.0
         elif out.size:

@@ -177,7 +177,9 @@ class Program:
             out.flags.c_contiguous
             and all(np.shares_memory(x, y) or not x.size for x, y in zip(given, kept, strict=True))
         ):
-            raise ValueError("a bound program reads float64 in contiguous columns, and writes a C-contiguous array")
+            raise ValueError(
+                "a bound program expects float64 arguments in contiguous columns, and a C-contiguous array of results"
+            )
         work, evaluate, structure = aligned(self.rows), load_driver().evaluate, self.part.structure
         call = partial(
             evaluate,

@@ -48,7 +48,9 @@ class SegmentTable:
         """
         terms, count, outputs, powers = segments.shape
         if edges.shape != (terms, count + 1):
-            raise ValueError(f"segments {segments.shape} were given edges {edges.shape}")
+            raise ValueError(
+                f"edges have the shape {edges.shape}; expected {(terms, count + 1)} for segments {segments.shape}"
+            )
         blocks = -(-powers // BLOCK)
         filled = np.zeros((count, outputs, blocks, terms, BLOCK))
         by_segment = segments.transpose(1, 2, 3, 0)
@@ -105,7 +107,7 @@ class SegmentTable:
 
     def _basis(self, basis: Array) -> Array:
         if basis.ndim != 2 or basis.shape[1] != self.edges.shape[1]:
-            raise ValueError(f"a table of {self.edges.shape[1]} terms was given a basis {basis.shape}")
+            raise ValueError(f"the basis has the shape {basis.shape}; expected {self.edges.shape[1]} terms in each row")
         return np.ascontiguousarray(basis, dtype=float)
 
     @cached_property
@@ -149,9 +151,15 @@ def sum_harmonics(
     if rows.shape != (samples,) or samples and not 0 <= rows.min() <= rows.max() < len(found):
         raise ValueError(f"{samples} samples were given rows {rows.shape} of {len(found)}")
     if lattice.shape[1:] != (bases,) or amplitudes.shape != (samples, outputs, harmonics):
-        raise ValueError(f"{samples} samples of {bases} frequencies were given {lattice.shape}, {amplitudes.shape}")
+        raise ValueError(
+            f"lattice has the shape {lattice.shape}, and amplitudes have the shape {amplitudes.shape}; expected "
+            f"{(harmonics, bases)} and {(samples, outputs, harmonics)}"
+        )
     if constants.shape != (samples, outputs) or drifts.shape != (samples, outputs):
-        raise ValueError(f"{outputs} outputs were given constants and drifts {constants.shape}, {drifts.shape}")
+        raise ValueError(
+            f"constants have the shape {constants.shape}, and drifts have the shape {drifts.shape}; expected "
+            f"{(samples, outputs)}"
+        )
     if not found.size or not samples:
         return
     step = float(times[-1] - times[0]) / max(count - 1, 1)

@@ -196,7 +196,7 @@ def _spread(a: Assembled) -> Iterator[Finding]:
                 Severity.NOTE,
                 f"body {name!r}",
                 f"body {name!r} has a radius of gyration of {gyration:.3g} m, {gyration / extent:.2g} times the extent "
-                f"of its known points, {extent:.3g} m",
+                f"of the points that are given for it, {extent:.3g} m",
                 "Check the units of its mass (kg), inertia (kg m^2) and points (m)",
             )
 
@@ -249,8 +249,8 @@ def _uncounted_turns(a: Assembled) -> Iterator[Finding]:
             Severity.WARNING,
             f"driver {component.name!r}",
             f"mechanism {mechanism.name!r}: driver {component.name!r} starts at {angles[far][0]:.4g} rad{share}, more "
-            f"than half a turn from the given pose, {poses[far][0]:.4g} rad; angles of bodies and joints, and "
-            "springs, do not count whole turns between them",
+            f"than half a turn from the angle of the given pose, {poses[far][0]:.4g} rad; angles of bodies and joints, "
+            "and springs, do not count the whole turns between these two angles",
             f"{advice} the turns by mechanism.start(joint.angle, value), with the value at which the driver starts"
             f"{others}",
         )

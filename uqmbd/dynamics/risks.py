@@ -119,7 +119,7 @@ def _finding(found: list[Risk], effect: str) -> Finding:
     return Finding(
         Severity.WARNING,
         "; ".join([*(one.name for one in ordered[:NAMED]), *more]),
-        f"{'; '.join([*parts, *more])}: {effect}. It follows from {', '.join(listed)}",
+        f"{'; '.join([*parts, *more])}: {effect}. The cause is {', '.join(listed)}",
         "Try a distribution within the range of the quantity, such as chaospy.Trunc(...), chaospy.LogNormal or "
         "chaospy.Gamma",
     )

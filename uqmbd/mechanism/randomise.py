@@ -163,7 +163,7 @@ def randomise_numbers(
     if not found:
         raise StudyError(
             f"{where}: none of the selected quantities can be randomised: "
-            f"{'; '.join(law.left + law.unused) or 'all is zero'}."
+            f"{'; '.join(law.left + law.unused) or 'all of them are zero'}."
         )
     _warn(where, law, changes)
     _settle(mechanism, changes)

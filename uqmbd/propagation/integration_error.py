@@ -223,9 +223,12 @@ def _measured(
     population = problem.runner.observed.counted or np.inf
     sensitive = int(np.count_nonzero(good < sensitive))
     error = stated_errors(wrong, population, sensitive)
-    comment = f"of {100 * LEVEL:g} % of realisations, from {len(good)} that were integrated again, with rtol {rtol:g}"
+    comment = (
+        f"upper limit of the error of {100 * LEVEL:g} % of realisations, from {len(good)} repeated integrations with "
+        f"rtol {rtol:g}"
+    )
     failed = len(values) - len(good)
-    more = f"; {failed} more failed there: {again.most_frequent_reason()}" if failed else ""
+    more = f"; {failed} repeated integrations failed: {again.most_frequent_reason()}" if failed else ""
     return error, {"comment": comment + more, "realisations": len(good), "rtol": rtol}
 
 

@@ -100,7 +100,7 @@ def friction_at_rest(model: Model, values: Array, every: bool = False) -> tuple[
             if size > 0:
                 width = f"about ±{size:.3g} {units}".rstrip() if size < float("inf") else "any amount"
                 value = f"{held.value:.6g} {units}".rstrip()
-                texts.append((held.components, f"{what} is {value}, and may differ by {width}"))
+                texts.append((held.components, f"{what} is {value}, but may differ from this value by {width}"))
     if starts:
         some = ranges_by_friction(one, found.q, found.s, None)
         texts += [(held.components, "the motion starts in the pose without this friction") for held in some]

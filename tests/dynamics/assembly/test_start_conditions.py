@@ -234,7 +234,9 @@ def test_positions_may_not():
 def test_out_of_reach_is_named_with_what_is_left():
     mechanism, rod = pendulum(0.1)
     mechanism.start(rod.point((0.5, 0))[1], 1.5)
-    with pytest.raises(uqmbd.AssemblyError, match=r"condition .* = 1.5 is not met: left minus right is -"):
+    with pytest.raises(
+        uqmbd.AssemblyError, match="condition .* = 1.5 is not met: its left side minus its right side is -"
+    ):
         uqmbd.check(mechanism)
 
 
@@ -294,7 +296,9 @@ def test_a_realisation_that_cannot_start_has_failed_and_says_why():
     height = uqmbd.RandomVariable("height", chaospy.Uniform(-0.8, 1.2), units="m")
     mechanism.start(rod.point((0.5, 0))[1], height)
     study = uqmbd.Study("s", mechanism, times=[0, 0.1], propagators=[MonteCarlo(samples=40, seed=1)])
-    with pytest.warns(UserWarning, match=r"start condition .* = height is not met: left minus right is -0"):
+    with pytest.warns(
+        UserWarning, match="start condition .* = height is not met: its left side minus its right side is -0"
+    ):
         node = study.propagate(study.propagators[0])
     status, drawn = node["samples/status"].values, node["samples/inputs"].values[:, 0]
     np.testing.assert_array_equal(status != 0, drawn > 1)

@@ -48,8 +48,8 @@ def show_costs(screen: Console, found: xr.Dataset) -> None:
     screen.print(
         Text(
             "Largest errors over outputs and times; percentages are of the largest standard deviation of the output. "
-            "Regret: realisations over the fewest that reach the accuracy. The stated error of the reference is "
-            f"{format_percent(own, 'unknown')}; regrets for smaller accuracies are unknown."
+            "Regret: realisations, divided by the smallest number that reaches the accuracy. The stated error of the "
+            f"reference is {format_percent(own, 'unknown')}; regrets for smaller errors are unknown."
         )
     )
 

@@ -50,7 +50,7 @@ def missed(tree: xr.DataTree) -> list[str]:
     """Return sentences on the methods that do not reach the requested accuracy."""
     methods = json.loads(tree.attrs.get("budget", "{}")).get("methods", {})
     reached = " and ".join(label for label, about in methods.items() if about.get("met"))
-    also = f". It is reached by {reached}" if reached else ""
+    also = f". The requested accuracy is reached by {reached}" if reached else ""
     return [
         f"accuracy of {label}: {about['summary']}{also}"
         for label, about in methods.items()

@@ -226,9 +226,9 @@ def _position_messages(
             owners = _largest_owners(model, worst)
             remedy = dead_centre_of_pose(model, q[k], time, parameters[k], residual[k])
             message = (
-                f"{owners} cannot be closed: equation {model.equations[i]!r} keeps a residual of {now['phi'][k, i]:.3g}"
-                f" (about {worst[i]:.3g} m or rad apart). "
-                + (remedy or "Check its points, axes and lengths, and the given pose.")
+                f"{owners} cannot be closed: equation {model.equations[i]!r} has a residual of {now['phi'][k, i]:.3g} "
+                f"(about {worst[i]:.3g} m or rad apart). "
+                + (remedy or "Check the points, axes and lengths, and the given pose.")
             )
         elif now["cos"].size and now["cos"][k].min() < 0:
             i = int(np.argmin(now["cos"][k]))
@@ -261,8 +261,8 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
     if not len(here):
         return ""
     return (
-        f"The given pose is a dead centre: only in this pose {named(model, here)} can be omitted, and the motion "
-        "from this pose is not determined. Draw the mechanism slightly farther along the motion, or drive "
+        f"The given pose is a dead centre: the equations {named(model, here)} are redundant in this pose only, so the "
+        "motion from this pose is not determined. Draw the mechanism slightly farther along the motion, or drive "
         "another joint."
     )
 

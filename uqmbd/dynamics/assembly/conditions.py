@@ -215,9 +215,9 @@ class _ConditionSearch:
                 holding = self._drivers(k, worst)
                 by = f" (driver {', '.join(map(repr, holding))})" if holding else ""
                 why = (
-                    "No motion that the joints and drivers allow changes this quantity in that pose. Either they "
-                    f"keep it constant{by}, or it has a maximum or minimum, from which two motions are possible. In "
-                    "the latter case, draw the bodies on the intended side."
+                    "No motion that the joints and drivers allow changes this quantity in that pose. Either joints and "
+                    f"drivers keep the quantity constant{by}, or it has a maximum or minimum there, from which two "
+                    "motions are possible. In the latter case, draw the bodies on the intended side."
                 )
             else:
                 other = f", or contradicts the start condition {' or '.join(others)}" if others else ""
@@ -226,8 +226,8 @@ class _ConditionSearch:
                     "assembly follows angles over about 150 turns."
                 )
             found.append(
-                f"start condition {self.conditions.names[self.which[worst]]} is not met: left minus right is "
-                f"{row[worst] * scale[worst]:.3g} in the nearest pose that was found. {why}"
+                f"start condition {self.conditions.names[self.which[worst]]} is not met: its left side minus its right "
+                f"side is {row[worst] * scale[worst]:.3g} in the nearest pose that was found. {why}"
             )
         return found
 

@@ -168,7 +168,8 @@ def amplified(model: Model, v: Array, given: float) -> str:
     return (
         f"the pose is next to a dead centre: the stated velocities (at most {given:.3g} m/s or rad/s) require speeds "
         f"of {float(np.abs(v).max()):.1g} m/s or rad/s of {bodies}. A pose that satisfies the constraints to 1e-12 "
-        f"does not determine them. State velocities of {bodies} instead, or draw a pose farther along the motion."
+        f"does not determine these speeds. State velocities of {bodies} instead, or draw a pose farther along the "
+        "motion."
     )
 
 

@@ -259,8 +259,10 @@ class EventDrivenMotion:
         self.stalled[members] = np.where(at_once, self.stalled[members] + 1, 0)
         events, many = e.happened[members] // 2, self.records.count[members] > MOST
         for row in np.flatnonzero(many | (self.stalled[members] > AT_ONCE)).tolist():
-            how = f"more than {MOST} events until" if many[row] else "events follow each other without end at"
-            self.messages[members[row]] = f"{how} t = {now[row]:.6g} s, at {self.model.events[events[row]][0]!r}"
+            how = f"more than {MOST} events occur until" if many[row] else f"more than {AT_ONCE} events occur at"
+            self.messages[members[row]] = (
+                f"{how} t = {now[row]:.6g} s, the last at {self.model.events[events[row]][0]!r}"
+            )
         inside = self._inside(members)
         contacts = self.evaluator(inside, run.z[members], self.batch.block[members])
         done = self._bounced(members, contacts)

@@ -56,7 +56,10 @@ __all__ = ["BlockType", "Instance", "instances_of"]
 
 
 _FOREIGN = "an auxiliary state of another component"
-_INSTEAD = "Use it as a force, a torque, a stiffness, a damping or a potential, or in the rate of an auxiliary state."
+_INSTEAD = (
+    "Use such a state as a force, a torque, a stiffness, a damping or a potential, or in the rate of an auxiliary "
+    "state."
+)
 
 
 @dataclass(frozen=True)

@@ -159,8 +159,8 @@ def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set
             if part.free_symbols & changing:
                 kind = type(part).__name__
                 raise StudyError(
-                    f"{where}: a force, an energy or a constraint contains {kind}(...) of a motion, and {kind} has "
-                    "no derivative that can be computed; write it piecewise, or smooth it."
+                    f"{where}: a force, an energy or a constraint contains {kind}(...) of a quantity of the motion, "
+                    f"but the derivative of {kind} cannot be computed; write a piecewise or a smooth function."
                 )
 
 

@@ -142,8 +142,8 @@ class Model:
         row, k = np.unravel_index(int(np.nanargmax(excess)), excess.shape)
         component, name, units = self.own[int(k)]
         return (
-            f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, beyond "
-            f"{self.largest[int(k)]:.3g} {units}, up to which its component is valid"
+            f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, but the "
+            f"component is valid only up to {self.largest[int(k)]:.3g} {units}"
         )
 
     def carrier(self, coordinate: int) -> str:

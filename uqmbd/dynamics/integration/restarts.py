@@ -49,8 +49,8 @@ def speed_jumps(
     wrong = ~(left <= max(CONTRADICTION, rtol) * size[:, None])
     reasons = {
         int(some[row]): (
-            f"a prescribed speed jumps at t = {time:.6g} s, by {jump[some[row]]:.6g}, and the equations "
-            f"{named(model, np.flatnonzero(wrong[row]))} cannot follow: they contradict others"
+            f"a prescribed speed jumps by {jump[some[row]]:.6g} at t = {time:.6g} s, but after this jump the equations "
+            f"{named(model, np.flatnonzero(wrong[row]))} contradict others"
         )
         for row in np.flatnonzero(wrong.any(axis=1))
     }

@@ -261,7 +261,7 @@ class SingularPoseWatcher:
         old = np.setdiff1d(self.model.layout.kept, model.layout.kept)
         self.notes.append(
             f"at t = {now:.6g} s the equations {named(model, rank.kept_equations)} become dependent; "
-            f"{named(model, new, 40)} are kept instead of {named(model, old, 40)}"
+            f"{named(model, new, 40)} are used instead of {named(model, old, 40)}"
         )
         self.model = model
         self.models.append((now, model))

@@ -116,7 +116,7 @@ def solve(
     largest = float(np.abs(yp).max(initial=0.0))
     if not (np.isfinite(y).all() and largest <= LARGEST):
         what = f"rates up to {largest:.3g} at the start" if np.isfinite(largest) else "values that are not finite"
-        return SundialsSolution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
+        return SundialsSolution(times[:1], y[None], success=False, message=f"{what}, so no step is possible")
     ida = import_sundials().IDA
     callbacks, output = _Callbacks(), io.StringIO()
     options = dict(options)

@@ -23,11 +23,11 @@ def impact_obstacle(model: Model) -> str:
     loads = model.given_loads or (False,) * len(model.events)
     for (component, *_), given in zip(model.events, loads, strict=True):
         if given:
-            why = "has dry friction, and Python code computes when it sticks; use smooth friction"
+            why = "has dry friction, whose sticking requires Python code; use smooth friction"
             return f"component {component!r} {why}"
     maps = [model.outputs, *(loop.measure for loop in model.controls)]
     if _touches(model) and any(one.accelerates for one in maps):
-        return "it has impacts, and its outputs contain accelerations or reactions, which Python code computes"
+        return "it has impacts, and outputs that contain accelerations or reactions require Python code in this case"
     return ""
 
 

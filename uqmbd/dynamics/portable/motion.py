@@ -140,7 +140,7 @@ def _obstacle(model: Model) -> str:
     if why := impact_obstacle(model):
         return why
     if model.speeds_commanded:
-        return "a controller commands the speed of a driver, and Python code computes velocities after a jump"
+        return "a controller commands the speed of a driver; velocities after a jump of this speed require Python code"
     if model.paths or model.excitations:
         return "it has sampled paths or excitations"
     if model.start_at != "drawn":
@@ -164,13 +164,18 @@ def _obstacle_of_time(model: Model, ensemble: Ensemble, times: Array, rtol: floa
     knots = len(model.tables.deviating(float(times[0]), float(times[-1]))[0]) if model.tables else 0
     if knots > MOST_KNOTS:
         within = f"{knots} knots between {times[0]:g} s and {times[-1]:g} s"
-        return f"its tables over time have {within}, and at most {MOST_KNOTS} are possible; use fewer or a shorter time"
+        return (
+            f"its tables over time have {within}, but at most {MOST_KNOTS} are possible; use fewer knots or a shorter "
+            "time"
+        )
     breaks = ensemble.breaks[0]
     breaks = breaks[(breaks > times[0]) & (breaks < times[-1])]
     near = 1e-9 * float(np.abs(times).max())
     for interval in ensemble.pace(times, rtol)[:-1]:
         if interval.jumps and not np.any(np.abs(breaks - interval.end) <= near):
-            return f"a function of time jumps at {interval.end:g} s, which is not the limit of a piece of a formula"
+            return (
+                f"a function of time jumps at {interval.end:g} s; a jump is possible only at a limit of sympy.Piecewise"
+            )
     return _obstacle_of_speeds(model, ensemble, breaks, near) if model.rheonomic and model.layout.rank else ""
 
 
@@ -184,8 +189,8 @@ def _obstacle_of_speeds(model: Model, ensemble: Ensemble, breaks: Array, near: f
         jump = np.abs(speeds[-1] - speeds[-2])
         if jump.max(initial=0.0) > 1e-6 * max(1.0, float(np.abs(speeds[-1]).max())):
             return (
-                f"the speed that {model.owners[int(jump.argmax())]!r} prescribes jumps at {moment:g} s, and Python "
-                "code computes velocities after a jump"
+                f"the speed that {model.owners[int(jump.argmax())]!r} prescribes jumps at {moment:g} s; velocities "
+                "after a jump require Python code"
             )
     return ""
 

@@ -276,7 +276,7 @@ class PhaseMotion:
         return IntegrationError(
             f"the clock stands still, or nearly still, at the node {values}: at t = {times[worst]:.6g} s, "
             f"{phase / (2 * np.pi):.3g} turns from the start, its rate is {rates[worst]:.3g} rad/s"
-            + (f", {share[worst]:.2g} of the mean one" if phase > SETTLED else "")
+            + (f" ({share[worst]:.2g} times the mean rate)" if phase > SETTLED else "")
         )
 
     def _smooth(self, times: Array) -> float:

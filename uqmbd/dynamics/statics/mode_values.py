@@ -114,8 +114,8 @@ def _places(modes: Modes, value: ModeValue) -> tuple[NDArray[np.int64], list[str
     reasons = [
         ""
         if n >= value.number
-        else f"it has no {WORDS[value.quantity]} {value.number}: {n} of its modes oscillate; rigid-body modes, and "
-        "modes that decay or grow without oscillation, have no number"
+        else f"the mechanism has no {WORDS[value.quantity]} {value.number}: {n} of its modes oscillate; rigid-body "
+        "modes, and modes that decay or grow without oscillation, have no number"
         + (f"; {g} of its modes grow without oscillation, so that it is unstable there" if g else "")
         for n, g in zip(known.tolist(), growing.tolist(), strict=True)
     ]

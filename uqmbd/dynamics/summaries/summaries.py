@@ -393,7 +393,9 @@ def _resolve(
     if not members.size:  # all realisations have failed without a motion
         return
     if trajectories.path is None:
-        raise ValueError("trajectories without a path: integrate(..., between=True)")
+        raise ValueError(
+            "the trajectories contain no motion between output times; expected those of integrate(..., between=True)"
+        )
     table = part_table(outputs, trajectories.rtol, needs)
     around = None if domain.parts is None else part_table(domain.parts, trajectories.rtol, domain.needs)
     for k in range(0, len(members), AT_ONCE):

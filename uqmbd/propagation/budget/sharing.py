@@ -54,7 +54,11 @@ class BudgetTerms:
     @property
     def bounds(self) -> str:
         """Describe the budget; empty if there is none."""
-        return "" if self.budget is None else f"their realisations are not part of the budget of {self.budget.words}"
+        return (
+            ""
+            if self.budget is None
+            else (f"realisations of the curves of error against cost are not part of the budget of {self.budget.words}")
+        )
 
     @property
     def requested_as_stored(self) -> dict[str, Any]:
@@ -189,7 +193,7 @@ class BudgetedRun:
                     f"{spent}. Use a larger budget."
                 ) from None
             found = self._stated(node, "moments")
-            words = f"no adjustable size; with the given options, the stated error is {found.words}"
+            words = f"the method has no adjustable size; with the given options, the stated error is {found.words}"
             self.about[label] = {"sized": False, "stated": found.value, "summary": words}
             self.about[label]["seconds"] = self.terms.clock() - begin
             node.attrs["budget_summary"] = words
@@ -270,7 +274,7 @@ class BudgetedRun:
             count = one.sizing.largest(needed)
             text += f"; {format_percent(one.accuracy, 'no error')} needs about {one.sizing.option}={count}"
         text += (
-            f"; the next size is {size}, {one.cost(size)} realisations, about "
+            f"; the next size is {size}: {one.cost(size)} realisations, about "
             f"{format_duration(one.seconds(size), rough=True)}"
         )
         if one.sizing.falls == "root" and math.isfinite(last.accuracy):

@@ -328,7 +328,7 @@ class Sized:
         last = self.stages[-1]
         rtol = float(getattr(self.study, "rtol", 0.0))
         if last.accuracy < INTEGRATION * rtol:
-            self.problem = f"the error is about as large as the integration error, rtol {rtol:g}"
+            self.problem = f"the error is about as large as the integration error (rtol={rtol:g})"
             return None
         if len(self.stages) > 2 and last.accuracy > STALLED[self.accuracy is not None] * self.stages[-3].accuracy:
             self.problem = f"the stated error hardly decreases with a higher {self.sizing.option}"

@@ -103,7 +103,7 @@ def refuse_workers_of_workers() -> None:
     if isinstance(sys.modules.get("__main__"), _Deferred):
         raise StudyError(
             "A worker process cannot start further workers. A module must start studies only when it runs as the main "
-            'script: put that line under if __name__ == "__main__":'
+            'script: put the line that starts the study under if __name__ == "__main__":'
         )
 
 
