@@ -208,8 +208,8 @@ def test_a_coupled_system_explains_its_realisations(make_chaos, capsys, tmp_path
     show_summary(tree, files={})
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     for text in (" ".join(capsys.readouterr().out.split()), page):
-        assert text.count("together integrates a system of 24 unknowns instead of single realisations. Its") == 1
+        assert text.count("together integrates a system of 24 unknowns instead of single realisations. The") == 1
         assert (
-            "realisations are the nodes of this system, and separate verification" in text
+            "realisations of this method are the nodes of this system, and separate verification" in text
             and "apart integrates" not in text
         )

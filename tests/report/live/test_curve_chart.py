@@ -63,9 +63,9 @@ def test_peaks_of_each_of_many_times_are_kept():
 @pytest.mark.parametrize(
     ("times", "curves", "told"),
     [
-        ([0.0], [Curve("a", [1.0])], "times of shape (1,); expected two or more"),
-        ([0.0, 0.0], [Curve("a", [1.0, 2.0])], "expected two or more, finite and increasing"),
-        ([0.0, np.nan], [Curve("a", [1.0, 2.0])], "finite and increasing"),
+        ([0.0], [Curve("a", [1.0])], "times have the shape (1,); expected two or more"),
+        ([0.0, 0.0], [Curve("a", [1.0, 2.0])], "expected two or more finite, increasing numbers"),
+        ([0.0, np.nan], [Curve("a", [1.0, 2.0])], "finite, increasing numbers"),
         ([0.0, 1.0], [], "expected a sequence of one or more uqmbd.report.Curve"),
         ([0.0, 1.0], Curve("a", [1.0, 2.0]), "expected a sequence"),
         ([0.0, 1.0], [[1.0, 2.0]], "expected a sequence"),
@@ -246,13 +246,13 @@ def test_several_charts_have_axes_of_their_own():
     ("chart", "expected"),
     [
         (Chart("y", [1.0, 0.0], [Curve("a", [1, 2])], "t", across="x"), "do not decrease"),
-        (Chart("y", [0.0, 0.0], [Curve("a", [1, 2])], "t"), "increasing, in s"),
+        (Chart("y", [0.0, 0.0], [Curve("a", [1, 2])], "t"), "increasing numbers in s"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2, 3])], "t"), "as for times"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2], drawn="pie")], "t"), "line, points or bars"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", log=True), "two ends above zero"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(2.0, 1.0)), "two finite numbers that increase"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(1.0, 2.0, 3.0)), "two finite numbers"),
-        (Chart("y", [0.0, 0.1], [Curve("a", [1, 2], drawn="bars")], "t"), "bars along numbers; expected names"),
+        (Chart("y", [0.0, 0.1], [Curve("a", [1, 2], drawn="bars")], "t"), "bars, but its places are numbers; expected names"),
         (Chart("y", ["a", 2.0], [Curve("a", [1])], "t"), "names or numbers, not both"),
         (Chart("y", "ab", [Curve("a", [1, 2])], "t"), "expected a list of names"),
         (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], 3), "title is 3; expected a text"),

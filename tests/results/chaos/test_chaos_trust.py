@@ -139,10 +139,10 @@ def test_verdict_without_verification() -> None:
     words, constant = chaos.verdicts()
     assert words == (
         f"order 4 is not enough for slider_x after {TIMES[since]:g} s: {100 * share[worst]:.2g} % of the standard "
-        f"deviation in the top order at {TIMES[worst]:g} s, most of it in rate; raise the order"
+        f"deviation is in the terms of the highest order at {TIMES[worst]:g} s, mostly of rate; raise the order"
     )
     assert (
-        constant.startswith("$F_{pin}$: order 4 carries at most ")
+        constant.startswith("$F_{pin}$: the terms of order 4 contribute at most ")
         and "only verification realisations can prove it" in constant
     )
     # a tensor set of order 4 has total degrees up to 8; its order is 4 all the same

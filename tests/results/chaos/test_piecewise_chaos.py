@@ -144,7 +144,7 @@ def test_stated_error():
     assert chaos.verification_error("y", 0.0) == pytest.approx(merged)
     assert chaos.horizon(expected * 2) == {"y": None}
     bare = pieces(function, boxes, 1)
-    assert "top order carries" in bare.verdicts()[0]
+    assert "terms of the highest order contribute" in bare.verdicts()[0]
     with pytest.raises(uqmbd.StudyError, match="no verification realisations"):
         bare.verification_error()
 

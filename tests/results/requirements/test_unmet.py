@@ -46,5 +46,5 @@ def test_the_verdict_follows_the_intervals_of_methods_that_know(
     assert ("is not known to be met" in sentence) == (not violated)
     # a requirement that one method confirms is reported with this method
     confirmed = [name for name, (_, high) in zip(known_methods, ends, strict=True) if high <= allowed]
-    assert ("It is met by" in sentence) == bool(confirmed)
-    assert all(f"{name}, " in sentence.partition("It is met by")[2] for name in confirmed)
+    assert ("is met according to" in sentence) == bool(confirmed)
+    assert all(f"{name}, " in sentence.partition("is met according to")[2] for name in confirmed)

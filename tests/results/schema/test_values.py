@@ -318,7 +318,7 @@ def test_intervals_may_have_their_dimensions_in_any_order(inputs: int) -> None:
         StudyError, match=rf"sobol_first_interval: found .* at input i{inputs - 1}, output x.* 0.4 and 0.3"
     ):
         check_values(given.assign(sobol_first_interval=(dims, data)), "statistics")
-    with pytest.raises(StudyError, match="expected one that is called 'bound', of size 2"):
+    with pytest.raises(StudyError, match="expected a dimension 'bound' of size 2"):
         check_values(given.assign(sobol_first_interval=(dims[:3], data[..., 0])), "statistics")
 
 

@@ -40,10 +40,13 @@ def checked(
     numbers = moments.ndim == 1 and bool(np.isfinite(moments).all())
     if axis and not (numbers and len(moments) > 0 and np.all(np.diff(moments) >= 0)):
         raise StudyError(
-            f"{where}: places of shape {moments.shape} along {axis!r}; expected numbers that do not decrease, or names."
+            f"{where}: the places along {axis!r} have the shape {moments.shape}; expected numbers that do not "
+            "decrease, or names."
         )
     if not axis and not (numbers and len(moments) > 1 and np.all(np.diff(moments) > 0)):
-        raise StudyError(f"{where}: times of shape {moments.shape}; expected two or more, finite and increasing, in s.")
+        raise StudyError(
+            f"{where}: times have the shape {moments.shape}; expected two or more finite, increasing numbers in s."
+        )
     if isinstance(given, Curve) or not len(given) or not all(isinstance(curve, Curve) for curve in given):
         raise StudyError(f"{where}: curves is {given!r:.80}; expected a sequence of one or more uqmbd.report.Curve.")
 
@@ -67,8 +70,8 @@ def checked(
             )
         if curve.drawn == "bars" and not categories:
             raise StudyError(
-                f"{where}: curve {curve.name!r} is drawn as bars along numbers; expected names as the places of a "
-                "uqmbd.report.Chart, or a curve of points."
+                f"{where}: curve {curve.name!r} is drawn as bars, but its places are numbers; expected names as the "
+                "places of a uqmbd.report.Chart, or a curve of points."
             )
         if len(curve.bands) > 2:
             raise StudyError(f"{where}: curve {curve.name!r} has {len(curve.bands)} bands; expected at most two.")

@@ -195,7 +195,7 @@ def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
     spans = tuple(
         Span("small standard deviation", runs) for runs in [_quiet_runs(times, found.meaningful)] if len(runs)
     )
-    heading = f"of germs, as inputs are dependent: {OF_GERMS}" if found.of_germs else ""
+    heading = f"of germs, because the inputs are dependent: {OF_GERMS}" if found.of_germs else ""
     ends = min(0.0, 1.02 * float(reach.min())), max(1.0, 1.02 * float(reach.max()))
     highest = 1.08 * float(std.max())
     spread = [Curve("", std, quantity="", look=Look("ink", (), 1.3))]

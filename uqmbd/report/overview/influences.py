@@ -55,11 +55,11 @@ class Influences:
         # interactions are certain only if the excess is larger than the sum of the widths of the 95 % intervals
         if total - 1 <= sum(high - low for low, high in self.intervals):
             return (
-                f"They add up to {format_share(total)}; the excess over 100 % is within their sampling errors. Solid: "
-                "the first-order index."
+                f"The total indices add up to {format_share(total)}; the excess over 100 % is within their sampling "
+                "errors. Solid: the first-order index."
             )
         return (
-            f"They add up to {format_share(total)}, because interactions count for each input involved. "
+            f"The total indices add up to {format_share(total)}, because interactions count for each input involved. "
             "Solid: the first-order index."
         )
 

@@ -91,9 +91,10 @@ def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> 
         widths = [(one.upper - one.lower) / 2 for one in found.values()]
         width = 2 * max(widths)
         words = (
-            f"Halved: probability of violation if the standard deviation of this input alone is halved; now it is "
-            f"{format_probability(now.probability, resolved_width(now.lower, now.upper))}. By samples of the surrogate "
-            f"of {label}; half-width of the 95 % intervals at most {format_probability(max(widths))}."
+            "Halved: probability of violation if the standard deviation of this input alone is halved; the present "
+            f"probability is {format_probability(now.probability, resolved_width(now.lower, now.upper))}. Computed "
+            f"from samples of the surrogate of {label}; the half-width of the 95 % intervals is at most "
+            f"{format_probability(max(widths))}."
         )
         # if no sample violates the requirement, the probability may still be positive: state the interval
         text = {

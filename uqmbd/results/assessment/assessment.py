@@ -400,7 +400,7 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
     if replicates_of(node):
         better += ", or more, because this sampling design often converges faster"
     if node.attrs.get("statistics_samples", math.inf) < node.attrs.get("realisations", 0):
-        better = "another method estimates it more accurately"
+        better = "another method estimates the standard deviation more accurately"
     subject = f"The stated error of {label}" if methods > 1 else "The stated error"
     of_which = f"of {one.output}, " if len(stated) > 1 else ""
     return (
@@ -425,7 +425,7 @@ def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
     inner = node.children.get("scalars", node)
     sampled = "samples" in node.children or "samples" in inner.children
     if sampled:
-        return (f"{one.output} has a {one.stated}: {_halving(node)} it.",)
+        return (f"{one.output} has a {one.stated}: {_halving(node)} this error.",)
     part = inner if one.timeless else node
     names = [str(name) for name in part.children["statistics"].to_dataset()["output"].values]
     needed = resort(own_error(part, rtol_of(node), dependence=False).words[names.index(one.output)][1])

@@ -27,11 +27,12 @@ def coupled_systems(nodes: Mapping[str, xr.DataTree]) -> str:
     if not found:
         return ""
     many = (
-        ("integrate systems", "Their", "these systems")
+        ("integrate systems", "these methods", "these systems")
         if len(found) > 1
-        else ("integrates a system", "Its", "this system")
+        else ("integrates a system", "this method", "this system")
     )
     return (
         f"{', '.join(found)} {many[0]} of {', '.join(map(format_integer, found.values()))} unknowns instead of single "
-        f"realisations. {many[1]} realisations are the nodes of {many[2]}, and separate verification realisations."
+        f"realisations. The realisations of {many[1]} are the nodes of {many[2]}, and separate verification "
+        "realisations."
     )

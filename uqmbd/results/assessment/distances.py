@@ -55,7 +55,11 @@ def distributions(
         "comparison_time": xr.DataArray(times[where], dims="comparison_time", attrs={"units": "s"}),
         "wasserstein": (dims, wasserstein, {"long_name": "Wasserstein distance"}),
         "ks": (dims, ks, {"long_name": "Kolmogorov-Smirnov distance"}),
-        "ks_by_chance": ("method", chance, {"long_name": "distance that equal distributions exceed at the level"}),
+        "ks_by_chance": (
+            "method",
+            chance,
+            {"long_name": "distance that samples of equal distributions exceed with the probability of the test level"},
+        ),
     }
 
 

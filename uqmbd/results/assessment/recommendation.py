@@ -167,12 +167,12 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     fit = [m for m in methods if m.kind in (AGREES, REFERENCE, NO_SPREAD) and not m.unknown]
     use: list[_RatedMethod] = []
     if not fit:
-        lead = "Use none: no method has all statistics at all times and agrees with the reference."
+        lead = "No method is recommended: none has all statistics at all times and agrees with the reference."
     elif fit == [base] and (poor := json.loads(str(comparison.attrs.get("reference_under_resolved", "[]")))):
         remedy = str(comparison.attrs.get("reference_remedy", "")).rstrip(".")
         lead = (
-            f"Use none: for {_joined(_few(poor), 'and')} the stated error of {base.label}, the reference{base.known}, "
-            f"is above {format_percent(COARSE)} of the standard deviation. {resort(remedy)}."
+            f"No method is recommended: for {_joined(_few(poor), 'and')} the stated error of {base.label}, the "
+            f"reference{base.known}, is above {format_percent(COARSE)} of the standard deviation. {resort(remedy)}."
         )
     elif fit == [base] and _only_samples_reach(methods, base, comparison):
         use, percent = [base], 100 * float(comparison.attrs["requested_accuracy"])
@@ -246,11 +246,11 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
     if any(m.kind == DIFFERS for m in methods) or holed:
         whole = " and has all statistics at all times" if holed else ""
         return (
-            f"No other method agrees with {base.label}, the reference{base.known}{whole}: do not rely on any of them "
-            "before you understand the reasons below."
+            f"No other method agrees with {base.label}, the reference{base.known}{whole}: do not rely on any of these "
+            "methods before you understand the reasons below."
         )
     lead = f"No other method is accurate enough to verify {base.label}, the reference"
-    rely = "use only this method, within its stated error"
+    rely = f"use only {base.label}, within its stated error"
     agreed = {m.label: tuple(one.output for one in m.found if one.kind == AGREES) for m in methods}
     checked = {name for names in agreed.values() for name in names}
     missing = [one for one in base.found if one.varies and one.output not in checked]
@@ -261,7 +261,8 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
         if names:
             on.setdefault(names, []).append(label)
     parts = [
-        f"{_joined(ms, 'and')} agree{'s' if len(ms) == 1 else ''} with it on {_joined(_few(list(names)), 'and')}"
+        f"{_joined(ms, 'and')} agree{'s' if len(ms) == 1 else ''} with {base.label} on "
+        f"{_joined(_few(list(names)), 'and')}"
         for names, ms in on.items()
     ]
     known = f" ({words})" if (words := largest_error(missing)) else ""
@@ -350,7 +351,7 @@ def _duration(seconds: float) -> str:
 def _other(method: _RatedMethod, base: _RatedMethod) -> str:
     one, which = worst(method.found)
     if one.kind in (AGREES, NO_SPREAD):
-        gaps = f"{method.gaps}; at the others it " if method.unknown else ""
+        gaps = f"{method.gaps}; at the other times it " if method.unknown else ""
         message = f"; {words}" if (words := largest_error(method.found)) else ""
         return f"{method.label} {gaps}agrees with {base.label}{message}."
     where = f" ({which})" if which else ""

@@ -148,7 +148,7 @@ def _verdict(
         f" (a difference of the standard deviation below {format_percent(within)} cannot be detected)" if within else ""
     )
     large = found.stated_at[o].max(initial=0.0) > (ROUGH if found.drawn else EXACT)
-    inside = " within that" if large else ""
+    inside = " within this error" if large else ""
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
 
 

@@ -210,7 +210,7 @@ def verification_of(data: xr.Dataset) -> dict[str, Any]:
 
 def box_variables(boxes: Sequence[GermBox], about: Mapping[str, str]) -> dict[str, Any]:
     """Return bounds (E, d) and probabilities (E,) of boxes as variables; `about`: attributes of the probabilities."""
-    note = "in the coordinates of the germs; an element contains its upper end, not its lower one"
+    note = "in the coordinates of the germs; an element includes its upper bound, but not its lower bound"
     ends = {
         name: (
             ("element", "input"),

@@ -249,7 +249,7 @@ class ComposedChaos(Surrogate):
                 "place": ("output", np.array(rows), {"long_name": "number of the output in the study"})
             }
             if not used.all():
-                about = {"long_name": "whether the output has the values of this part"}
+                about = {"long_name": "whether the surrogate uses this part for the output"}
                 more["used"] = (part.labels.dims, used.astype(np.int8), about)
             found[f"composed/{name}/{stored_as(part)}"] = part.to_dataset().assign(more)
         return found

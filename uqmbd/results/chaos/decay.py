@@ -126,11 +126,11 @@ def verdict_of_decay(
     at = "" if times is None else f" at {times[worst]:g} s"
     if share[worst] <= tolerance:
         return (
-            f"{name}: order {order} carries {format_at_most(float(share[worst]), whole)}{at}: this "
+            f"{name}: the terms of order {order} contribute {format_at_most(float(share[worst]), whole)}{at}. This "
             "indicates that the order is sufficient, but only verification realisations can prove it"
         )
     by_germ = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]
-    where = f"{amount} in the top order{at}, most of it in {germs[int(np.argmax(by_germ))]}"
+    where = f"{amount} is in the terms of the highest order{at}, mostly of {germs[int(np.argmax(by_germ))]}"
     if times is None:
         return f"order {order} is not enough for {name}: {where}; raise the order"
     fine = np.flatnonzero(share <= tolerance)

@@ -229,7 +229,7 @@ class PiecewiseChaos(Surrogate):
             self._weighted(energy_of_germs),
             self._constant,
             energy_note="sum of squared coefficients, averaged over the elements",
-            rate_note="within the elements; decades of the remaining standard deviation per order",
+            rate_note="decrease within the elements, in decades of the remaining standard deviation per order",
         )
 
     @property
@@ -255,14 +255,15 @@ class PiecewiseChaos(Surrogate):
             "long_name": "coefficients of the orthonormal polynomials of each element",
             "comment": "in the units of the outputs; 0 where an element does not have a term",
         }
-        has_term = {"long_name": "whether an element has a term", "comment": "1: it has"}
+        has_term = {"long_name": "whether an element has a term", "comment": "1: yes, 0: no"}
         found = {
             "coefficients": (("element", "term", *self.labels.dims), self.coefficients, about),
             "has_term": (("element", "term"), self.has_term.astype(np.int8), has_term),
         }
         if stated:
             note = (
-                "root mean square at realisations in the element that no node uses, over the whole standard deviation"
+                "root mean square at realisations in the element that are not nodes, divided by the whole standard "
+                "deviation"
             )
             about = {"long_name": "stated error of the surrogate within the element", "comment": note}
             found["verification_error"] = (("element", *self.labels.dims), self.element_errors(), about)
@@ -295,9 +296,13 @@ class PiecewiseChaos(Surrogate):
         spread = reference_spread(self.std.reshape(shape))
         share = tops.reshape(shape) / divisor(spread)
         return tuple(
-            f"{output.name}: within the {len(self.elements)} elements the top order carries "
+            f"{output.name}: within the {len(self.elements)} elements, the terms of the highest order contribute "
             + format_at_most(float(np.fmax.reduce(row)), spread_words(exceeds_locally(row, std, np.fmax.reduce(row))))
-            + (f"; {self._remedy}" if np.any(row > tolerance) else ", no proof without verification realisations")
+            + (
+                f"; {self._remedy}"
+                if np.any(row > tolerance)
+                else "; only verification realisations can prove that the order is sufficient"
+            )
             for output, row, std in zip(self.labels.outputs, share, self.std.reshape(shape), strict=True)
         )
 

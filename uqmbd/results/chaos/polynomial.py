@@ -254,7 +254,7 @@ class PolynomialChaos(Surrogate):
             energy_of_germs(self.coefficients, self.multi_index),
             self._constant,
             energy_note="sum of squared coefficients",
-            rate_note="decades of the remaining standard deviation per order, fitted by least squares",
+            rate_note="decrease in decades of the remaining standard deviation per order, fitted by least squares",
         )
 
     def discontinuities(self) -> tuple[Discontinuity | None, ...]:
@@ -330,13 +330,14 @@ class PolynomialChaos(Surrogate):
     def _variables(self, stated: bool) -> dict[str, Any]:
         order = "column k belongs to germ k"
         if not self.space.independent:
-            order += ", which is not input k alone: inputs are dependent"
+            order += "; germ k is not input k, because the inputs are dependent"
         about = {"long_name": "coefficients of the orthonormal polynomials", "comment": "in the units of the outputs"}
         found = {"coefficients": (("term", *self.labels.dims), self.coefficients, about)}
         if stated:
             about = {
                 "long_name": "stated error of the surrogate",
-                "comment": "root mean square at weighted realisations that no node uses, over the standard deviation",
+                "comment": "root mean square at weighted realisations that are not nodes, divided by the standard "
+                "deviation",
             }
             found["verification_error"] = (self.labels.dims, self.verification_error(), about)
         return found | degrees(self.multi_index, order)

@@ -137,7 +137,7 @@ def requirements_dataset(
         if grid.ndim != 1 or not np.isfinite(grid).all():
             raise StudyError(f"times is {shown(times)}; expected finite times (T,).")
         check_shape("violated_by", over_time, (*shape, len(grid)), (*dims, "time"))
-        about = {"long_name": "probability of having been violated by a time", "units": "1"}
+        about = {"long_name": "probability of a violation up to each time", "units": "1"}
         data["violated_by"] = ((*dims, "time"), over_time, about)
         coords["time"] = ("time", grid, {"units": "s", "long_name": "time"})
     return xr.Dataset({**data, **(variables or {})}, coords=coords, attrs=dict(attrs or {}))

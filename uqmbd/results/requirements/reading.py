@@ -210,9 +210,9 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
                 verdict, end = "is not met", f"at least {format_probability(one.lower)}"
             fine = " and ".join(f"{x.method}, {x.words}" for x in met_by(known, probability))
             sentences.append(
-                f"requirement {name!r} {verdict}: it is violated with a probability "
-                f"of {end} by {one.method}, {one.words}; {format_probability(probability)} is allowed"
-                + (f". It is met by {fine}" if fine else "")
+                f"requirement {name!r} {verdict}: it is violated with a probability of {end} by {one.method}, "
+                f"{one.words}; the allowed probability is {format_probability(probability)}"
+                + (f". The requirement is met according to {fine}" if fine else "")
             )
     return sentences
 

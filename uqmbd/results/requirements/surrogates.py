@@ -100,14 +100,18 @@ def sampled_requirements(
     verification = 0 if at_end.verification_germs is None else len(at_end.verification_germs)
     about: dict[str, Any] = {"samples": count, "verification": verification, "failed": float(lost)}
     about["how"] = f"{count} samples of the surrogate" + (
-        f", whose error is that at {verification} verification realisations"
+        f", whose error is estimated at {verification} verification realisations"
         if verified
         else "; without verification realisations its error is unknown: use verify=16 or more"
     )
     if inaccurate:
         names = ", ".join(inaccurate)
-        about["how"] += f"; for {names} it is inaccurate, and only the signs of its margins are reliable"
-    near = (("requirement",), (most - least) / count, {"long_name": "share of samples that the error can move over"})
+        about["how"] += f"; for {names} the surrogate is inaccurate, and only the signs of its margins are reliable"
+    near = (
+        ("requirement",),
+        (most - least) / count,
+        {"long_name": "share of samples that the error can move across the limit"},
+    )
     return requirements_dataset(
         requirements,
         violation_probability=probability,

@@ -88,15 +88,18 @@ _LONG_NAMES = {
     "sobol_total": "total Sobol' index",
 }
 _COMMENTS = {
-    "std": "of independent samples root of the unbiased variance (divisor N - 1), of a sampling design with divisor N",
-    "variance": "of independent samples unbiased (divisor N - 1), of a sampling design with divisor N",
+    "std": "root of the variance, which has the divisor N - 1 for independent samples, and N for a sampling design",
+    "variance": "the divisor is N - 1 for independent samples (unbiased), and N for a sampling design",
     "skewness": "third standardised moment; 0 where the output does not vary",
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
     "quantile": "NaN where the method states no quantile",
     "quantile_error": "largest possible difference between the stated quantile and the quantile of all samples",
-    "quantile_interval": "by ranks of independent samples, or by replicates of a design; infinite with too few samples",
-    "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel, and for other outputs",
-    "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
+    "quantile_interval": "from ranks of independent samples, or from replicates of a design; infinite with too few "
+    "samples",
+    "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel, and for outputs without "
+    "angles",
+    "circular_std": "sqrt(-2 ln R) with the length R of the mean direction; for n samples at most about sqrt(ln n) "
+    "radians",
 }
 
 

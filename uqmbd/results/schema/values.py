@@ -281,7 +281,7 @@ def _ends(data: xr.Variable, where: str) -> tuple[xr.Variable, xr.Variable]:
     """Return the lower and the upper ends of intervals; raise StudyError without a dimension ``bound`` of size 2."""
     if data.sizes.get("bound") != 2:
         given = ", ".join(f"{dim}: {size}" for dim, size in data.sizes.items())
-        raise StudyError(f"{where}: found the dimensions ({given}); expected one that is called 'bound', of size 2.")
+        raise StudyError(f"{where}: found the dimensions ({given}); expected a dimension 'bound' of size 2.")
     return data.isel(bound=0), data.isel(bound=1)
 
 

@@ -114,7 +114,10 @@ def joined_outputs(
         statistics[name] = with_reasons(statistics[name], reasons)
     about = {"long_name": "share of realisations in which the event does not occur by the last time"}
     statistics["censored"] = ("output", np.array(shares), about)
-    about = {"long_name": "largest share in which it may not happen", "comment": "with 95 % confidence"}
+    about = {
+        "long_name": "upper limit of the share of realisations without the event",
+        "comment": "with 95 % confidence",
+    }
     statistics["censored_bound"] = ("output", np.array(bounds), about)
     parts = node_parts(main)
     parts["statistics"] = statistics

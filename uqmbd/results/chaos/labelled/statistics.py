@@ -61,26 +61,26 @@ def surrogate_statistics(
         for name in ("skewness", "kurtosis"):
             found[name].attrs |= {
                 "samples": shape_samples,
-                "comment": f"{found[name].attrs['comment']}; of {shape_samples} samples of the surrogate",
+                "comment": f"{found[name].attrs['comment']}; estimated from {shape_samples} samples of the surrogate",
             }
     if samples < requested:
         found["quantile"].attrs |= {
             "samples": samples,
-            "comment": f"of {samples} samples of the surrogate: its {terms} terms allow no more",
+            "comment": f"estimated from {samples} samples of the surrogate; its {terms} terms limit this number",
         }
     if of_germs is not None:
         names, first, total = of_germs
-        note = {"comment": "of germs: inputs depend on one another, so no share belongs to an input"}
+        note = {"comment": "index of a germ: the inputs are dependent, so shares cannot be attributed to inputs"}
         dims = ("germ", *labels.dims)
         found = found.assign(
             sobol_first_germ=(dims, first, {"long_name": "first-order Sobol' index"} | note),
             sobol_total_germ=(dims, total, {"long_name": "total Sobol' index"} | note),
         ).assign_coords(germ=("germ", fixed_width(names)))
     if stated is not None:
-        note = {"long_name": "stated error of the surrogate, over the standard deviation"}
+        note = {"long_name": "stated error of the surrogate, divided by the standard deviation"}
         about = {
-            "long_name": "factor by which the stated error may be off",
-            "comment": "two standard errors, from the scatter of the squared errors; above 2: raise verify",
+            "long_name": "factor by which the stated error may be wrong",
+            "comment": "from two standard errors of the mean squared error; if the factor exceeds 2, raise verify",
         }
         found = found.assign(
             verification_error=(labels.dims, stated[0], note),
