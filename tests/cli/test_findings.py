@@ -72,7 +72,7 @@ FAULTS = {
     "inertia": (
         "arm = m.body('arm', mass=1, inertia=1e3, position=(0.5, 0))\n"
         "m.add(Revolute('arm pivot', m.ground, arm, (0, 0), (-0.5, 0)))",
-        "note", "body 'arm' has a radius of gyration of 31.6 m, 63 times the extent of its known points, 0.5 m",
+        "note", "body 'arm' has a radius of gyration of 31.6 m, 63 times the extent of the points that are given for it, 0.5 m",
     ),
     "lengths": (
         "beam = m.body('beam', mass=1, inertia=1, position=(2e4, 0))\n"

@@ -79,9 +79,9 @@ def test_shapes_that_do_not_fit_are_refused():
         ("found", np.zeros((5, 1, 8))[..., ::2], "do not fit into the array"),
         ("rows", np.arange(1, 6), "were given rows"),
         ("rows", np.arange(4), "were given rows"),
-        ("lattice", np.ones((3, 1), dtype=np.int64), "samples of 2 frequencies were given"),
-        ("amplitudes", np.ones((5, 1, 2), dtype=complex), "samples of 2 frequencies were given"),
-        ("drifts", np.ones((5, 2)), "constants and drifts"),
+        ("lattice", np.ones((3, 1), dtype=np.int64), "lattice has the shape"),
+        ("amplitudes", np.ones((5, 1, 2), dtype=complex), "amplitudes have the shape"),
+        ("drifts", np.ones((5, 2)), "drifts have the shape"),
     ):
         with pytest.raises(ValueError, match=message):
             sum_harmonics(**{**numbers, name: wrong})

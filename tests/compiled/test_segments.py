@@ -80,7 +80,7 @@ def test_samples_without_edges_have_no_values():
 
 def test_shapes_that_do_not_fit_are_refused():
     table = SegmentTable.of(np.zeros((2, 4)), np.zeros((2, 3, 1, 4)))
-    with pytest.raises(ValueError, match="were given edges"):
+    with pytest.raises(ValueError, match="edges have the shape"):
         SegmentTable.of(np.zeros((2, 3)), np.zeros((2, 3, 1, 4)))
     with pytest.raises(ValueError, match="the basis has the shape"):
         table.edges_at(np.zeros((5, 3)))

@@ -125,7 +125,9 @@ def test_turns_that_a_follower_hides_are_reported(space, follower):
         assert not said
     else:
         assert len(said) == 1
-        assert "driver 'd1' starts at 4 rad, more than half a turn from the given pose, -2.283 rad" in said[0]
+        assert (
+            "driver 'd1' starts at 4 rad, more than half a turn from the angle of the given pose, -2.283 rad" in said[0]
+        )
         assert "State j0.angle as well, which the driver follows" in said[0]
 
 

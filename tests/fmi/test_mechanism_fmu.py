@@ -565,7 +565,7 @@ REFUSED = {
         {},
         "a table over time whose argument depends on random variables",
     ),
-    "force of an impact": (lambda: bouncing(force=True), {}, "outputs contain accelerations or reactions"),
+    "force of an impact": (lambda: bouncing(force=True), {}, "outputs that contain accelerations or reactions"),
     "state of a controller": (
         lambda: controlled(state=True),
         {},
@@ -601,7 +601,9 @@ def test_tables_with_many_knots_are_refused_beforehand():
 
 
 def test_the_refusal_is_known_beforehand():
-    assert "outputs contain accelerations" in motion_refusal(bouncing(force=True)) and motion_refusal(rotor()) == ""
+    assert (
+        "outputs that contain accelerations" in motion_refusal(bouncing(force=True)) and motion_refusal(rotor()) == ""
+    )
 
 
 def test_the_joint_distribution_travels_with_the_mechanism(tmp_path):

@@ -33,7 +33,7 @@ def bound(terms, space=None, **body):
         (lambda p: sympy.sin(p.body.velocity[0]), "not linear in the velocities"),
         (lambda p: p.body.velocity[0] * p.body.angular_velocity[0], "not linear in the velocities"),
         (lambda p: p.rate_of(p.body.velocity[0]) + p.body.velocity[1], "contains the rate of a velocity"),
-        (lambda p: sympy.floor(p.body.position[0]) * p.body.velocity[0], "has no derivative"),
+        (lambda p: sympy.floor(p.body.position[0]) * p.body.velocity[0], "derivative of floor cannot be computed"),
     ],
 )
 def test_what_is_no_equation_between_velocities_is_refused(equation, message):
@@ -41,7 +41,7 @@ def test_what_is_no_equation_between_velocities_is_refused(equation, message):
     with pytest.raises(uqmbd.StudyError, match=message) as error:
         uqmbd.check(mechanism)
     assert "_v" not in str(error.value), "names that nobody but the program knows"
-    assert "has no derivative" in message or "'blade'" in str(error.value)
+    assert "cannot be computed" in message or "'blade'" in str(error.value)
 
 
 def test_what_is_linear_after_expansion_is_taken():

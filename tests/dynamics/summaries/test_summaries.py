@@ -394,7 +394,7 @@ def test_a_motion_that_no_number_of_times_resolves_is_reported(stages, monkeypat
     monkeypatch.setattr(Stages, "integrate", drawn)
     model, values = build_observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
     with pytest.warns(
-        UserWarning, match="'oscillator'.*not resolved, in 2 of 2.*16384 further times.*another integrator"
+        UserWarning, match="'oscillator'.*not resolved in 2 of 2.*16384 further times.*another integrator"
     ):
         integrate(Ensemble(model, values), np.array([0.0, 1.0]), 1e-6, "stages", between=True)
 

@@ -252,7 +252,10 @@ def test_several_charts_have_axes_of_their_own():
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", log=True), "two ends above zero"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(2.0, 1.0)), "two finite numbers that increase"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(1.0, 2.0, 3.0)), "two finite numbers"),
-        (Chart("y", [0.0, 0.1], [Curve("a", [1, 2], drawn="bars")], "t"), "bars, but its places are numbers; expected names"),
+        (
+            Chart("y", [0.0, 0.1], [Curve("a", [1, 2], drawn="bars")], "t"),
+            "bars, but its places are numbers; expected names",
+        ),
         (Chart("y", ["a", 2.0], [Curve("a", [1])], "t"), "names or numbers, not both"),
         (Chart("y", "ab", [Curve("a", [1, 2])], "t"), "expected a list of names"),
         (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], 3), "title is 3; expected a text"),

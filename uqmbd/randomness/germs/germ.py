@@ -154,7 +154,9 @@ class Germ:
         elif self.family == "laguerre":
             values = scipy.special.gammaincinv(*self.parameters, np.minimum(uniform, LARGEST))
         elif self.table is None:
-            raise StudyError(f"The quantile function of {self.name!r} was not stored.")
+            raise StudyError(
+                f"The quantile function of {self.name!r} was not stored. Build the GermSpace from the study again."
+            )
         elif self.family == "discrete":
             chosen = np.searchsorted(self.table[0], uniform, side="right")
             values = self.table[1][np.minimum(chosen, self.table.shape[1] - 1)]

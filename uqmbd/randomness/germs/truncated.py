@@ -65,7 +65,9 @@ def cumulated(germ: Germ, x: ArrayLike) -> Array:
     elif germ.family == "laguerre":
         found = scipy.special.gammainc(*germ.parameters, inside)
     elif germ.table is None:
-        raise StudyError(f"The quantile function of {germ.name!r} was not stored.")
+        raise StudyError(
+            f"The quantile function of {germ.name!r} was not stored. Build the GermSpace from the study again."
+        )
     elif germ.family == "discrete":
         below = np.searchsorted(germ.table[1], points, side="right")
         found = np.r_[0.0, germ.table[0]][below]

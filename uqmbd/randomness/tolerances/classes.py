@@ -214,7 +214,7 @@ def deviations(where: str, size: float, tolerance_class: str) -> tuple[float, fl
 def _upper_of_hole(where: str, name: str, number: int, row: int, found: int) -> float:
     """Return the upper deviation of holes K to ZC, corrected by the difference of the standard tolerances."""
     if number < CORRECTED.start:
-        raise _none(where, f"of grades below {CORRECTED.start}, because no correction is tabulated")
+        raise _none(where, f"for grades below {CORRECTED.start}, because no correction is tabulated")
     up_to = 8 if name in "kmn" else 7
     if row == 0:  # sizes up to 3 mm are not corrected
         return -found
@@ -224,7 +224,7 @@ def _upper_of_hole(where: str, name: str, number: int, row: int, found: int) -> 
         column = GRADES.index(str(number))
         return STANDARD[row][column] - STANDARD[row][column - 1] - found
     if name == "k":
-        raise _none(where, "of grades above 8 for sizes above 3 mm")
+        raise _none(where, "for grades above 8 and sizes above 3 mm")
     return 0 if name == "n" else -found
 
 

@@ -134,7 +134,7 @@ def tolerance(
             f"if it is {above:.12g}, use the middle of the limits as the nominal size: "
             f"tolerance({(nominal + (plus - minus) / 2):.12g}, {(plus + minus) / 2:.12g}, {(plus + minus) / 2:.12g})"
             if plus > -minus
-            else "the upper limit must be above it"
+            else f"a lower limit of {above:.12g} requires an upper limit above it"
         )
         raise StudyError(
             f"{where}: minus is {minus:g}, but minus is the distance of the lower limit below the nominal size. If "
