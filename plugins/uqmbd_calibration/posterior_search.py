@@ -182,9 +182,9 @@ def _check_reach(prior: Posterior, seed: int) -> None:
                 raise uqmbd.StudyError(
                     f"calibrate: record {block.record!r}, output {block.output!r}: the value {at} is "
                     f"{block.values[worst]:g}, but the results of the study are between {low[worst]:g} and "
-                    f"{high[worst]:g}. The distance is {away[worst]:.2g} standard deviations of the noise, for which "
-                    "the likelihood cannot be computed in 64 bits. Replace a wrong value by nan, state a larger noise, "
-                    "or use noise='student' for records with outliers."
+                    f"{high[worst]:g}. The distance is {away[worst]:.2g} standard deviations of the noise, which is "
+                    "too large for a likelihood in 64 bits. Replace a wrong value by nan, state a larger noise, or use "
+                    "noise='student' for records with outliers."
                 )
 
 

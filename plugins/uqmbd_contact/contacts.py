@@ -39,7 +39,7 @@ class _Contact(uqmbd.extend.TypedComponent):
         "1", "exponent of hunt-crossley", default=sympy.Rational(3, 2), minimum=0, exclusive=True
     )
     damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
-        "s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0, minimum=0
+        "s/m, N s/m", "damping of the law: D of hunt-crossley, c of kelvin-voigt", default=0, minimum=0
     )
     friction: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "1", "coefficient of friction", default=0, minimum=0, dimensions=2

@@ -103,7 +103,7 @@ class OnRoad(uqmbd.extend.TypedComponent):
     body_j: uqmbd.extend.NamedFrame
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
     road: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
-        "m", "height of the road over uqmbd_contact.distance", kind="option", example=BUMP
+        "m", "height of the road, a function of uqmbd_contact.distance", kind="option", example=BUMP
     )
 
     def prepare(self) -> dict[str, Any]:

@@ -220,7 +220,7 @@ def _key(halves: Array) -> Key:
 
 
 def _hashed(key: Key, time: float, row: bytes) -> Key:
-    """Return the hash of a history and its next sample; it is never that of the start."""
+    """Return the hash of a history and its next sample, which never equals the hash of the start."""
     digest = hashlib.blake2b(struct.pack("qqd", *key, time) + row, digest_size=8).digest()
     number = int.from_bytes(digest, "little")
     return number % HALF, max(1, (number // HALF) % HALF)

@@ -267,7 +267,7 @@ def _part_row(tables: SourceTables, part: Any, sizes: _Sizes) -> str:
 
 
 def _box_bounds(tables: SourceTables, box: GermBox) -> str:
-    """Return the bounds of a box; ends at those of the support are infinite, because rounding may pass them."""
+    """Return the bounds of a box; a bound at an end of the support becomes infinite, because rounding may pass it."""
     low = [-np.inf if x <= g.bounds[0] else x for x, g in zip(box.lower, box.space.germs, strict=True)]
     high = [np.inf if x >= g.bounds[1] else x for x, g in zip(box.upper, box.space.germs, strict=True)]
     return f"{tables.doubles(low)}, {tables.doubles(high)}"

@@ -52,8 +52,8 @@ class Gear(uqmbd.Component):
         for x in "ij":
             if self.attached[f"body_{x}"] is self.attached["carrier"]:
                 raise uqmbd.StudyError(
-                    f"body_{x} is the ground, and so is the carrier: body_{x} does not turn relative to it, so the "
-                    "other gear could not turn; give carrier=, the body that holds the axes of the gears."
+                    f"body_{x} and the carrier are both the ground: body_{x} cannot turn relative to the carrier, so "
+                    "the other gear could not turn either; give carrier=, the body that holds the axes of the gears."
                 )
         return {f"drawn_{x}": self.drawn_quaternion("carrier", f"body_{x}") for x in "ij"}
 
@@ -90,7 +90,7 @@ class RackAndPinion(uqmbd.Component):
         "1", "axis of the pinion, frame of body j (omit it in planar space)", kind="turning_axis", body="body_j"
     )
     radius = uqmbd.Parameter(
-        "m", "advance per radian; negative where a positive turn moves the pinion backwards", about="point_j"
+        "m", "advance per radian; negative if a positive turn moves the pinion backwards", about="point_j"
     )
 
     if TYPE_CHECKING:

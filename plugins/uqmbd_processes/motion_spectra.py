@@ -156,7 +156,7 @@ def _order_amplitude(motion: MotionPolynomials, numerator: float, denominator: f
     if whole < denominator:
         return (
             f"the angle completes {turns:.4g} turns; the order {numerator / denominator:g} needs at least "
-            f"{denominator:g}"
+            f"{denominator:g} turns"
         )
     target = angle[0] + 2 * math.pi * whole
     stop = end if target >= angle[-1] else _time_of(motion, target, begin, end)
@@ -265,8 +265,9 @@ def estimated_psd(
         hertz = float(frequency) / unit
         if hertz * segment < 2 * (1 - SLACK):
             raise uqmbd.StudyError(
-                f"{where}: the frequency {frequency:g} {per} is below two per segment of {segment:g} s, which the "
-                f"window does not resolve; expected at least {2 * unit / segment:.4g} {per}, or use a longer segment=."
+                f"{where}: the frequency {frequency:g} {per} has fewer than two periods in a segment of {segment:g} s, "
+                f"so the window does not resolve it; expected at least {2 * unit / segment:.4g} {per}, or use a longer "
+                "segment=."
             )
         found.append(_estimated_psd(expression, hertz, float(segment), begin, scale))
     if single:

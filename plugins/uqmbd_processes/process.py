@@ -350,9 +350,7 @@ class RandomProcess:
             )
         numbers = [isinstance(x, (int, float, np.number)) and math.isfinite(x) for x in point]
         if not point or not all(numbers) or self.point:
-            raise uqmbd.StudyError(
-                f"{where}: the argument of at() is {point!r}; expected the finite coordinates of one point."
-            )
+            raise uqmbd.StudyError(f"{where}: at() has the argument {point!r}; expected finite coordinates of a point.")
         text = ", ".join(f"{x:g}" for x in point)
         where_at = tuple(float(x) for x in point)
         return replace(self, name=f"{self.name} at {text}", point=where_at, field=self.name)

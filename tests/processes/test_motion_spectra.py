@@ -178,7 +178,10 @@ def test_a_monotone_motion_is_a_half_cycle_and_edges_are_closed():
     [
         (lambda x: estimated_psd(x, 1.0, segment=0), "segment is 0"),
         (lambda x: estimated_psd(x, [1.0, -1], segment=5), "frequency is -1"),
-        (lambda x: estimated_psd(x, 0.3, segment=5), "0.3 Hz is below two per segment of 5 s.*at least 0.4 Hz"),
+        (
+            lambda x: estimated_psd(x, 0.3, segment=5),
+            "0.3 Hz has fewer than two periods in a segment of 5 s.*at least 0.4 Hz",
+        ),
         (lambda x: estimated_psd(x, 1.0, segment=5, sided="both"), "sided is 'both'"),
         (lambda x: estimated_psd(x, 1.0, segment=5, per="s"), "per='s'"),
         (lambda x: estimated_psd(x, 1.0, segment=5, skip=-1), "skip is -1"),

@@ -74,9 +74,9 @@ def _client(distributed: Any, where: str, scheduler: Any) -> Any:
         return distributed.Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise StudyError(
-            f"--dask {where}: no Dask scheduler answers there ({type(error).__name__}). Expected an address such as "
-            "tcp://host:8786, as `dask scheduler` prints it, the file that `dask scheduler --scheduler-file` writes, "
-            f"or one of {', '.join(sorted(STARTED_HERE))}."
+            f"--dask {where}: no Dask scheduler answers at this address ({type(error).__name__}). Expected an address "
+            "such as tcp://host:8786, as `dask scheduler` prints it, the file that `dask scheduler --scheduler-file` "
+            f"writes, or one of {', '.join(sorted(STARTED_HERE))}."
         ) from error
 
 

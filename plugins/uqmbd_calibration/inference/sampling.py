@@ -157,7 +157,7 @@ def _starts(density: Callable[[Array], Array], generator: np.random.Generator, c
         width *= 0.7
     raise uqmbd.IntegrationError(
         "calibrate: the posterior density is zero nearly everywhere around its maximum. Check the supports of the "
-        "input distributions, and realisations near their limits."
+        "input distributions, and realisations near the limits of these supports."
     )
 
 

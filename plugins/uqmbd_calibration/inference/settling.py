@@ -58,7 +58,7 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class _Computed:
-    """Realisations of the cases at a vector, minus the log-density there, and the most probable noise levels."""
+    """Realisations of the cases at a vector, and the negative log-density and most probable noise levels there."""
 
     vector: Array
     real: list[list[Array]]

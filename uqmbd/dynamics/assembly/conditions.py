@@ -223,7 +223,7 @@ class _ConditionSearch:
                 other = f", or contradicts the start condition {' or '.join(others)}" if others else ""
                 why = (
                     f"The stated value may be out of reach{other}. Draw the bodies closer to the stated value; the "
-                    "assembly follows angles over about 150 turns."
+                    "assembly finds angles up to about 150 turns away."
                 )
             found.append(
                 f"start condition {self.conditions.names[self.which[worst]]} is not met: its left side minus its right "

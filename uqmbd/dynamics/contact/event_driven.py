@@ -183,8 +183,8 @@ class EventDrivenMotion:
             if deep := self.bodies[gaps[row] < -DEEP * self.length[m]].tolist():
                 name, gap = self.model.events[deep[0]][0], gaps[row, self.bodies == deep[0]][0]
                 self.messages[m] = (
-                    f"{name!r}: the bodies overlap by {-gap:.3g} m at the start; change the given poses until they "
-                    "touch or have a gap"
+                    f"{name!r}: the bodies overlap by {-gap:.3g} m at the start; change the given poses until the "
+                    "bodies touch or have a gap"
                 )
                 self.run.result[m] = np.nan
                 continue

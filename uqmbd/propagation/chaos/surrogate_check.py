@@ -68,8 +68,8 @@ def warn_of_surrogates(
         std = over_time(statistics["std"].values)
         whole = spread_words(timed and exceeds_locally(error[bad], std[bad], np.full(len(bad), COARSE)).any())
         warnings.warn(
-            f"{label}: the stated error{of} exceeds {COARSE:.0%} of {whole}: "
-            f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed, names, wrong)}",
+            f"{label}: the stated error{of} exceeds {COARSE:.0%} of {whole}: {_listed(found)}. Do not rely on these "
+            f"statistics. {_remedy(node, timed, names, wrong)}",
             SurrogateWarning,
             stacklevel=5,
         )
@@ -77,7 +77,7 @@ def warn_of_surrogates(
     if found := [_words(name, away[k], outside[k], times) for k, name in enumerate(names) if outside[k].any()]:
         warnings.warn(
             f"{label}: the mean{of} is outside the range of the realisations, relative to the standard deviation: "
-            f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed, names, outside)}",
+            f"{_listed(found)}. Do not rely on these statistics. {_remedy(node, timed, names, outside)}",
             SurrogateWarning,
             stacklevel=5,
         )
