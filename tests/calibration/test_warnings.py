@@ -47,7 +47,7 @@ def test_all_maxima_have_draws():
 def test_a_maximum_that_no_draws_are_about_is_reported():
     """A limit of the realisations leaves none for a second surrogate."""
     found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 3.0, 0.01, realisations=100)
-    assert "1 further maxima of the posterior contain about 50 % of the probability, but the sampled draws" in said
+    assert "1 further maxima of the posterior contain about 50 % of the probability. The sampled draws" in said
     assert found.checks["unsampled"] == pytest.approx([0.5], abs=0.02)
     assert "of the probability, but the sampled draws contain less than a fifth" in str(found)
 

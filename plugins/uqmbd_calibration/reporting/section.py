@@ -142,8 +142,8 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
         )
     if others := checks.get("unsampled", []):
         sentences.append(
-            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of the probability, "
-            "but the sampled draws contain less than a fifth of the number expected near these maxima."
+            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of the probability. "
+            "The sampled draws contain less than a fifth of the number expected near these maxima."
         )
     sentences += [
         f"The posterior mean of {one['input']} is {abs(one['deviations']):.1f} prior standard deviations from the "

@@ -94,7 +94,7 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
     if others := checks["unsampled"]:
         sentences.append(
             f"{len(others)} further maxima of the posterior contain about {100 * sum(others):.0f} % of the "
-            "probability, but the sampled draws contain less than a fifth of the number expected near these maxima. "
+            "probability. The sampled draws contain less than a fifth of the number expected near these maxima. "
             "Increase realisations"
         )
     if checks["unseen"]:
