@@ -14,7 +14,7 @@ from pathlib import Path
 
 import uqmbd
 
-__all__ = ["Compiler", "Platform", "compile_library", "find_compiler", "host", "WINDOWS", "zig"]
+__all__ = ["Compiler", "Platform", "check_compilers", "compile_library", "find_compiler", "host", "WINDOWS", "zig"]
 
 FLAGS = ("-std=gnu11", "-O2", "-fvisibility=hidden", "-ffp-contract=off", "-Wall", "-Wextra", "-shared")
 """Flags of all compilers; without contraction of products and sums, results do not depend on the processor."""
@@ -87,6 +87,14 @@ def find_compiler(name: str | None = None) -> Compiler | None:
         return found
     given = os.environ.get("CC", "").strip()
     return next((c for n in (given, *NAMES) if n and (c := _program(n))), None) or zig()
+
+
+def check_compilers(name: str | None, windows: bool) -> None:
+    """Raise StudyError if the named compiler, or the compiler for Windows, does not exist."""
+    if name not in (None, "none"):
+        find_compiler(name)
+    if windows and host() is not WINDOWS and zig() is None:
+        raise uqmbd.StudyError("A binary for Windows needs the package ziglang: pip install ziglang.")
 
 
 def _program(name: str) -> Compiler | None:

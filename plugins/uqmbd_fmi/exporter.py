@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import uqmbd
+from uqmbd_fmi.compiling import check_compilers
 from uqmbd_fmi.exporting import QUANTILES, export_fmu
 from uqmbd_fmi.refusals import refusal
 
@@ -29,7 +30,23 @@ class FmuExporter:
 
     def refusal(self, what: str, study: Any) -> str:
         """Return why an object of a study cannot be exported."""
-        return refusal(study) if what == "surrogate" else uqmbd.extend.motion_refusal(study.mechanism, study.times)
+        try:
+            check_compilers(self.compiler, self.windows)
+        except uqmbd.StudyError as error:
+            return str(error)
+        if what == "surrogate":
+            return refusal(study) if not self.inputs else "--inputs belongs to a mechanism; add --what mechanism."
+        return uqmbd.extend.motion_refusal(study.mechanism, study.times, held=self.inputs)
+
+    def remark(self, what: str, study: Any) -> str:
+        """Return which random variables can be inputs of a mechanism."""
+        if what == "surrogate" or not len(study.mechanism.inputs):
+            return ""
+        motion = uqmbd.extend.motion_source(study.mechanism, study.times)
+        possible = ",".join(name for name in motion.inputs if name not in motion.fixed)
+        fixed = ", ".join(motion.fixed)
+        why = f"parameters only, because they change the start alone: {fixed}" if fixed else ""
+        return "; ".join(x for x in (f"possible inputs: --inputs {possible}" if possible else "", why) if x)
 
     def export(self, source: Any, path: Path, study: Any) -> str:
         """Write the FMU and its parameter set."""

@@ -17,7 +17,7 @@ import xarray as xr
 import uqmbd
 from uqmbd import StudyError
 from uqmbd.extend import Bounds, typechecked
-from uqmbd_fmi.compiling import WINDOWS, Platform, compile_library, find_compiler, host, zig
+from uqmbd_fmi.compiling import WINDOWS, Platform, check_compilers, compile_library, find_compiler, host, zig
 from uqmbd_fmi.description import Description, build_description, model_description
 from uqmbd_fmi.distributions import PLACE, distributions_text, parameter_set
 from uqmbd_fmi.mechanism_tables import mechanism_model
@@ -148,6 +148,7 @@ def export_fmu(
         raise StudyError(f"export_fmu: the path is {target}; expected a file with the ending .fmu.")
     if not target.parent.is_dir():
         raise StudyError(f"export_fmu: the folder {target.parent} does not exist; create it first.")
+    check_compilers(compiler, windows)
     token = "{" + str(uuid.uuid4()) + "}"
     if isinstance(source, uqmbd.Mechanism):
         model = mechanism_model(source, times, tuple(inputs), rtol, token, fmi)
@@ -225,8 +226,7 @@ def _binaries(
         wanted.append((chosen, here))
     if windows and here is not WINDOWS:
         cross = zig()
-        if cross is None:
-            raise StudyError("A binary for Windows needs the package ziglang: pip install ziglang.")
+        assert cross is not None
         wanted.append((cross, WINDOWS))
     for one, on in wanted:
         to = root / on.folder(fmi) / f"{identifier}{on.suffix}"

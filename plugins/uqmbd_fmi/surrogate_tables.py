@@ -50,7 +50,8 @@ def read_surrogates(node: xr.DataTree) -> list[Any]:
         except StudyError as error:
             reasons.append(str(error))
     if not found:
-        raise StudyError(f"There is no surrogate to export: {' '.join(reasons)}")
+        hint = "Add such a method to the study, or export the mechanism."
+        raise StudyError(f"There is no surrogate to export: {' '.join(reasons)} {hint}")
     return found
 
 

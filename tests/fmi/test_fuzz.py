@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
+import uqmbd
 from uqmbd_fmi import export_fmu
 from uqmbd_fmi.exporting import MECHANISM, SURROGATE
 
 from .surrogates import KINDS, node
-from .test_mechanism_fmu import controlled, hitting_rod, lawful, rotor, swung_by_inputs, two_contacts
+from .test_mechanism_fmu import controlled, hitting_rod, lawful, rotor, swung_by_inputs, tabled, two_contacts
 
 MECHANISMS = {
     "mechanism": (rotor, ("torque",)),
@@ -21,6 +22,7 @@ MECHANISMS = {
     "friction": (two_contacts, ()),
     "controller": (controlled, ()),
     "law": (lawful, ()),
+    "table": (lambda: tabled(lambda body: uqmbd.t), ()),
     "motion": (swung_by_inputs, ("angle", "rate", "acceleration", "since")),
 }
 

@@ -16,7 +16,8 @@ from uqmbd.extend import GermSpace, motion_refusal, motion_source
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import RotationDriver, SpeedDriver
 from uqmbd_fmi import export_fmu, read_distributions
-from uqmbd_fmi.compiling import find_compiler, host
+from uqmbd_fmi.compiling import find_compiler, host, zig
+from uqmbd_fmi.exporter import FmuExporter
 from uqmbd_joints import Distance, Revolute
 from uqmbd_springs import PointForce, RotationalFriction, Torque
 
@@ -554,6 +555,27 @@ def driven(law):
     return mechanism
 
 
+def thrown():
+    """A stone with a random speed at the start, and a random wind."""
+    speed, wind = (uqmbd.RandomVariable(name, chaospy.Normal(0, 1), units="m/s") for name in ("speed", "wind"))
+    mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    stone = mechanism.body("stone", mass=1, velocity=speed)
+    mechanism.add(PointForce("drag", stone, (0,), (0.1 * (wind - stone.velocity[0]),)))
+    mechanism.output("height", stone.position[0], units="m")
+    return mechanism
+
+
+def test_inputs_of_a_mechanism_are_checked_beforehand():
+    """`uqmbd check` lists the possible inputs, and `uqmbd export --inputs` names the impossible ones."""
+    study = uqmbd.Study("throw", thrown(), [0, 1], [])
+    told = FmuExporter().remark("mechanism", study)
+    assert told == "possible inputs: --inputs wind; parameters only, because they change the start alone: speed"
+    assert FmuExporter(inputs=("wind",)).refusal("mechanism", study) == ""
+    assert "compiler 'c+' was not found" in FmuExporter(compiler="c+").refusal("surrogate", study)
+    assert "'speed' changes the start" in FmuExporter(inputs=("speed",)).refusal("mechanism", study)
+    assert "add --what mechanism" in FmuExporter(inputs=("wind",)).refusal("surrogate", study)
+
+
 def jumping(speed):
     return sympy.Piecewise((speed * uqmbd.t, uqmbd.t < 0.5), (0.5 * speed, True))
 
@@ -578,6 +600,7 @@ REFUSED = {
     ),
     "commanded speed": (lambda: controlled(speed=True), {}, "commands the speed of a driver"),
     "unknown input": (rotor, {"held": ("force",)}, "'force' is not an input; the inputs are"),
+    "input of the start": (thrown, {"held": ("speed",)}, "the input 'speed' changes the start of the motion only"),
     "speed that jumps": (lambda: driven(jumping), {}, "'drive' prescribes jumps at 0.5 s"),
 }
 
@@ -680,3 +703,11 @@ def test_the_description_states_what_inputs_change_directly(fmi, tmp_path):
                 assert changed == expected or (make is swung_by_inputs and changed < expected)
                 before = after
     assert stated["bob"] >= set(MOTION)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(zig() is None, reason="the package ziglang is not installed")
+@pytest.mark.parametrize("make", [two_contacts, lawful])
+def test_zig_compiles_mechanisms_without_warnings(make, tmp_path):
+    done = export_fmu(make(), tmp_path / "one.fmu", compiler="zig", windows=True)
+    assert done.warnings == "" and "x86_64-windows" in done.platforms and done.size < 500_000

@@ -13,7 +13,8 @@ class Exporter(Protocol):
 
     The class is a dataclass, and need not be derived from this protocol. The fields of the dataclass are options with
     defaults: ``uqmbd export STUDY.py --to FILE --steps 20`` sets the field ``steps``. The annotation of a field states
-    its values. A field with truth values is a switch.
+    its values. A field with truth values is a switch. A method ``remark(what, study)`` is optional: `uqmbd check` shows
+    its text, such as possible values of options, if the object can be exported.
 
     Attributes
     ----------

@@ -264,10 +264,16 @@ def _show_exporters(screen: Console, study: Study) -> None:
         exporter: Any = kind
         for what in exporter.exports:
             why = ""
+            more = ""
             with Isolated(*ERRORS_AND_EXITS) as work:
-                why = exporter().refusal(what, study)
+                made = exporter()
+                why = made.refusal(what, study)
+                if not why and hasattr(made, "remark"):
+                    more = made.remark(what, study)
             why = work.reason if work.failed else why
-            text = f"no: {why}" if why else f"yes: uqmbd export --to FILE{exporter.suffix} --what {what}"
+            yes = "yes" if what != "surrogate" else "yes, of a method that computes one"
+            text = f"no: {why}" if why else f"{yes}: uqmbd export --to FILE{exporter.suffix} --what {what}"
+            text += f"; {more}" if more else ""
             screen.print(f"Export of the {what} ({name}): {text}", markup=False)
 
 

@@ -8,12 +8,22 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.portable.commands import MotionCommand, measured_expressions
-from uqmbd.mechanism import AngleSymbol, AuxiliarySymbol, HeldSymbol, Mechanism, StateSymbol, as_symbolic, t
+from uqmbd.mechanism import (
+    AngleSymbol,
+    AuxiliarySymbol,
+    HeldSymbol,
+    Mechanism,
+    StateSymbol,
+    as_symbolic,
+    random_variables,
+    t,
+)
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["Dependencies", "dependencies_of", "nearby_values"]
+__all__ = ["Dependencies", "dependencies_of", "nearby_values", "without_effect"]
 
 Dependencies = tuple[tuple[str, ...], ...]
 """Names of inputs and commands for each output, then for each measured expression."""
@@ -33,15 +43,31 @@ def dependencies_of(
     model = ensemble.model
     everything = frozenset((*held, *(x.name for x in commands)))
     moved = {model.inputs[k] for k in moving}
-    by_name: dict[str, Any] = {output.name: output.expression for output in mechanism.observed()}
-    expressions = [by_name.get(name) for name in model.outputs.names]
-    for _, which, number in measured_expressions(model):
-        expressions.append(mechanism.controllers[model.controls[which].name].measured[number])
-    during = [everything & (_names(x, everything) | moved) for x in expressions]
+    during = [everything & (_names(x, everything) | moved) for x in _expressions(mechanism, model)]
     first = moved | _starting(ensemble, held)
     if any(loop.law is not None for loop in model.controls):
         first |= everything  # the first sample of a law is taken at the start
     return _sorted(during), _sorted([x | first for x in during])
+
+
+def without_effect(mechanism: Mechanism, ensemble: Ensemble) -> list[str]:
+    """Return the inputs that change no equation, output or law: they change the start only, or nothing."""
+    model = ensemble.model
+    if any(loop.law is not None for loop in model.controls):
+        return []
+    seen = {variable.name for variable in random_variables(tuple(_expressions(mechanism, model)))}
+    parameters = model.parameters(nearby_values(ensemble, model.inputs))[:, : model.block_parameters]
+    same = np.all(parameters[1:] == parameters[0], axis=1).tolist()
+    return [name for name, one in zip(model.inputs, same, strict=True) if one and name not in seen]
+
+
+def _expressions(mechanism: Mechanism, model: Model) -> list[Any]:
+    """Return the expressions of outputs, then those that controllers measure; None: unknown."""
+    by_name: dict[str, Any] = {output.name: output.expression for output in mechanism.observed()}
+    found = [by_name.get(name) for name in model.outputs.names]
+    for _, which, number in measured_expressions(model):
+        found.append(mechanism.controllers[model.controls[which].name].measured[number])
+    return found
 
 
 def _sorted(found: Sequence[frozenset[str]]) -> Dependencies:

@@ -23,7 +23,7 @@ from uqmbd.dynamics.portable.commands import (
     measured_expressions,
     written_laws,
 )
-from uqmbd.dynamics.portable.dependencies import dependencies_of, nearby_values
+from uqmbd.dynamics.portable.dependencies import dependencies_of, nearby_values, without_effect
 from uqmbd.dynamics.portable.header import is_real, is_whole, motion_header
 from uqmbd.dynamics.portable.impacts import PARTS_OF_STEPS, contacts_of, impact_obstacle, written_contacts
 from uqmbd.dynamics.portable.portable_motion import PortableMotion
@@ -44,7 +44,7 @@ STAGES = 12 + 4 + 7 + 5 + 5 + 2 * POINTS
 
 
 @typechecked
-def motion_refusal(mechanism: Mechanism, times: ArrayLike = (0.0, 1.0)) -> str:
+def motion_refusal(mechanism: Mechanism, times: ArrayLike = (0.0, 1.0), *, held: Sequence[str] = ()) -> str:
     """Return why the motion of a mechanism has no form in C, or an empty text.
 
     Parameters
@@ -53,6 +53,8 @@ def motion_refusal(mechanism: Mechanism, times: ArrayLike = (0.0, 1.0)) -> str:
         Mechanism.
     times : array_like, shape (T,)
         Output times of a typical simulation, s; the first one is the start.
+    held : sequence of str
+        Names of inputs that change during the motion.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def motion_refusal(mechanism: Mechanism, times: ArrayLike = (0.0, 1.0)) -> str:
     ''
     """
     try:
-        motion_source(mechanism, times)
+        motion_source(mechanism, times, held=held)
     except StudyError as error:
         return str(error).partition(" cannot be written in C: ")[2] or str(error)
     return ""
@@ -125,11 +127,15 @@ def motion_source(
             unknown = sorted(set(held) - set(model.inputs))
             if unknown:
                 raise StudyError(f"{unknown[0]!r} is not an input; the inputs are {', '.join(model.inputs) or 'none'}")
+            fixed = without_effect(mechanism, ensemble)
+            if starting := sorted(set(held) & set(fixed)):
+                why = "changes the start of the motion only, or nothing; leave it a parameter"
+                raise StudyError(f"the input {starting[0]!r} {why}")
             moving = _moving(model, ensemble, held)
             commands = commands_of(mechanism, model)
             direct, at_start = dependencies_of(mechanism, ensemble, held, commands, moving)
             motion = _written(model, ensemble, grid, rtol, commands, moving)
-            return replace(motion, direct=direct, at_start=at_start)
+            return replace(motion, fixed=tuple(fixed), direct=direct, at_start=at_start)
         except StudyError as error:
             why = str(error)
     raise StudyError(f"The motion of mechanism {mechanism.name!r} cannot be written in C: {why.rstrip('.')}.")

@@ -29,6 +29,8 @@ class PortableMotion:
         Commands of controllers, which the program that integrates the motion sets. They are constant in each step.
     measured : tuple of str
         Measured expressions of controllers, whose values come after the values of the outputs.
+    fixed : tuple of str
+        Inputs that change the start of the motion only, or nothing: they cannot change during the motion.
     direct, at_start : tuple of tuple of str
         For each output, then each measured expression: the inputs and commands that change it at the time at which
         they are set, during the motion and at its start.
@@ -46,5 +48,6 @@ class PortableMotion:
     units: tuple[str, ...]
     commands: tuple[MotionCommand, ...] = ()
     measured: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()
     direct: Dependencies = ()
     at_start: Dependencies = ()

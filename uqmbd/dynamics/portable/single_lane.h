@@ -12,6 +12,9 @@
 #pragma GCC diagnostic ignored "-Wunknown-pragmas"
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #endif
+#ifdef __clang__
+#pragma clang diagnostic ignored "-Wpass-failed" /* hints to unroll loops that are for vectors of eight realisations */
+#endif
 
 #define INLINE static inline
 
