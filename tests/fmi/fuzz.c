@@ -18,6 +18,7 @@ int main(int n,char**v){ unsigned long total=0, errors=0; srand(n>1?atoi(v[1]):1
  CB cb={logger,0,0,0,0};
  for(int r=0;r<rounds;r++){ C c=fmi2Instantiate("x",1,rand()%50?model_token:"no",0,&cb,0,0); void*st=0; double t=0; char*bytes=0; size_t size=0;
   if(rand()%10==0) fmi2GetReal(NULL,0,0,0);
+  if(r%2){ fmi2SetupExperiment(c,0,0,0,0,0); fmi2EnterInitializationMode(c); fmi2ExitInitializationMode(c); } /* a right start */
   for(int k=0;k<60;k++){ R vr=rand()%(model_variable_count+2); double x=pick(),y=0; int b=0,s=0; R vr2=rand()%(model_variable_count+1);
    switch(rand()%18){
     case 0:s=fmi2SetupExperiment(c,rand()%2,rand()%2?1e-6:pick(),rand()%3?0:pick(),rand()%2,pick());break;
