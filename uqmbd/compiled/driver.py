@@ -155,6 +155,7 @@ class ContactsStruct(ctypes.Structure):
         *((name, _POINTER) for name in ("gap", "law", "speed", "bias", "slope")),
         *(("size", _INT), ("entries", _INT)),
         *((name, _POINTER) for name in ("rows", "columns", "values", "right")),
+        *(("factor", ProgramStruct), ("solve", ProgramStruct), ("side", _INT), ("solution", _POINTER)),
     )
 
 

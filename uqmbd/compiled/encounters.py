@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 
@@ -50,17 +50,23 @@ class ContactPrograms(Addressed):
     columns: Index  # (entry,): column of each entry
     values: Index  # (entry,): row of the work array of each entry
     right: Index  # (size,): rows of the right-hand side
+    # factorisation, and solution for a right-hand side that begins in row `side`; without steps, none is compiled
+    factor: ProgramPart = ProgramPart((), 0)
+    solve: ProgramPart = ProgramPart((), 0)
+    side: int = 0
+    solution: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (size,): rows of the solution
 
     @cached_property
     def structure(self) -> c.ContactsStruct:
         """Return the C structure for the driver."""
-        parts = self.guards.structure, self.contact.structure
+        parts = [x.structure for x in (self.guards, self.contact, self.factor, self.solve)]
         found = c.ContactsStruct(
             *(len(self.guard), len(self.speed), address(self.first)),
             *(parts[0], address(self.guard), parts[1]),
             *map(address, (self.gap, self.law, self.speed, self.bias, self.slope)),
             *(self.size, len(self.rows)),
             *map(address, (self.rows, self.columns, self.values, self.right)),
+            *(parts[2], parts[3], self.side, address(self.solution)),
         )
         found.kept = parts
         return found

@@ -2,10 +2,11 @@
 #include "group.h"
 
 static const double SINGULAR = 1e-11; /* relative size of a singular value that counts as zero */
+static const double DEFECT = 1e-9;    /* defect of a row of the index-1 system, relative to its terms, of a poor solution */
+static const double ROUNDING_OF_ROWS = 1e-14; /* the same, relative to the largest terms of all rows */
 
 /* Arrays of one lane, in the workspace of the caller. */
 typedef struct {
-    double *solution; /* (size, 1 + direction): without forces, then per force in each direction that may act */
     double *answer;   /* (direction, direction): rates of the speeds per force */
     double *free;     /* (direction): rates of the speeds without forces */
     double *force, *rate;
@@ -17,8 +18,8 @@ typedef struct {
 
 int64_t contact_workspace(const Contacts *c) {
     int64_t n = c->directions;
-    int64_t vectors = 2 * c->events * (SAMPLES + 2) + c->size * (c->size + 1 + n);
-    return vectors * LANES + c->size * (1 + n) + 4 * n * n + 8 * n + LANES;
+    int64_t vectors = 2 * c->events * (SAMPLES + 2) + c->size * c->size + (2 * c->size + n) * (1 + n);
+    return vectors * LANES + 4 * n * n + 9 * n + LANES;
 }
 
 static void place_contacts(const Contacts *c, Group *g, V *at) {
@@ -30,15 +31,18 @@ static void place_contacts(const Contacts *c, Group *g, V *at) {
     at += c->size * c->size;
     g->answers = at;
     at += c->size * (1 + c->directions);
-    g->numbers = (double *)at;
+    g->spare = at;
+    at += c->size * (1 + c->directions);
+    g->responses = at;
+    at += c->directions * (1 + c->directions);
+    g->needed = (int64_t *)at;
+    g->numbers = (double *)(g->needed + c->directions);
 }
 
 static Lane lane_of(const Contacts *c, const Group *g) {
     int64_t n = c->directions;
     Lane s;
     double *at = g->numbers;
-    s.solution = at;
-    at += c->size * (1 + n);
     s.answer = at;
     at += n * n;
     s.spread = at;
@@ -117,18 +121,119 @@ static void eliminate(V *a, V *b, int64_t size, int64_t columns) {
     }
 }
 
-/* Accelerations without and per force in each direction; the contacts are in the work array. */
-static void solve_lanes(const Problem *p, Group *g) {
+/* Accelerations and multipliers without forces, and per force in each direction, by elimination with pivots. */
+static void eliminate_lanes(const Problem *p, Group *g, V *found) {
     const Contacts *c = p->contacts;
     int64_t n = p->coordinates, size = c->size, columns = 1 + c->directions;
     fill(g->system, 0.0, size * size);
     for (int64_t e = 0; e < c->entries; e++) g->system[c->rows[e] * size + c->columns[e]] = g->work[c->values[e]];
     for (int64_t i = 0; i < size; i++) {
-        g->answers[i * columns] = g->work[c->right[i]];
+        found[i * columns] = g->work[c->right[i]];
         for (int64_t d = 0; d < c->directions; d++)
-            g->answers[i * columns + 1 + d] = i < n ? g->work[c->slope[d * n + i]] : splat(0.0);
+            found[i * columns + 1 + d] = i < n ? g->work[c->slope[d * n + i]] : splat(0.0);
     }
-    eliminate(g->system, g->answers, size, columns);
+    eliminate(g->system, found, size, columns);
+}
+
+/* Lanes in which the solution of a right-hand side, both in the work array, has a defect.  Rounding is none, also where
+   the terms of a row are themselves the rounding errors of others. */
+static Mask defective(const Contacts *c, const V *work, V *sums, V *terms) {
+    for (int64_t i = 0; i < c->size; i++) {
+        sums[i] = -work[c->side + i];
+        terms[i] = magnitude(sums[i]);
+    }
+    for (int64_t e = 0; e < c->entries; e++) {
+        V term = work[c->values[e]] * work[c->solution[c->columns[e]]];
+        sums[c->rows[e]] += term;
+        terms[c->rows[e]] += magnitude(term);
+    }
+    V most = splat(0.0);
+    Mask found = {0};
+    for (int64_t i = 0; i < c->size; i++) most = larger(terms[i], most);
+    for (int64_t i = 0; i < c->size; i++)
+        found |= ~(magnitude(sums[i]) <= larger(DEFECT * terms[i], ROUNDING_OF_ROWS * most));
+    return found;
+}
+
+/* Accelerations and multipliers without forces, and per force in the directions that are needed in some lane; the
+   contacts are in the work array.  The order of elimination is that of the compiled solution; where a pivot is poor, the
+   elimination chooses pivots. */
+static void solve_lanes(const Problem *p, Group *g, Mask which) {
+    const Contacts *c = p->contacts;
+    int64_t n = p->coordinates, size = c->size, columns = 1 + c->directions;
+    if (!c->solve.count) {
+        eliminate_lanes(p, g, g->answers);
+        return;
+    }
+    Mask poor = {0};
+    V *side = g->work + c->side;
+    run_program(&c->factor, g->work);
+    for (int64_t d = -1; d < c->directions; d++) {
+        if (d >= 0 && !g->needed[d]) continue;
+        for (int64_t i = 0; i < size; i++)
+            side[i] = d < 0 ? g->work[c->right[i]] : i < n ? g->work[c->slope[d * n + i]] : splat(0.0);
+        run_program(&c->solve, g->work);
+        for (int64_t i = 0; i < size; i++) g->answers[i * columns + 1 + d] = g->work[c->solution[i]];
+        poor |= defective(c, g->work, g->spare, g->spare + size);
+    }
+    poor &= which;
+    if (!any(poor)) return;
+    eliminate_lanes(p, g, g->spare);
+    for (int64_t i = 0; i < size * columns; i++) g->answers[i] = choose(poor, g->spare[i], g->answers[i]);
+}
+
+/* Rates of the speed in a direction without forces, after `solve_lanes`. */
+static V natural_rate(const Problem *p, const Group *g, int64_t d) {
+    const Contacts *c = p->contacts;
+    V sum = g->work[c->bias[d]];
+    for (int64_t i = 0; i < p->coordinates; i++)
+        sum += g->work[c->slope[d * p->coordinates + i]] * g->answers[i * (1 + c->directions)];
+    return sum;
+}
+
+/* Solve, and find the rates of the speeds, without and per force, in the directions that are needed. */
+static void find_responses(const Problem *p, Group *g, Mask which) {
+    const Contacts *c = p->contacts;
+    int64_t n = p->coordinates, columns = 1 + c->directions;
+    solve_lanes(p, g, which);
+    for (int64_t d = 0; d < c->directions; d++) {
+        if (!g->needed[d]) continue;
+        V *row = g->responses + d * columns;
+        row[0] = natural_rate(p, g, d);
+        Mask still = ~(Mask){0};
+        for (int64_t i = 0; i < n; i++) still &= g->work[c->slope[d * n + i]] == splat(0.0);
+        for (int64_t k = 0; k < c->directions; k++) {
+            if (!g->needed[k]) continue;
+            V sum = splat(0.0);
+            for (int64_t i = 0; i < n; i++) sum += g->work[c->slope[d * n + i]] * g->answers[i * columns + 1 + k];
+            /* a direction without motion has the given normal force of dry friction */
+            row[1 + k] = k == d ? choose(still, splat(1.0), sum) : sum;
+        }
+    }
+}
+
+/* Number of directions of a contact in which its mode lets forces act. */
+INLINE int64_t acting(const Contacts *c, int64_t mode, int64_t k) {
+    return mode == OPEN ? 0 : mode == SMOOTH ? 1 : c->first[k + 1] - c->first[k];
+}
+
+/* Rates of the speeds without and per force, in the directions in which forces act in some lane with contacts; the
+   contacts are in the work array. */
+static void respond(const Problem *p, Group *g, Mask which) {
+    const Contacts *c = p->contacts;
+    for (int64_t d = 0; d < c->directions; d++) g->needed[d] = 0;
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!which[l]) continue;
+        const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
+        for (int64_t k = 0; k < c->events; k++)
+            for (int64_t d = 0; d < acting(c, mode[k], k); d++) g->needed[c->first[k] + d] = 1;
+    }
+    find_responses(p, g, which);
+}
+
+/* Change per force in an acting direction of a lane, or without forces (-1), of an acceleration or multiplier. */
+INLINE double change_of(const Problem *p, const Group *g, int64_t l, int64_t i, int64_t d) {
+    return g->answers[i * (1 + p->contacts->directions) + 1 + d][l];
 }
 
 /* -- linear algebra of one lane ------------------------------------------------------------------------------------- */
@@ -192,35 +297,18 @@ static void least_solution(Lane *s, int64_t size) {
 
 /* -- persistent contacts of one lane -------------------------------------------------------------------------------- */
 
-/* Accelerations and rates of the speeds of a lane, without and per force; after `solve_lanes`. */
+/* Rates of the speeds of a lane, without and per force; after `respond`. */
 static void answer(const Problem *p, const Group *g, int64_t l, Lane *s) {
     const Contacts *c = p->contacts;
     const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
-    int64_t n = p->coordinates, size = c->size;
     s->count = 0;
-    for (int64_t k = 0; k < c->events; k++) {
-        if (mode[k] == OPEN) continue;
-        int64_t end = mode[k] == SMOOTH ? c->first[k] + 1 : c->first[k + 1];
-        for (int64_t d = c->first[k]; d < end; d++) s->active[s->count++] = d;
-    }
-    int64_t count = s->count, columns = 1 + count;
-    for (int64_t i = 0; i < size; i++) {
-        const V *found = g->answers + i * (1 + c->directions);
-        s->solution[i * columns] = found[0][l];
-        for (int64_t j = 0; j < count; j++) s->solution[i * columns + 1 + j] = found[1 + s->active[j]][l];
-    }
+    for (int64_t k = 0; k < c->events; k++)
+        for (int64_t d = 0; d < acting(c, mode[k], k); d++) s->active[s->count++] = c->first[k] + d;
+    int64_t count = s->count;
     for (int64_t j = 0; j < count; j++) {
-        s->free[j] = g->work[c->bias[s->active[j]]][l];
-        for (int64_t k = 0; k < count; k++) s->answer[j * count + k] = 0.0;
-        int64_t moves = 0;
-        for (int64_t i = 0; i < n; i++) {
-            double slope = g->work[c->slope[s->active[j] * n + i]][l];
-            moves |= slope != 0.0;
-            s->free[j] += slope * s->solution[i * columns];
-            for (int64_t k = 0; k < count; k++) s->answer[j * count + k] += slope * s->solution[i * columns + 1 + k];
-        }
-        /* a direction without motion has the given normal force of dry friction */
-        if (!moves) s->answer[j * count + j] = 1.0;
+        const V *row = g->responses + s->active[j] * (1 + c->directions);
+        s->free[j] = row[0][l];
+        for (int64_t k = 0; k < count; k++) s->answer[j * count + k] = row[1 + s->active[k]][l];
     }
 }
 
@@ -295,7 +383,7 @@ static void correct(const Problem *p, Group *g, int64_t l, Lane *s, int64_t to, 
     least_solution(s, size);
     for (int64_t i = 0; i < p->coordinates; i++)
         for (int64_t j = 0; j < size; j++)
-            g->work[to + i][l] += s->solution[i * (1 + count) + 1 + s->held[j]] * s->found[j];
+            g->work[to + i][l] += change_of(p, g, l, i, s->active[s->held[j]]) * s->found[j];
 }
 
 /* -- persistent contacts of all lanes ------------------------------------------------------------------------------- */
@@ -304,14 +392,14 @@ static void correct(const Problem *p, Group *g, int64_t l, Lane *s, int64_t to, 
 static void add_forces(const Problem *p, Group *g, V *rate) {
     Lane s = lane_of(p->contacts, g);
     run_program(&p->contacts->contact, g->work);
-    solve_lanes(p, g);
+    respond(p, g, g->touching);
     for (int64_t l = 0; l < LANES; l++) {
         if (!g->touching[l]) continue;
         answer(p, g, l, &s);
         find_forces(p, g, l, &s);
         for (int64_t i = 0; i < p->coordinates; i++) {
-            double a = s.solution[i * (1 + s.count)];
-            for (int64_t j = 0; j < s.count; j++) a += s.solution[i * (1 + s.count) + 1 + j] * s.force[j];
+            double a = change_of(p, g, l, i, -1);
+            for (int64_t j = 0; j < s.count; j++) a += change_of(p, g, l, i, s.active[j]) * s.force[j];
             rate[p->velocities + i][l] = a;
         }
     }
@@ -324,7 +412,7 @@ static void put_on_contacts(const Problem *p, Group *g, Mask which) {
     if (!any(which)) return;
     Lane s = lane_of(c, g);
     run_program(&c->contact, g->work);
-    solve_lanes(p, g);
+    respond(p, g, which);
     for (int64_t l = 0; l < LANES; l++) {
         if (!which[l]) continue;
         const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
@@ -383,7 +471,7 @@ static Mask turn_headings(const Problem *p, Group *g, Mask which, int64_t *happe
             if (!(fast > 0.0)) continue;
             if (fast <= e->slow[m] && along >= 0.0) {
                 if (!solved) {
-                    if (!solved_all) solve_lanes(p, g);
+                    if (!solved_all) respond(p, g, which);
                     solved_all = 1;
                     answer(p, g, l, &s);
                     find_forces(p, g, l, &s);

@@ -18,7 +18,7 @@ static void find_guards(const Problem *p, Group *g, V part) {
     if (!any(g->touching)) return;
     Lane s = lane_of(c, g);
     run_program(&c->contact, g->work);
-    solve_lanes(p, g);
+    respond(p, g, g->touching);
     for (int64_t l = 0; l < LANES; l++) {
         if (!g->touching[l]) continue;
         const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;

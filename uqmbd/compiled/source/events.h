@@ -25,6 +25,9 @@ typedef struct {
     int64_t size, entries;       /* of the index-1 system */
     const int64_t *rows, *columns, *values; /* (entry): places, and rows of the work array */
     const int64_t *right;        /* rows (size) of the right-hand side */
+    Program factor, solve;       /* the entries -> factors; they and a right-hand side -> solution; no steps: there is none */
+    int64_t side;                /* first row of that right-hand side */
+    const int64_t *solution;     /* rows (size) of that solution */
 } Contacts;
 
 /* Of all realisations, as rows of arrays. */

@@ -139,14 +139,14 @@ static void solve_contacts(const Problem *p, Group *g) {
     const Implicit *m = p->implicit;
     Lane s = lane_of(p->contacts, g);
     run_program(&p->contacts->contact, g->work);
-    solve_lanes(p, g);
+    respond(p, g, g->touching);
     for (int64_t l = 0; l < LANES; l++) {
         if (!g->touching[l]) continue;
         answer(p, g, l, &s);
         find_forces(p, g, l, &s);
         for (int64_t i = 0; i < p->coordinates + m->multipliers; i++) {
-            double sum = s.solution[i * (1 + s.count)];
-            for (int64_t j = 0; j < s.count; j++) sum += s.solution[i * (1 + s.count) + 1 + j] * s.force[j];
+            double sum = change_of(p, g, l, i, -1);
+            for (int64_t j = 0; j < s.count; j++) sum += change_of(p, g, l, i, s.active[j]) * s.force[j];
             g->work[m->solution[i]][l] = sum;
         }
     }

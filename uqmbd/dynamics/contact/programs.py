@@ -8,7 +8,7 @@ import numpy as np
 
 from uqmbd.compiled import ContactPrograms, Dynamics, ProgramWriter
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.linear import System, implicit_dynamics
+from uqmbd.dynamics.linear import System, implicit_dynamics, write_solver
 from uqmbd.typing import Index
 
 __all__ = ["contact_programs"]
@@ -52,11 +52,13 @@ def _written(model: Model, stages: int) -> tuple[Dynamics, ContactPrograms]:
     slope = placed("slope", directions, n)
     values = model.evaluators["acceleration"].write(writer, arguments, parameters)
     right = np.where(system.motion < 0, zero, values[system.motion])
+    evaluated, side = len(writer.steps), writer.room(system.size)
+    solution, factored = write_solver(system, writer, values, side) or (np.zeros(0, dtype=np.int64), evaluated)
     contacts = ContactPrograms(
         first=first.astype(np.int64),
         guards=writer.part(0, steps),
         guard=guard,
-        contact=writer.part(),
+        contact=writer.part(0, evaluated),
         gap=guard,
         law=law,
         speed=speed,
@@ -67,5 +69,9 @@ def _written(model: Model, stages: int) -> tuple[Dynamics, ContactPrograms]:
         columns=np.ascontiguousarray(system.columns, dtype=np.int64),
         values=np.ascontiguousarray(values[system.source], dtype=np.int64),
         right=np.ascontiguousarray(right, dtype=np.int64),
+        factor=writer.part(evaluated, factored),
+        solve=writer.part(factored),
+        side=int(side[0]) if system.size else 0,
+        solution=np.ascontiguousarray(solution, dtype=np.int64),
     )
     return replace(dynamics, rows=writer.size), contacts

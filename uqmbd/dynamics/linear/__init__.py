@@ -14,7 +14,7 @@ from uqmbd.dynamics.linear.index1 import (
     massless_direction,
     residuals,
 )
-from uqmbd.dynamics.linear.nodal import nodal_systems
+from uqmbd.dynamics.linear.nodal import nodal_systems, write_solver
 from uqmbd.dynamics.linear.pivoting import lemke
 from uqmbd.dynamics.linear.programs import Programs
 
@@ -34,4 +34,5 @@ __all__ = [
     "massless_direction",
     "nodal_systems",
     "residuals",
+    "write_solver",
 ]

@@ -14,7 +14,7 @@ from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.unrolled import eliminated, is_compilable
 from uqmbd.typing import Array, Index
 
-__all__ = ["Nodal", "Outside", "nodal_systems"]
+__all__ = ["Nodal", "Outside", "nodal_systems", "write_solver"]
 
 Outside = Callable[[Array, bool], None]
 """Function of work arrays (block of nodes, row, lane) that factorises new systems (true) or solves them (false)."""
@@ -61,14 +61,9 @@ def _written(model: Model, system: System) -> Nodal:
     values, drift = written("acceleration"), written("drift")
     guess, right = writer.room(size), writer.room(size)
     library: Callable[[], Outside] | None = None
-    factor, code = _factorised(system, len(values))
-    if system.fronts is not None:
-        ends.append(len(writer.steps))
-        solution = system.fronts.write(writer, values, right)
-    elif factor is not None and code is not None:
-        factors = writer.call(factor, values[None]).ravel()  # directly after the right-hand side, to be read in place
-        ends.append(len(writer.steps))
-        solution = writer.call(code, np.concatenate([right, factors])[None]).ravel()
+    if (written_solver := write_solver(system, writer, values, right)) is not None:
+        solution, factored = written_solver
+        ends.append(factored)
     else:
         ends.append(len(writer.steps))
         solution = writer.room(size)
@@ -98,6 +93,22 @@ def _written(model: Model, system: System) -> Nodal:
         rates=values[rates],
     )
     return Nodal(systems, rated, library)
+
+
+def write_solver(system: System, writer: ProgramWriter, values: Index, right: Index) -> tuple[Index, int] | None:
+    """Write the factorisation of ``acceleration`` results in rows `values`, then the solution for rows `right` (size,).
+
+    Return the rows (size,) of the solution, and the number of steps before its program; None if the code is too long.
+    """
+    if system.fronts is not None:  # their program factorises and solves
+        begin = len(writer.steps)
+        return system.fronts.write(writer, values, right), begin
+    factor, code = _factorised(system, len(values))
+    if factor is None or code is None:
+        return None
+    factors = writer.call(factor, values[None]).ravel()  # directly after the right-hand side, to be read in place
+    factored = len(writer.steps)
+    return writer.call(code, np.concatenate([right, factors])[None]).ravel(), factored
 
 
 def _taken(rows: Index, which: Index) -> Index:
