@@ -6,7 +6,7 @@ from uqmbd.compiled.assembly import EquationPrograms, Gradients, RotationCoordin
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
-from uqmbd.compiled.encounters import ContactPrograms, ControlLaws, Encounters, SampledControl, Touching
+from uqmbd.compiled.encounters import ContactPrograms, ControlLaws, Encounters, Happening, SampledControl, Touching
 from uqmbd.compiled.explicit import (
     ORDER,
     STAGES,
@@ -57,6 +57,7 @@ __all__ = [
     "StepHistory",
     "Dynamics",
     "Encounters",
+    "Happening",
     "EquationPrograms",
     "FittedPolynomials",
     "Gradients",

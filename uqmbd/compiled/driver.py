@@ -161,7 +161,8 @@ class ContactsStruct(ctypes.Structure):
 
 ENCOUNTERS = (
     *("mode", "heading", "internal", "resting", "rise", "length", "slow"),
-    *("happened", "noted", "mark", "mark_times"),
+    *("happened", "noted", "mark", "mark_times", "mark_labels", "total", "restarts", "stalled", "clustered", "recent"),
+    *("since", "fastest", "coarse", "starting", "later", "held", "arming"),
 )
 """Arrays with events of contacts."""
 
@@ -169,7 +170,11 @@ ENCOUNTERS = (
 class EncountersStruct(ctypes.Structure):
     """``Encounters`` of events.h."""
 
-    _fields_ = (*((name, _POINTER) for name in ENCOUNTERS), ("room", _INT), ("watched", _INT))
+    _fields_ = (
+        *((name, _POINTER) for name in ENCOUNTERS),
+        *((name, _INT) for name in ("room", "watched", "decides", "reports")),
+        *(("window", _DOUBLE), ("together", _DOUBLE)),
+    )
 
 
 class ControlStruct(ctypes.Structure):

@@ -15,12 +15,28 @@ from uqmbd.compiled.driver import address
 from uqmbd.compiled.programs import Addressed, ProgramPart
 from uqmbd.typing import Array, Index
 
-__all__ = ["ContactPrograms", "ControlLaws", "Encounters", "SampledControl", "Touching"]
+__all__ = ["ContactPrograms", "ControlLaws", "Encounters", "Happening", "SampledControl", "Touching"]
 
 ROOM = 64
 """Number of marker events that a realisation stores before they are read, in addition to those of one step."""
 STEP = 8
 """Maximum number of marker events of one kind in a step."""
+
+
+CLUSTER = 100
+"""Number of events in a short time that count as a cluster, as in events.h."""
+BOUNCES = 1e-6
+"""Impact speed, relative to the fastest previous impact, below which bodies stay together, as in decisions.c."""
+
+
+class Happening(IntEnum):
+    """What has happened at an event, as in events.h: its declaration, or a change of a contact."""
+
+    OWN = 0
+    STICK = 1
+    SLIP = 2
+    REST = 3
+    LIFT_OFF = 4
 
 
 class Touching(IntEnum):
@@ -76,10 +92,21 @@ class Encounters:
     """Contact states of M realisations: arrays that the driver and the event handling in Python share.
 
     Guards are evaluated if `watched`; otherwise contacts keep their states. Each event has two guards. The first is the
-    guard of its gap (or of the normal force, while the contact lasts), the second the guard of its friction.
+    guard of its gap (or of the normal force, while the contact lasts), the second the guard of its friction. If the
+    driver `decides`, it handles events of single contacts; events within `window`, s, may be a cluster, and decisions
+    within `together`, s, are at one instant.
     """
 
-    def __init__(self, contacts: ContactPrograms, count: int, *, watched: bool = True) -> None:
+    def __init__(
+        self,
+        contacts: ContactPrograms,
+        count: int,
+        *,
+        watched: bool = True,
+        decides: bool = False,
+        window: float = 0.0,
+        together: float = 0.0,
+    ) -> None:
         events, directions = len(contacts.guard), len(contacts.speed)
         # (M, event): state of each contact, see `Touching`; (M, direction): direction of sliding during slip
         self.mode, self.heading = np.zeros((count, events), dtype=np.int64), np.zeros((count, directions))
@@ -93,16 +120,36 @@ class Encounters:
         # (M,): the guard that has fallen, and the number of unread markers
         self.happened, self.noted = np.zeros((2, count), dtype=np.int64)
         marks = int(np.sum(np.diff(contacts.first) == 0))
-        self.room = STEP * events + ROOM if marks else 0
-        # (M, room): the markers and their times, s
-        self.mark, self.mark_times = np.zeros((count, self.room), dtype=np.int64), np.zeros((count, self.room))
-        self.watched = watched
+        self.room = STEP * events + ROOM if marks or decides else 0
+        # (M, room): the events, what has happened, see `Happening`, and their times, s
+        self.mark, self.mark_labels = np.zeros((2, count, self.room), dtype=np.int64)
+        self.mark_times = np.zeros((count, self.room))
+        self.watched, self.decides, self.window, self.together = watched, decides, window, together
+        # whether realisations stop at each restart
+        self.reports = False
+        # (M,): numbers of events, of restarts, and of events without progress in time
+        self.total, self.restarts, self.stalled = np.zeros((3, count), dtype=np.int64)
+        # times of the last events, s (M, event), and their number (M,)
+        self.recent, self.clustered = np.zeros((count, CLUSTER)), np.zeros(count, dtype=np.int64)
+        # (M,): time of the last restart, s, and time until which the caller decides
+        self.since, self.later = np.full((2, count), -np.inf)
+        # (M,): fastest impact, m/s; factor of the speed below which bodies stay together; speed that counts as zero
+        # after the start of sliding, m/s
+        self.fastest, self.coarse, self.starting = np.zeros(count), np.ones(count), np.zeros(count)
+        # (M, event): contacts that stick without a reserve of friction; (M,): guards are unknown
+        self.held, self.arming = np.zeros((count, events), dtype=np.int64), np.zeros(count, dtype=np.int64)
+
+    def still(self, members: Index | int) -> Array:
+        """Return the normal speeds below which bodies stay together, m/s."""
+        found: Array = np.maximum(self.coarse[members] * BOUNCES * self.fastest[members], 1e-12 * self.length[members])
+        return found
 
     @cached_property
     def structure(self) -> c.EncountersStruct:
         """Return the C structure that the driver reads and writes."""
         return c.EncountersStruct(
-            *(address(getattr(self, name)) for name in c.ENCOUNTERS), self.room, int(self.watched)
+            *(address(getattr(self, name)) for name in c.ENCOUNTERS),
+            *(self.room, int(self.watched), int(self.decides), int(self.reports), self.window, self.together),
         )
 
 

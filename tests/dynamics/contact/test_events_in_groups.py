@@ -7,14 +7,9 @@ import numpy as np
 import pytest
 import scipy.integrate
 import sympy
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
-from uqmbd.dynamics.contact.evaluator import ContactEvaluator
-from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
 from uqmbd.dynamics.integrators import integrator_class
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import PositionDriver
@@ -211,50 +206,6 @@ def test_impacts_of_a_pendulum_against_scipy():
         assert number_of > 0
         if flown.status == 0:
             assert found.states[k, -1, 2] == pytest.approx(flown.y[0, -1], abs=1e-7)
-
-
-@pytest.fixture(scope="module")
-def falls():
-    """Ensembles in contact, with random laws and velocities, by number of coordinates."""
-    models = {}
-
-    def made(make, name, seed, law):
-        if name not in models:
-            mechanism = make(name)
-            models[name] = build(mechanism), list(mechanism.inputs.names)
-        model, names = models[name]
-        values, random = np.zeros((6, len(names))), np.random.default_rng(seed)
-        for key, value in law.items():
-            values[:, names.index(key)] = value
-        for key, size in {"vx": 3, "vy": 3, "spin": 30}.items():
-            values[:, names.index(key)] = size * random.uniform(-1, 1, 6)
-        ensemble = Ensemble(model, values)
-        assert ensemble.start.ok.all()
-        return ContactEvaluator(model)(np.zeros(6), ensemble.start.state, ensemble.block)
-
-    return made
-
-
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 10_000), tilt=st.floats(-0.5, 0.5), mu=st.floats(0, 0.9), e=st.floats(0.1, 0.9))
-@pytest.mark.parametrize("name", ["disc", "ball"])
-def test_single_impacts_are_those_of_the_general_law(falling, falls, name, seed, tilt, mu, e):
-    """Impacts of one contact, all at once, are what the law for any contacts gives for each."""
-    law = {"tilt": tilt, "mu": mu, "e": e, **({"angle": 0.3} if name == "disc" else {})}
-    contacts = falls(falling, name, seed, law)
-    contacts = contacts.select(np.flatnonzero(contacts.speed[:, 0] < -0.01))
-    count, n = len(contacts.speed), contacts.coordinates
-    impulse, after, solved = solve_single_impacts(contacts, np.zeros(count, dtype=np.int64))
-    for row in range(count):
-        one = contacts.select(np.array([row]))
-        jump, hit = impact(one, [0], 0.0)
-        assert hit == {0}
-        if solved[row]:
-            found = contacts.answer[row, :n] @ impulse[row]
-            np.testing.assert_allclose(found, jump, atol=1e-9 * np.abs(jump).max())
-            assert after[row] == pytest.approx((one.speed[0] + one.delassus[0] @ impulse[row])[0], abs=1e-9)
-        else:  # what slips in space, or would be added_energy with energy
-            assert mu > 0
 
 
 @pytest.mark.parametrize("name", ["bouncing", "disc"])

@@ -1,19 +1,21 @@
-"""Decisions about single contacts of many realisations at once: as one by one, for random mechanisms and drops."""
+"""Decisions of the driver about single contacts, as those in Python about any contacts, for random mechanisms."""
 
 import chaospy
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.compiled import Encounters
 from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd.dynamics.contact import event_driven
 from uqmbd.dynamics.contact.decisions import Decisions
-from uqmbd.dynamics.contact.single_contacts import SingleContacts
 from uqmbd_contact import PlaneImpact
 from uqmbd_joints import Revolute
 
 TIMES = np.linspace(0, 2, 41)
+MODELS = {}
 HEIGHT = uqmbd.RandomVariable("height", chaospy.Uniform(0.9, 1.1), units="m")
 
 
@@ -58,19 +60,24 @@ def slid(height, friction, tilt, times):
     return np.where(times < lands, -3.0 * times + along * times**2 / 2, sliding)
 
 
+class Waiting(Encounters):
+    """Contacts about which the driver decides nothing."""
+
+    def __init__(self, *given, **options):
+        super().__init__(*given, **options)
+        self.later = np.full_like(self.later, np.inf)
+
+
 def one_by_one(ensemble, times, rtol):
-    """Integrate with a decision about each realisation alone."""
-
-    def after(self, members, guards, now, moments, z, contacts):
-        return z, np.zeros(len(members), dtype=bool)
-
+    """Integrate with decisions in Python, which treat any number of contacts, about each realisation alone."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SingleContacts, "after", after)
+        patch.setattr(event_driven, "Encounters", Waiting)
+        patch.setattr(Decisions, "_limited", lambda self, member, decision: self.at_limit.update({member: decision}))
         return integrate(ensemble, times, rtol, "dop853")
 
 
 def compare(ensemble, times, allowed):
-    """Compare decisions about all realisations at once with those about each alone, and parts with the whole."""
+    """Compare decisions of the driver with those about each realisation alone, and parts with the whole."""
     found, alone = integrate(ensemble, times, 1e-9, "dop853"), one_by_one(ensemble, times, 1e-9)
     assert found.messages == alone.messages
     assert found.scalars.keys() == alone.scalars.keys()
@@ -88,7 +95,7 @@ def test_a_block_on_a_slope_has_the_exact_motion(friction):
     heights = np.linspace(0.9, 1.1, 11)
     ensemble = Ensemble(build(block_on_slope(friction, 0.4)), heights[:, None])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Decisions, "after", lambda *given: pytest.fail("a realisation was decided alone"))
+        patch.setattr(Decisions, "after", lambda *given: pytest.fail("Python decided about a realisation"))
         found = integrate(ensemble, TIMES, 1e-10, "dop853")
     assert not any(found.messages)
     exact = np.array([slid(height, friction, 0.4, TIMES) for height in heights])
@@ -108,3 +115,21 @@ def test_drops_of_other_bodies(falling, name):
     mechanism = falling(name)
     values = mechanism.inputs.from_uniform(np.random.default_rng(3).uniform(size=(5, len(mechanism.inputs))))
     compare(Ensemble(build(mechanism), values), TIMES[:15], 1e-5)
+
+
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, 10_000), st.floats(-0.5, 0.5), st.floats(0, 0.9), st.floats(0, 0.9))
+@pytest.mark.parametrize("name", ["disc", "ball"])
+def test_first_impacts_of_other_bodies(falling, name, seed, tilt, friction, restitution):
+    """Discs and balls fall 1 cm with random velocities; in space, impacts that slide are decided in Python."""
+    if name not in MODELS:
+        mechanism = falling(name)
+        MODELS[name] = build(mechanism), list(mechanism.inputs.names)
+    model, names = MODELS[name]
+    values, random = np.zeros((6, len(names))), np.random.default_rng(seed)
+    given = {"tilt": tilt, "mu": friction, "e": restitution, "height": 0.01}
+    for key, value in (given | ({"angle": 0.3} if name == "disc" else {})).items():
+        values[:, names.index(key)] = value
+    for key, size in {"vx": 3, "vy": 3, "spin": 30}.items():
+        values[:, names.index(key)] = size * random.uniform(-1, 1, 6)
+    compare(Ensemble(model, values), np.linspace(0, 0.05, 6), 1e-6)

@@ -183,15 +183,18 @@ static Mask keep_contacts(const Problem *p, Group *g, Mask taken, V reached, int
 static int64_t happen(const Pool *pool, Group *g, int64_t l, int64_t happened) {
     int64_t m = g->member[l];
     pool->encounters->happened[m] = happened;
+    if (pool->encounters->decides) count_event(pool->encounters, m, g->now[l]);
     pool->rejected[m] = pool->refused[m] = 0;
     pool->steps[m]++;
     return EVENT;
 }
 
+enum { OF_DECISION = 2 }; /* most events that a decision notes */
+
 /* Whether a step might add more event marks than the buffer holds. */
 static int noted_many(const Problem *p, const Pool *pool, int64_t m) {
     int64_t noted = pool->encounters->noted[m];
-    return noted && noted > pool->encounters->room - SAMPLES * p->contacts->events;
+    return noted && noted > pool->encounters->room - SAMPLES * p->contacts->events - OF_DECISION;
 }
 
 static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) {
@@ -254,7 +257,13 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
             status[l] = happen(pool, g, l, happened[l]);
         else
             status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
-        if (watched && status[l] == RUNNING && noted_many(p, pool, g->member[l])) status[l] = NOTED;
+    }
+    Mask left = stopped;
+    if (any(stopped) && pool->encounters->decides) left = decide_events(p, g, stopped, happened);
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!taken[l] || !watched) continue;
+        if (stopped[l] && !left[l]) status[l] = pool->encounters->reports && !g->arming[l] ? STEPPED : RUNNING;
+        if (status[l] == RUNNING && noted_many(p, pool, g->member[l])) status[l] = NOTED;
     }
 }
 
@@ -281,6 +290,11 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
             return g.evaluations;
         }
         int64_t status[LANES] = {RUNNING}, lost = 0;
+        if (any(g.arming)) {
+            for (int64_t l = 0; l < LANES; l++) /* motions begin here */
+                if (g.arming[l] && pool->encounters->reports) status[l] = STEPPED;
+            arm(p, &g);
+        }
         if (any(g.due)) sample(p, pool, &g, status); /* at the start */
         for (int64_t l = 0; l < LANES; l++) lost += status[l] != RUNNING;
         if (!lost) {

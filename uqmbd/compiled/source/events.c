@@ -204,6 +204,17 @@ static int64_t has_fallen(const Group *g, int64_t l, int64_t fallen, double begi
     return fallen ? begin <= tiny : begin < -tiny;
 }
 
+/* Note an event that has happened, under its own label or what follows from it. */
+static void note(const Encounters *e, int64_t m, double time, int64_t event, int64_t label) {
+    int64_t at = e->noted[m];
+    if (at >= e->room) return;
+    e->mark[m * e->room + at] = event;
+    e->mark_labels[m * e->room + at] = label;
+    e->mark_times[m * e->room + at] = time;
+    e->noted[m]++;
+    e->total[m]++;
+}
+
 /* Note the marks until parts of the step. */
 static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
     const Contacts *c = p->contacts;
@@ -234,12 +245,7 @@ static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
                     sought[l] = 0;
                     continue;
                 }
-                int64_t m = g->member[l], at = e->noted[m];
-                if (at < e->room) {
-                    e->mark[m * e->room + at] = k;
-                    e->mark_times[m * e->room + at] = g->now[l] + part[l] * g->size[l];
-                    e->noted[m]++;
-                }
+                note(e, g->member[l], g->now[l] + part[l] * g->size[l], k, OWN_LABEL);
                 fallen[l] = 1;
                 since[l] = part[l];
                 while (first[l] <= SAMPLES && (double)first[l] / SAMPLES <= part[l]) first[l]++;

@@ -11,6 +11,10 @@
 
 enum { SAMPLES = 8 }; /* parts of a step at whose ends guards are looked at */
 
+enum { CLUSTER = 100 }; /* events in a short time that count as a cluster */
+
+enum { OWN_LABEL, STICKS, SLIPS, RESTS, LIFTS_OFF }; /* what is noted: the label of the event itself, or what follows */
+
 enum { OPEN, STICK, SLIP, SMOOTH }; /* what a contact does; smooth: it lasts, and has no friction */
 
 typedef struct {
@@ -41,11 +45,24 @@ typedef struct {
     double *rise;           /* (member, 2 event): its rate then, where that is known */
     double *length, *slow;  /* (member): size of the mechanism, and a speed that is none */
     int64_t *happened;      /* (member): the guard that has fallen */
-    int64_t *noted;         /* (member): number of marks that are noted */
+    int64_t *noted;         /* (member): number of events that are noted */
     int64_t *mark;          /* (member, room): which */
     double *mark_times;     /* (member, room) */
+    int64_t *mark_labels;   /* (member, room): what has happened */
+    /* of decisions, null unless they are made here (decisions.c) */
+    int64_t *total, *restarts, *stalled; /* (member): events, restarts, and events without progress in time */
+    int64_t *clustered;     /* (member): number of events in `recent` */
+    double *recent;         /* (member, CLUSTER): times of the last events */
+    double *since;          /* (member): time of the last restart */
+    double *fastest, *coarse; /* (member): fastest impact, and a factor of the speed below which bodies stay together */
+    double *starting;       /* (member): a speed that is none after the start of sliding */
+    double *later;          /* (member): until this time the caller decides */
+    int64_t *held;          /* (member, event): contacts that stick without a reserve of friction */
+    int64_t *arming;        /* (member): guards have to be found before the next step */
     int64_t room;
     int64_t watched;        /* whether guards are looked at */
+    int64_t decides, reports; /* whether decisions are made here, and whether lanes stop at each restart */
+    double window, together; /* durations of a cluster, and of an instant */
 } Encounters;
 
 /* Number of doubles of the workspace. */

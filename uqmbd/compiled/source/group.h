@@ -38,6 +38,7 @@ typedef struct {
     V *sums;            /* what values at the points of the tableau add to coefficients */
     Most *most;
     V *control;         /* work array of the laws of controllers */
+    Mask arming;        /* lanes whose guards have to be found */
     Mask due;           /* lanes that have reached an instant of controllers */
 } Group;
 

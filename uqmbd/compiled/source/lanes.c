@@ -130,6 +130,7 @@ static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, i
     g->limit[l] = pool->limit[m];
     g->fresh[l] = running && pool->fresh[m] ? -1 : 0;
     g->touching[l] = running && p->contacts && touches(p->contacts, pool->encounters, m) ? -1 : 0;
+    g->arming[l] = running && p->contacts && pool->encounters->decides && pool->encounters->arming[m] ? -1 : 0;
     g->due[l] = running && p->control && p->control->instant[m] >= 0 ? -1 : 0;
     if (p->control) load_control(p, g, l, m);
     bounds(p, g, l, pool->leg[m] <= pool->last_leg[m] ? pool->leg[m] : pool->last_leg[m]);
@@ -156,5 +157,5 @@ static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) 
     pool->tried[m] = g->size[l];
     pool->fresh[m] = g->fresh[l] ? 1 : 0;
     g->member[l] = -1;
-    g->running[l] = g->touching[l] = g->due[l] = 0;
+    g->running[l] = g->touching[l] = g->arming[l] = g->due[l] = 0;
 }

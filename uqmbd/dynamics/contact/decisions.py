@@ -9,7 +9,6 @@ import numpy as np
 
 from uqmbd.compiled import Encounters, Touching
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.contact.chatter import Chatter
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.limits import AtLimit, contacts_at_limit, most_durable_forces, slipping_together
@@ -41,7 +40,8 @@ TOGETHER = 1e-9
 A reserve below `AT_LIMIT` vanishes within this time, so feet of one body may reach their limits at times that differ by
 it."""
 START = 10.0
-"""Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant."""
+"""Zero limit of speed (m/s) at the start of slip, over the tolerance (m): the accuracy of the interpolant; as in
+decisions.c."""
 HELD = 1e-6
 """Largest gap of a contact that has persisted so far, relative to the size of the mechanism."""
 
@@ -57,22 +57,19 @@ class Decisions:
         batch: Batch,
         evaluator: ContactEvaluator,
         encounters: Encounters,
-        chatter: Chatter,
         records: Records,
         duration: float,
         tolerance: Array,
     ) -> None:
         self.batch, self.model, self.evaluator = batch, batch.model, evaluator
-        self.encounters, self.chatter, self.records = encounters, chatter, records
+        self.encounters, self.records = encounters, records
         self.n, self.velocities = self.model.layout.coordinates, self.model.layout.velocities
         # events with contacts of bodies
         self.bodies = [k for k, (*_, directions) in enumerate(self.model.events) if directions]
         # reason why a realisation cannot continue
         self.messages = [""] * len(batch)
-        self.lasting: dict[int, ContactModes] = {}
-        self.length = encounters.length
-        # starting (M,): sliding speed that counts as zero if the last event was the start of slip, m/s
-        self.duration, self.coarse, self.starting = duration, START * tolerance, np.zeros(len(batch))
+        self.length, self.starting = encounters.length, encounters.starting
+        self.duration, self.coarse = duration, START * tolerance
         # (M,): time until which prescribed functions are smooth, s
         self.until = np.full(len(batch), np.inf)
         # last decision of each realisation on friction at its limit
@@ -83,7 +80,7 @@ class Decisions:
 
     def slow(self, member: int) -> float:
         """Return the speed that counts as zero, m/s."""
-        return max(float(self.chatter.slow(np.array([member]))[0]), float(self.starting[member]))
+        return max(float(self.encounters.still(member)), float(self.starting[member]))
 
     def contacts(self, member: int, time: float, z: Array) -> ContactQuantities:
         """Evaluate the contacts of one state."""
@@ -108,7 +105,7 @@ class Decisions:
                 return z
             z = self.settle(member, time, z, leaving=k)
         elif mode == "slip":
-            lasting, sliding = self.lasting[member], contacts.sliding(k)[0]
+            lasting, sliding = self.lasting(member), contacts.sliding(k)[0]
             fast = float(np.linalg.norm(sliding))
             if fast > self.slow(member):  # the sliding has only changed direction
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
@@ -117,11 +114,11 @@ class Decisions:
             begins = self._modes(member).get(k) == "slip"
             self.starting[member] = self.coarse[member] if begins else 0.0
             at_once = time - self.turning.get(member, -np.inf) <= AT_ONCE * max(1.0, abs(time))
-            turns = self._modes(member) == before and fast > float(self.chatter.slow(np.array([member]))[0])
+            turns = self._modes(member) == before and fast > float(self.encounters.still(member))
             if turns and not at_once:
                 self.turning[member] = time
                 # the direction of a starting slide may turn in three dimensions; repeated stops would hold the bodies
-                lasting = self.lasting[member]
+                lasting = self.lasting(member)
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z
             z = settled
@@ -156,12 +153,12 @@ class Decisions:
         All contacts at their limit are decided together.  The decisions at one instant terminate, because decisions
         after the first only add slipping contacts.
         """
-        before, again = self.lasting[member], self._again(member, time)
+        before, again = self.lasting(member), self._again(member, time)
         forced = {*self.at_limit[member].forced, event} if again else set[int]()
         if len(before.modes) > 1 and not again:
             # other contacts may also slip, or internal forces may hold the bodies
             z = self.settle(member, time, z)
-            after = self.lasting.get(member, ContactModes({}, {}))
+            after = self.lasting(member)
             if self.messages[member] or after.modes.get(event) != "stick":
                 return z
             before, contacts = after, self.contacts(member, time, z)
@@ -171,7 +168,7 @@ class Decisions:
         ahead = self._ahead(member, time, z, motion, span) if len(before.modes) > 1 else contacts
         if len(before.modes) > 1 and event not in limited and not again:
             self._keep(member, most_durable_forces(contacts, ahead, before, motion, span), contacts)
-            self.at_limit[member] = AtLimit(time, frozenset(), frozenset())
+            self._limited(member, AtLimit(time, frozenset(), frozenset()))
             return z
         limited = sorted({*limited, *forced, event})
         slips = slipping_together(contacts, ahead, before, motion, limited, forced)
@@ -187,12 +184,12 @@ class Decisions:
         found, _ = with_internal(contacts, ContactModes(modes, {**before.headings, **slips}))
         self._keep(member, found, contacts)
         self.starting[member] = self.coarse[member]
-        self.at_limit[member] = AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips))
+        self._limited(member, AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips)))
         return z
 
     def _unloaded(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> bool:
         """Redistribute loads of redundant contacts if one is no longer pressed; return whether this is possible."""
-        lasting = self.lasting[member]
+        lasting = self.lasting(member)
         if len(lasting.modes) < 2 or self._again(member, time):
             return False
         found, motion = with_internal(contacts, lasting._replace(internal=None))
@@ -201,13 +198,22 @@ class Decisions:
         span = self._span(member, time)
         found = most_durable_forces(contacts, self._ahead(member, time, z, motion, span), found, motion, span)
         self._keep(member, found, contacts)
-        self.at_limit[member] = AtLimit(time, frozenset(), frozenset())
+        self._limited(member, AtLimit(time, frozenset(), frozenset()))
         return True
+
+    def _limited(self, member: int, decision: AtLimit) -> None:
+        """Store a decision about contacts at their limit, after which the driver decides nothing at this time."""
+        self.at_limit[member] = decision
+        self.encounters.later[member] = decision.time + self._instant(decision.time)
+
+    def _instant(self, time: float) -> float:
+        """Return the time between decisions on friction at its limit that counts as zero, s."""
+        return max(TOGETHER * self.duration, AT_ONCE * abs(time))
 
     def _again(self, member: int, time: float) -> bool:
         """Return whether the last decision about contacts at their limit was at this time."""
         earlier = self.at_limit.get(member)
-        return earlier is not None and time - earlier.time <= max(TOGETHER * self.duration, AT_ONCE * abs(time))
+        return earlier is not None and time - earlier.time <= self._instant(time)
 
     def _span(self, member: int, time: float) -> float:
         """Return the time difference for rates of forces, s."""
@@ -234,7 +240,7 @@ class Decisions:
         gaps, lasting = contacts.guard[0], self._modes(member)
         closed = [k for k in self.bodies if k == event or k in lasting or gaps[k] <= CLOSED * self.length[member]]
         approach = max(0.0, -float(contacts.speed[0, contacts.normal(event)]))
-        self.chatter.fastest[member] = max(self.chatter.fastest[member], approach)
+        self.encounters.fastest[member] = max(self.encounters.fastest[member], approach)
         if (jumped := self._impact(member, time, contacts, closed)) is None:
             return z
         jump, hit = jumped
@@ -324,17 +330,28 @@ class Decisions:
         }
         return self._onto(member, time, z, held) if modes else z
 
+    def lasting(self, member: int) -> ContactModes:
+        """Return the persistent contacts of a realisation, which the driver follows."""
+        e, first = self.encounters, self.evaluator.first
+        modes: dict[int, Mode] = {
+            k: "stick" if mode == Touching.STICK else "slip"
+            for k, mode in enumerate(e.mode[member].tolist())
+            if mode != Touching.OPEN
+        }
+        headings = {
+            k: e.heading[member, first[k] + 1 : first[k + 1]].copy()
+            for k in modes
+            if e.mode[member, k] == Touching.SLIP
+        }
+        return ContactModes(modes, headings, e.internal[member].copy() if e.internal[member].any() else None)
+
     def _modes(self, member: int) -> dict[int, Mode]:
-        return self.lasting[member].modes if member in self.lasting else {}
+        return self.lasting(member).modes
 
     def _keep(self, member: int, lasting: ContactModes, contacts: ContactQuantities) -> None:
-        """Store the persistent contacts, and pass them to the driver."""
+        """Store the persistent contacts in the arrays of the driver."""
         e = self.encounters
         e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0
-        self.lasting.pop(member, None)
-        if not lasting.modes:
-            return
-        self.lasting[member] = lasting
         if lasting.internal is not None:
             e.internal[member] = lasting.internal
         for k, mode in lasting.modes.items():
@@ -344,26 +361,6 @@ class Decisions:
             e.mode[member, k] = Touching.STICK if mode == "stick" else Touching.SLIP
             if mode == "slip":
                 e.heading[member, contacts.tangents(k)] = lasting.headings[k]
-
-    def keep_one(self, member: int, event: int, touching: Touching, heading: Array | None) -> None:
-        """Store the only contact of a realisation, with the heading of slip, and pass it to the driver."""
-        e, first = self.encounters, self.evaluator.first
-        e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0
-        self.lasting.pop(member, None)
-        if touching == Touching.OPEN:
-            return
-        headings = {} if heading is None else {event: heading}
-        self.lasting[member] = ContactModes({event: "stick" if touching == Touching.STICK else "slip"}, headings)
-        e.mode[member, event] = touching
-        if heading is not None:
-            e.heading[member, first[event] + 1 : first[event + 1]] = heading
-
-    def turned(self, member: int) -> None:
-        """Read the directions of sliding from the driver."""
-        headings = self.lasting[member].headings
-        first = self.evaluator.first
-        followed = {k: self.encounters.heading[member, first[k] + 1 : first[k + 1]].copy() for k in headings}
-        self.lasting[member] = self.lasting[member]._replace(headings=followed)
 
     def _onto(self, member: int, time: float, z: Array, modes: dict[int, Mode]) -> Array:
         """Project a state onto constraints and persistent contacts."""

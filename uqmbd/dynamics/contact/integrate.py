@@ -46,8 +46,6 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
 
     def begun() -> None:
         run, e = motion.run, motion.encounters
-        if run.status[0] == ExplicitStatus.DONE:  # an event at the last output time starts no segment
-            return
         # merge restarts without progress in time
         while pieces and pieces[-1].begin >= run.now[0]:
             pieces.pop()
@@ -59,7 +57,7 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
             )
         )
 
-    motion.restarted = begun
+    motion.restarted, motion.encounters.reports = begun, True
     motion.follow()
     if not pieces:
         return SegmentedMotion((), motion.messages[0])
@@ -125,7 +123,7 @@ def integrate_with_events(
     for member, message in zip(members.tolist(), motion.messages, strict=True):
         messages[member] = message
     counters = Counters(
-        integrations=int(motion.restarts.sum()),
+        integrations=int(motion.encounters.restarts.sum()),
         accelerations=motion.run.evaluations,
         steps=int(motion.run.steps.sum()),
         events=int(motion.records.count.sum()),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from uqmbd.compiled import Encounters, Happening
 from uqmbd.dynamics.equations import Model
 from uqmbd.mechanism import event_name
 from uqmbd.typing import Array, Index
@@ -13,14 +14,21 @@ from uqmbd.typing import Array, Index
 __all__ = ["Records", "named_times"]
 
 
+CHANGES = {Happening.STICK: "stick", Happening.SLIP: "slip", Happening.REST: "rest", Happening.LIFT_OFF: "lift-off"}
+"""Labels of changes of contacts."""
+
+
 class Records:
     """Events of M realisations; `count` (M,) is the number of events of each."""
 
-    def __init__(self, model: Model, count: int) -> None:
-        self.model, self.count = model, np.zeros(count, dtype=np.int64)
-        labels = [*(label for _, label, _ in model.events), "stick", "slip", "rest", "lift-off"]
+    def __init__(self, model: Model, encounters: Encounters) -> None:
+        self.model, self.encounters, self.count = model, encounters, encounters.total
+        labels = [*(label for _, label, _ in model.events), *CHANGES.values()]
         self.labels = list(dict.fromkeys(labels))
-        self.own = np.array([self.labels.index(label) for _, label, _ in model.events], dtype=np.int64)
+        own = [self.labels.index(label) for _, label, _ in model.events]
+        # (happening, event): number of the label
+        changes = [[self.labels.index(label)] * len(own) for label in CHANGES.values()]
+        self._label = np.array([own, *changes], dtype=np.int64).reshape(1 + len(CHANGES), len(own))
         self._parts: list[tuple[Index, Array, Index, Index]] = []
 
     def add(self, member: int, time: float, event: int, label: str) -> None:
@@ -29,10 +37,17 @@ class Records:
         self._parts.append(where)
         self.count[member] += 1
 
-    def add_own(self, members: Index, times: Array, events: Index) -> None:
-        """Record events (N,) with the labels of their declarations."""
-        self._parts.append((members.copy(), times.copy(), events.copy(), self.own[events]))
-        np.add.at(self.count, members, 1)
+    def take(self) -> None:
+        """Take the events that the driver has recorded."""
+        e = self.encounters
+        rows = np.flatnonzero(e.noted)
+        if not len(rows):
+            return
+        used = np.arange(e.room) < e.noted[rows, None]
+        members = np.broadcast_to(rows[:, None], used.shape)[used]
+        events = e.mark[rows][used]
+        self._parts.append((members, e.mark_times[rows][used], events, self._label[e.mark_labels[rows][used], events]))
+        e.noted[rows] = 0
 
     def sorted(self) -> tuple[Index, Array, Index, Index]:
         """Return members, times, events, labels, sorted by member and time; ties keep the recorded order."""
