@@ -345,7 +345,7 @@ static int64_t decide_impact(const Problem *p, Group *g, int64_t l, int64_t k, i
     if (approach > 1e-3 * slow && !solve_impact(&t, impulse, &after)) return UNDECIDED;
     if (approach > slow && after > slow) {
         hit(p, g, l, k, &t, impulse, g->z);
-        note(e, m, g->now[l], k, OWN_LABEL);
+        note(e, m, g->now[l], k, AS_DECLARED);
         /* the gap rises from zero; the acceleration before the impact affects the first step only */
         rest_guards(c, e, m);
         e->slow[m] = slow;
@@ -384,9 +384,9 @@ static void decide_modes(const Problem *p, Group *g, const int64_t *guards, cons
         }
         keep_one(p->contacts, g, l, k, mode, heading);
         e->starting[m] = !lands && mode == SLIP ? STARTING * g->floor[l] : 0.0;
-        if (lands && strikes[l]) note(e, m, g->now[l], k, OWN_LABEL);
-        if (lands && mode != OPEN) note(e, m, g->now[l], k, RESTS);
-        if (!lands && mode == STICK) note(e, m, g->now[l], k, STICKS);
+        if (lands && strikes[l]) note(e, m, g->now[l], k, AS_DECLARED);
+        if (lands && mode != OPEN) note(e, m, g->now[l], k, BEGINS_RESTING);
+        if (!lands && mode == STICK) note(e, m, g->now[l], k, BEGINS_STICKING);
         (*project)[l] = mode == OPEN ? 0 : -1;
         (*turns)[l] = mode == SLIP && turning ? -1 : 0;
         if (lands)
@@ -407,7 +407,7 @@ static int64_t decide_start(const Problem *p, Group *g, int64_t l, int64_t k) {
     e->starting[m] = STARTING * g->floor[l];
     /* the caller decides about further events at this instant */
     e->later[m] = g->now[l] + e->together;
-    note(e, m, g->now[l], k, SLIPS);
+    note(e, m, g->now[l], k, BEGINS_SLIPPING);
     return STARTS;
 }
 

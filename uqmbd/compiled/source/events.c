@@ -245,7 +245,7 @@ static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
                     sought[l] = 0;
                     continue;
                 }
-                note(e, g->member[l], g->now[l] + part[l] * g->size[l], k, OWN_LABEL);
+                note(e, g->member[l], g->now[l] + part[l] * g->size[l], k, AS_DECLARED);
                 fallen[l] = 1;
                 since[l] = part[l];
                 while (first[l] <= SAMPLES && (double)first[l] / SAMPLES <= part[l]) first[l]++;

@@ -13,7 +13,7 @@ enum { SAMPLES = 8 }; /* parts of a step at whose ends guards are looked at */
 
 enum { CLUSTER = 100 }; /* events in a short time that count as a cluster */
 
-enum { OWN_LABEL, STICKS, SLIPS, RESTS, LIFTS_OFF }; /* what is noted: the label of the event itself, or what follows */
+enum { AS_DECLARED, BEGINS_STICKING, BEGINS_SLIPPING, BEGINS_RESTING, LIFTS_OFF }; /* what is noted: the label of the event itself, or what follows */
 
 enum { OPEN, STICK, SLIP, SMOOTH }; /* what a contact does; smooth: it lasts, and has no friction */
 

@@ -31,6 +31,7 @@ PARTS = (
     "attempt",
     "radau",
     "dense",
+    "decisions",
     "dop853",
     "assembly",
 )

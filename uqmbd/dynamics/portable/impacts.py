@@ -56,6 +56,7 @@ def written_contacts(
             *(w.integers(x) for x in (c.gap, c.law, c.speed, c.bias, c.slope)),
             f"{c.size}, {len(c.rows)}",
             *(w.integers(x) for x in (c.rows, c.columns, c.values, c.right)),
+            "{0}, {0}, 0, NULL",  # the elimination with pivots needs no further programs
         ]
     )
     rows = np.concatenate([c.gap, c.law.ravel(), c.speed, c.bias, c.slope.ravel(), c.values, c.right])
