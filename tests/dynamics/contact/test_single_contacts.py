@@ -72,7 +72,7 @@ def one_by_one(ensemble, times, rtol):
     """Integrate with decisions in Python, which treat any number of contacts, about each realisation alone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(event_driven, "Encounters", Waiting)
-        patch.setattr(Decisions, "_limited", lambda self, member, decision: self.at_limit.update({member: decision}))
+        patch.setattr(Decisions, "note_limit", lambda self, member, decision: self.at_limit.update({member: decision}))
         return integrate(ensemble, times, rtol, "dop853")
 
 

@@ -168,7 +168,7 @@ class Decisions:
         ahead = self._ahead(member, time, z, motion, span) if len(before.modes) > 1 else contacts
         if len(before.modes) > 1 and event not in limited and not again:
             self._keep(member, most_durable_forces(contacts, ahead, before, motion, span), contacts)
-            self._limited(member, AtLimit(time, frozenset(), frozenset()))
+            self.note_limit(member, AtLimit(time, frozenset(), frozenset()))
             return z
         limited = sorted({*limited, *forced, event})
         slips = slipping_together(contacts, ahead, before, motion, limited, forced)
@@ -184,7 +184,7 @@ class Decisions:
         found, _ = with_internal(contacts, ContactModes(modes, {**before.headings, **slips}))
         self._keep(member, found, contacts)
         self.starting[member] = self.coarse[member]
-        self._limited(member, AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips)))
+        self.note_limit(member, AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips)))
         return z
 
     def _unloaded(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> bool:
@@ -198,10 +198,10 @@ class Decisions:
         span = self._span(member, time)
         found = most_durable_forces(contacts, self._ahead(member, time, z, motion, span), found, motion, span)
         self._keep(member, found, contacts)
-        self._limited(member, AtLimit(time, frozenset(), frozenset()))
+        self.note_limit(member, AtLimit(time, frozenset(), frozenset()))
         return True
 
-    def _limited(self, member: int, decision: AtLimit) -> None:
+    def note_limit(self, member: int, decision: AtLimit) -> None:
         """Store a decision about contacts at their limit, after which the driver decides nothing at this time."""
         self.at_limit[member] = decision
         self.encounters.later[member] = decision.time + self._instant(decision.time)

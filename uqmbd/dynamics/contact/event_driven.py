@@ -67,8 +67,8 @@ class EventDrivenMotion:
         self.sampling = batch.sampling(times)
         samples = np.zeros(0) if self.sampling is None else self.sampling.times
         duration = float(times[-1] - times[0])
-        given = {"window": CLUSTER_TIME * duration, "together": TOGETHER * duration}
-        self.encounters = Encounters(contacts, count, decides=True, **given)
+        window, together = CLUSTER_TIME * duration, TOGETHER * duration
+        self.encounters = Encounters(contacts, count, decides=True, window=window, together=together)
         self.encounters.length[:] = self.length = length
         rtol = max(rtol, 1e-13)
         self.run = IntegrationState(
