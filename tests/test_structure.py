@@ -26,7 +26,7 @@ STATEMENTS = {
     "uqmbd.arguments": 550,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
-    "uqmbd.compiled": 2_250,
+    "uqmbd.compiled": 2_280,
     "uqmbd.dynamics": 16_240,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 190,
