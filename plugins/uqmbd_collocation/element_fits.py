@@ -61,7 +61,7 @@ class ElementFits(ABC):
         return self.plans.points_of_elements(boxes, len(self.done))
 
     def compute(self, boxes: Iterable[uqmbd.extend.GermBox]) -> list[Any]:
-        """Return fitted and verified elements for some boxes."""
+        """Return fitted and verified elements for given boxes."""
         boxes = list(boxes)
         found = [self.fitted(box, own) for box, own in zip(boxes, self.points(boxes), strict=True)]
         self.done += found

@@ -45,7 +45,7 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
     least-squares fit on the first n terms follows for each n. The result is the fit with the smallest corrected
     leave-one-out error (Blatman and Sudret, Journal of Computational Physics 230 (2011) 2345-2367). Later times reuse
     the order of an earlier time as long as the direction of the responses hardly changes. So an output at 400 times
-    needs some dozen orders. No fit depends on later times, so a failure at a later time does not affect earlier
+    needs several dozen orders. No fit depends on later times, so a failure at a later time does not affect earlier
     results. Errors are relative to the variance of the samples; if all samples are equal, the errors are 0. The same
     samples select the terms and determine the errors. If the expansion is not sparse, the errors can therefore be
     several times too small.

@@ -57,7 +57,7 @@ class OnPlane(uqmbd.extend.TypedComponent):
 
 
 class OnSphere(uqmbd.extend.TypedComponent):
-    """Geometry of two spheres; on a line, of two segments, which stay in the order in which they are drawn."""
+    """Geometry of two spheres; on a line, of two segments, which stay in the order of the given pose."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)

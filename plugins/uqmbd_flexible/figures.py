@@ -76,7 +76,7 @@ def mode_shapes(model: ModalModel, modes: Annotated[int, uqmbd.extend.Bounds(1, 
 
 
 def _frequencies(model: ModalModel) -> Any:
-    """Return the frequency of each coordinate alone, Hz, at the means of random variables."""
+    """Return the frequency of each coordinate alone in Hz, at the means of random variables."""
     constant = model.at_means()
     stiffness = np.array(constant.stiffness.tolist(), dtype=float)
     return np.sqrt(np.maximum(np.diag(stiffness) / np.diag(model.modal_mass), 0.0)) / (2 * np.pi)

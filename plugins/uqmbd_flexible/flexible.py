@@ -100,7 +100,7 @@ class FlexibleBody:
 
     @typechecked
     def node_point(self, node: Any) -> sympy.Matrix:
-        """Return the world position of a node as a column, m, for outputs.
+        """Return the world position of a node in m, as a column for outputs.
 
         Parameters
         ----------
@@ -122,7 +122,7 @@ class FlexibleBody:
 
     @typechecked
     def deflection(self, node: Any) -> sympy.Matrix:
-        """Return the displacement of a node due to deformation, in the axes of the body, m, as a column for outputs.
+        """Return the displacement of a node by deformation in m, in the axes of the body, as a column for outputs.
 
         Parameters
         ----------

@@ -367,7 +367,7 @@ class ModalModel:
         return self.replaced(**found)
 
     def replaced(self, **changed: Any) -> ModalModel:
-        """Return the model with other values of some fields."""
+        """Return the model with new values of the given fields."""
         return ModalModel(**{x.name: getattr(self, x.name) for x in fields(self)} | changed)
 
 

@@ -29,13 +29,13 @@ QUANTILES = (0.05, 0.5, 0.95)
 """Default probabilities of the quantiles of an FMU."""
 
 SHARED = ("instance.c",)
-"""Sources of all FMUs, in addition to those of the version and of the model."""
+"""Source files of all FMUs, in addition to the source files of the FMI version and of the model."""
 
 SURROGATE = ("surrogate.c",)
-"""Sources of a surrogate."""
+"""Source files of a surrogate."""
 
 MECHANISM = ("mechanism.c", "contact_laws.c", "sampled_laws.c", "motion_memory.c", "driver.c", "motion_data.c")
-"""Sources of a mechanism: those of the package, and those of its motion."""
+"""Source files of a mechanism: files of the package, and files of its motion."""
 
 HEADERS = {
     SURROGATE: ("model.h", "surrogate.h"),
@@ -160,7 +160,9 @@ def export_fmu(
             "tree['LABEL']."
         )
     if inputs:
-        raise StudyError("export_fmu: 'inputs' belongs to the export of a mechanism; a surrogate has parameters only.")
+        raise StudyError(
+            "export_fmu: only the export of a mechanism has the argument 'inputs'; a surrogate has parameters only."
+        )
     levels = tuple(sorted(set(map(float, quantiles))))
     if levels and not 0 < levels[0] <= levels[-1] < 1:
         raise StudyError(f"export_fmu: quantiles is {levels}; expected probabilities between 0 and 1.")

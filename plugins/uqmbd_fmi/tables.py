@@ -80,7 +80,7 @@ def number(value: float) -> str:
 
 
 def text(value: str) -> str:
-    r"""Return a string in C; other characters than those of ASCII become octal sequences of UTF-8.
+    r"""Return a string in C; characters outside ASCII become octal escape sequences of their UTF-8 bytes.
 
     >>> text('a"b')
     '"a\\"b"'

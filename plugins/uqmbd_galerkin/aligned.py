@@ -209,7 +209,7 @@ def _late_times(
     problem: uqmbd.extend.Problem,
     verification: uqmbd.extend.Verification,
 ) -> Array:
-    """Return the times (S,), s, from the last marker to the last time, of all samples and verification realisations."""
+    """Return the durations (S,) in s from last marker to last time, of all samples and verification realisations."""
     edges = np.stack([path.parts[0][:, 0, 0, -1], path.last], axis=1)
     outputs = problem.labels.shape[0]
     element = AlignedElement(box, ("",), edges, np.zeros((len(terms), 1, outputs, 1)), "phase")

@@ -20,7 +20,7 @@ FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
 """Prefixes of the names of first and second time derivatives of a possible clock."""
 
 SAME_PHASE, APART = 1e-9, np.pi
-"""Nodes are shifted to the same phase if the range of their phases, rad, is between these values."""
+"""Nodes are shifted to the same phase if the range of their phases in rad is between these values."""
 
 PILOTS = 8
 """Least number of realisations for the search for a clock."""
@@ -29,7 +29,7 @@ AT_REST = 0.3
 """The start is integrated over time if the rate of an angle is below this share of its rate a radian later."""
 
 STARTED = 1.0
-"""Angle, rad, over which a motion that starts at rest is integrated over time: at rest, time per angle is infinite."""
+"""Angle in rad over which a motion from rest is integrated over time: at rest, the time per angle is infinite."""
 
 
 def watched_rates(mechanism: Any) -> Mapping[str, Any]:
@@ -64,7 +64,7 @@ class ClockRates:
     until: float  # end of the integration over time, s: the start time, or later if the clock starts at rest
 
     def __call__(self, times: Array, states: Array) -> Array:
-        """Return phase rates (K,), rad/s, at times (K,), s, and states (K, width)."""
+        """Return phase rates (K,) in rad/s, at times (K,) in s and states (K, width)."""
         value, rate, second = self._value_and_rates(times, states)
         if self.clock.turn:
             return np.asarray(rate * (TURN / self.clock.turn))
@@ -73,7 +73,7 @@ class ClockRates:
         return np.asarray((-x * second / self.speed - y * rate / self.reach) / (x**2 + y**2))
 
     def ahead(self, times: Array, states: Array, step: float) -> tuple[Array | None, float]:
-        """Return the phases (K,), rad, that nodes must pass to reach a common phase, and their rounded mean, rad.
+        """Return the phases (K,) that nodes must pass to reach a common phase, and their rounded mean, in rad.
 
         The common phase is a multiple of `step` after the phases of all nodes. The mean is rounded to a multiple of
         `step`, at least one. The phases are None, and the mean is 0, if all nodes have the same phase. The same applies

@@ -48,7 +48,7 @@ def warn(
 
 
 def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
-    """Return for each output the first time, s, at which its stated error exceeds `limit` standard deviations.
+    """Return for each output the first time in s at which its stated error exceeds `limit` standard deviations.
 
     The result omits outputs whose error never exceeds the limit, and outputs that vary by less than the tolerance
     `rtol` of the integration. Without verification data, the result is empty.

@@ -36,8 +36,8 @@ def in_segments(
     """Return the first `outputs` outputs at the points of segments in the normalised time of each node.
 
     `coefficients` (P, S, N, width + 1): coefficients of states and time at the N Chebyshev points in phase of each
-    segment. Return the times (K, S + 1) of the markers, s, and the outputs (K, S, O, N) at the Chebyshev points of the
-    segments. Return also the largest interpolation error, relative to the range of an output.
+    segment. Return the times (K, S + 1) of the markers in s, and the outputs (K, S, O, N) at the Chebyshev points of
+    the segments. Return also the largest interpolation error, relative to the range of an output.
     """
     terms, segments, count, width = coefficients.shape
     flat = coefficients.reshape(terms, -1)

@@ -159,7 +159,7 @@ def solid_of(shape: BodyShape, values: Sequence[float]) -> Solid:
 
 
 def distance(first: Solid, second: Solid, pose: tuple[Array, Array], other: tuple[Array, Array]) -> float:
-    """Return the distance of two solids, m, and 0 if their surfaces touch; poses are rotations and positions."""
+    """Return the distance of two solids in m, which is 0 if their surfaces touch; poses are rotations and positions."""
     import fcl
 
     places = [solid.placed(*where) for solid, where in ((first, pose), (second, other))]

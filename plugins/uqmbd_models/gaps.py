@@ -14,7 +14,7 @@ from uqmbd_models.tree import Tree
 __all__ = ["list_gaps"]
 
 CLOSED = 1e-6
-"""Largest gap that is a rounding error, rad, or relative to the size of the model."""
+"""Largest gap that counts as a rounding error, in rad or relative to the size of the model."""
 
 
 def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omission]:

@@ -106,7 +106,7 @@ def remarks(joints: Sequence[TreeJoint]) -> list[uqmbd.extend.Omission]:
     limited = tuple(joint.name for joint in joints if joint.limits)
     dry = tuple(joint.name for joint in joints if joint.friction)
     rows = [
-        ("limits of joints", limited, "uqmbd does not enforce them; outputs record the margins to the limits"),
+        ("limits of joints", limited, "uqmbd does not enforce them; outputs record the distances from the limits"),
         ("dry friction", dry, "imported as smooth friction, which creeps instead of sticking; see RotationalFriction"),
     ]
     return [uqmbd.extend.Omission(what, names, why) for what, names, why in rows if names]

@@ -17,8 +17,8 @@ __all__ = ["of_study", "of_surrogate"]
 
 
 HARM = 0.8
-"""A warning is issued if the variance ratio on an equal budget is smaller. Timing errors of some per cent are allowed
-for."""
+"""A warning is issued if the variance ratio on an equal budget is smaller. The difference from 1 allows for errors of
+timing."""
 
 
 def of_surrogate(statistics: xr.Dataset, surrogate: ControlSurrogate) -> dict[str, Any]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from uqmbd.extend import LinearSystem
 
 MUCH = 0.01
-"""Share of the variance that outputs lose above the cutoff, above which it is a probable mistake."""
+"""Share of the variance above the cutoff that outputs lose; a cutoff with a larger share is probably a mistake."""
 
 
 LITTLE = 1e-3

@@ -288,7 +288,7 @@ def order_amplitude(
     expression : SymPy expression
         Expression x of the motion, as for `uqmbd.integral`.
     angle : SymPy expression
-        Rotation angle, rad, which increases with every turn: ``body.angle``, ``joint.angle``, ``100 * uqmbd.t``.
+        Rotation angle in rad, which increases with every turn: ``body.angle``, ``joint.angle``, ``100 * uqmbd.t``.
     orders : float or sequence of float
         Orders, which are positive: 1 for once per turn; 0.5 for once in two turns. Fractions have denominators up to 12
         and use a multiple of so many turns.

@@ -376,7 +376,7 @@ def _last_line(high: float) -> int:
 
 
 def _rounded_up(value: float, digits: int = 3) -> float:
-    """Return a number rounded up to some digits, so that it does not depend on rounding errors."""
+    """Return a number rounded up to a few digits, so that it does not depend on rounding errors."""
     unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
     return float(f"{math.ceil(value / unit - 1e-6) * unit:.{digits}g}")
 

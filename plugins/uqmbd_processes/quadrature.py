@@ -204,7 +204,7 @@ def _modal_errors(system: LinearSystem) -> tuple[NDArray[Any], NDArray[Any], NDA
 
 
 def select(system: LinearSystem, members: NDArray[np.int64]) -> LinearSystem:
-    """Return the systems of some realisations."""
+    """Return the systems of the selected realisations."""
     if len(members) == len(system):
         return system
     from dataclasses import replace

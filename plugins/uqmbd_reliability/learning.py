@@ -231,7 +231,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
 
 
 def _weight_quantile(population: _Population, chosen: Index, share: float) -> float:
-    """Return the quantile of the weights of draws at some points, for a share of these points."""
+    """Return the quantile of the weights of draws at given points, for a share of these points."""
     if not len(chosen):
         return 0.0
     weights = population.ratio[chosen] / (len(population.points) * population.drawn[chosen])

@@ -1,7 +1,7 @@
 """Mixtures of normal distributions in many dimensions, which differ from the standard one in few directions.
 
 Mixtures of scikit-learn and OpenTURNS have full or diagonal covariances. With 40 inputs, a full covariance has 820
-entries to fit to some dozen violations, and the weights of the samples degenerate. OpenTURNS's NAIS gives 1.3e-11
+entries to fit to several dozen violations, and the weights of the samples degenerate. OpenTURNS's NAIS gives 1.3e-11
 instead of 1.1e-8 for a plane in 40 dimensions.
 """
 

@@ -81,7 +81,7 @@ class MarginRuns:
         return found.values[:, self._chosen], found.failed
 
     def running(self, rows: Index) -> Array:
-        """Return the running margins (K, requirement, T) of some realisations, given by their indices."""
+        """Return the running margins (K, requirement, T) of the realisations with the given indices."""
         return np.asarray(np.concatenate(self._running)[rows])
 
     def time_of(self, point: Array, requirement: int, times: Array) -> float:

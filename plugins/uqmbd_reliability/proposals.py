@@ -25,7 +25,7 @@ STANDARD, ROUND, LEAST, BLUNT = 0.05, 0.08, 0.12, 0.18
 
 `ROUND` is the least share of the round region, and `LEAST` the least share of all other regions together. `BLUNT` is
 the share of the fixed distribution of a region. These shares bound the weights by 1 / `STANDARD`, and near a region by
-some multiples of the probability of the region."""
+a small multiple of the probability of the region."""
 
 PRIOR = 6.0
 """Weight of the previous proposal in an adaptation, as a number of violations. For covariances, twice the number of

@@ -28,7 +28,7 @@ class RotationalFriction(uqmbd.Component):
     """A friction moment that opposes the rotation of body j relative to body i about a common axis.
 
     The joint sticks up to Coulomb's moment; `event_time` accepts ``stick`` and ``slip``. The moment may be a function
-    of time, as of a brake. With a transition speed, friction is smooth, ``friction w / sqrt(w^2 + transition^2)``, and
+    of time, as for a brake. With a transition speed, friction is smooth, ``friction w / sqrt(w^2 + transition^2)``, and
     has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
     smooth friction. A random transition speed must be positive.
 
@@ -48,7 +48,7 @@ class RotationalFriction(uqmbd.Component):
     )
     damping = uqmbd.Parameter("N m s/rad", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(
-        "rad/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0,
+        "rad/s", "speed at which smooth friction reaches 71 % of its limit; 0: the joint sticks", default=0, minimum=0,
         at_minimum="the joint sticks",
     )  # fmt: skip
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (omit it in planar space)", kind="turning_axis", body="body_i")
@@ -70,7 +70,7 @@ class SlidingFriction(uqmbd.Component):
     """A friction force that opposes the sliding of a point of body j along an axis fixed in body i.
 
     The joint sticks up to Coulomb's force; `event_time` accepts ``stick`` and ``slip``. The force may be a function
-    of time, as of a brake. With a transition speed, friction is smooth, ``friction v / sqrt(v^2 + transition^2)``, and
+    of time, as for a brake. With a transition speed, friction is smooth, ``friction v / sqrt(v^2 + transition^2)``, and
     has no events: the joint creeps at less than the transition speed instead of sticking. ``integrator="ida"`` needs
     smooth friction. A random transition speed must be positive.
 
@@ -91,7 +91,7 @@ class SlidingFriction(uqmbd.Component):
     friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none", minimum=0)
     damping = uqmbd.Parameter("N s/m", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(
-        "m/s", "speed at which 71 % of a smooth friction act; 0: the joint sticks", default=0, minimum=0,
+        "m/s", "speed at which smooth friction reaches 71 % of its limit; 0: the joint sticks", default=0, minimum=0,
         at_minimum="the joint sticks",
     )  # fmt: skip
 

@@ -137,7 +137,7 @@ def _show_assessment(screen: Console, tree: xr.DataTree) -> None:
         table.add_row(Text(f"{one.sign} {one.word}"), Text(one.name), Text(one.reason))
     screen.print(table)
     if len(found.reliability) > RELIABILITY:
-        screen.print(f"... and {len(found.reliability) - RELIABILITY} more, none of them less reliable.")
+        screen.print(f"... and {len(found.reliability) - RELIABILITY} more, which are at least as reliable.")
     if text := (*found.recommendation, *found.reasons):
         print("", *text, "", sep="\n")
     if problem := tree.children["comparison"].attrs.get("problem") if "comparison" in tree.children else None:

@@ -33,7 +33,7 @@ def cache_folder() -> Path:
 
 
 def source_digest(folders: Iterable[Path]) -> bytes:
-    """Return a digest of all files in some folders, by name, except compiled copies."""
+    """Return a digest of all files in the given folders, by name, except compiled copies."""
     digest = hashlib.sha256()
     for folder in folders:
         for path in sorted(folder.rglob("*")):

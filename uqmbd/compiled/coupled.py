@@ -33,7 +33,7 @@ _OUTSIDE = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 class NodalSystems:
     """Index-1 systems ``A x = b`` at the nodes in the lanes of a work array.
 
-    The first rows of the work array are a state (q, s, v), the time, zero, and the parameters.
+    The first rows of the work array are a state (q, s, v), the time, the constant 0, and the parameters.
     """
 
     width: int  # length of a state
@@ -172,7 +172,7 @@ class CoupledSystems:
 
     @contextmanager
     def in_phase(self, times: Array, paces: Array) -> Iterator[None]:
-        """Use a phase as the independent variable in a context: `times` (K,), s, `paces` (K,), s/rad.
+        """Use a phase as the independent variable in a context: `times` (K,) in s, `paces` (K,) in s/rad.
 
         Each node has a separate time, and a separate derivative of time by phase. `rate` then returns derivatives by
         phase, and ignores its argument `time`.

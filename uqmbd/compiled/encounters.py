@@ -184,7 +184,7 @@ class ControlLaws(Addressed):
 class SampledControl:
     """Sampled controllers of M realisations: arrays that the driver and the decisions in Python share.
 
-    The `instants` (N,) are ascending times, s, at which integration intervals end; the first is due at the start.
+    The `instants` (N,) are ascending times in s at which integration intervals end; the first is due at the start.
     `acting` and `sampled` (N, loop) are indices in `pending`: of the commands that begin to act, and of the commands
     computed by a sample; -1: none. Commands of loops that are `direct` (loop,) act at their sample. The numbers of each
     realisation are `values` (M, number), and the limits of the commands `low` and `high` (M, entry).

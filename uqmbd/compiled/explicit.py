@@ -97,7 +97,7 @@ class Constraints:
 class Dynamics:
     """Equations of motion, as programs on one work array.
 
-    The first rows of the array are a state (q, s, v), the time, zero, and the parameters.
+    The first rows of the array are a state (q, s, v), the time, the constant 0, and the parameters.
     """
 
     coordinates: int  # number of coordinates

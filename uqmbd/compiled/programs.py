@@ -124,7 +124,7 @@ class ProgramWriter:
         return self.rows + self.widest
 
     def part(self, begin: int = 0, end: int | None = None) -> ProgramPart:
-        """Return some of the steps as a part; no rows may be added afterwards."""
+        """Return the selected steps as a part; no rows may be added afterwards."""
         return ProgramPart(tuple(self.steps[begin:end]), self.rows)
 
     def program(self, results: Index) -> Program:

@@ -159,7 +159,7 @@ class StepHistory:
         return found
 
     def states_of(self, steps: Index, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return states (E, 8, width) and times (E, 8), s, at places of parts of steps (E,) from `low` to `high`."""
+        """Return states (E, 8, width) and times (E, 8) in s, at places of parts of steps (E,) from `low` to `high`."""
         states, times = np.empty((len(steps), *self.states.shape[1:])), np.empty((len(steps), len(PLACES)))
         given = [np.ascontiguousarray(x) for x in (steps, low, high)]
         load_driver().part_states(ctypes.addressof(self.structure), len(steps), *map(address, (*given, states, times)))
@@ -314,7 +314,7 @@ class FittedPolynomials:
         return place, value
 
     def cumulative_minimum(self, first: Index, times: Array) -> Array:
-        """Return running minima (R, T) at ascending times (T,), s, of realisations with given first parts.
+        """Return running minima (R, T) at ascending times (T,) in s, of realisations with given first parts.
 
         The value at the last time is the minimum over all parts.
         """

@@ -37,7 +37,7 @@ class IntervalTable(Protocol):
 
 
 class PathTable:
-    """Lookup of sampled paths: the term is the address of a path, which differs between realisations."""
+    """Lookup of sampled paths: the term is the memory address of a path, which differs between realisations."""
 
     def look_up(self, x: Array, terms: Array | None = None) -> Array:
         """Look up arguments (K,) in paths of zeros, shape (K, number): the reference for kernels without paths."""

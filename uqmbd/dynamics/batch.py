@@ -69,7 +69,7 @@ class Batch(Protocol):
         """Return the batch with the mean of every sampled path."""
 
     def select(self, members: Index) -> Batch:
-        """Return the batch of some realisations."""
+        """Return the batch of the selected realisations."""
 
     def sampling(self, times: Array) -> Sampler | None:
         """Return the samples of the controllers over output times, s; None if there are no controllers."""

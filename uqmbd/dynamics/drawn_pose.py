@@ -21,7 +21,7 @@ MOVED = 0.01
 """Displacement by the assembly, relative to the size of the given pose, that counts as zero."""
 
 TILTED = np.radians(1)
-"""Rotation by the assembly, rad, that counts as zero."""
+"""Rotation in rad by the assembly that counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def moves(bodies: Sequence[str], dimension: int, drawn: Array, assembled: Array)
 
 
 def drawn_points(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
-    """Return known, finite points of each body in the given pose, m, at the means."""
+    """Return the known, finite points of each body in m, in the given pose at the means."""
     poses: dict[str, Sequence[sympy.Expr]] = {name: body.pose.q for name, body in mechanism.bodies.items()}
     poses["ground"] = mechanism.ground.q
     frames: dict[str, Frame] = {}
@@ -76,7 +76,7 @@ def extent_of(places: Sequence[Array]) -> float:
 
 
 def size_of(mechanism: Mechanism) -> float:
-    """Return the largest extent of the given pose at the means, m, from all known points of the bodies."""
+    """Return the largest extent in m of the given pose at the means, from all known points of the bodies."""
     return extent_of([place for found in drawn_points(mechanism).values() for _, place in found])
 
 

@@ -40,7 +40,7 @@ class Ensemble:
     start : Start, optional
         Initial states, if known. Default: computed by the ensemble.
     until : float, optional
-        Time, s, until which sampled paths are needed; an integration extends them if necessary.
+        Time in s until which sampled paths are needed; an integration extends them if necessary.
     paths : SampledPaths, optional
         Sampled paths of the realisations, if known.
 
@@ -125,9 +125,9 @@ class Ensemble:
         Returns
         -------
         tuple of (end, longest, jumps)
-            Consecutive intervals of the integration. ``end`` is the end of the smooth interval, s, and ``longest`` the
-            longest step, s. ``jumps`` is whether a quantity may jump at the end. At a knot only a third derivative
-            jumps, and ``jumps`` is false.
+            Consecutive intervals of the integration. ``end`` is the end of the smooth interval, and ``longest`` the
+            longest step, both in s. ``jumps`` is whether a quantity may jump at the end. At a knot only a third
+            derivative jumps, and ``jumps`` is false.
         """
         return pace(self, np.asarray(times, dtype=float), rtol, knots=True)
 
@@ -150,7 +150,7 @@ class Ensemble:
         return Sampling(self, times) if self.model.controls else None
 
     def select(self, members: Index) -> Ensemble:
-        """Return the ensemble of some realisations."""
+        """Return the ensemble of the selected realisations."""
         if len(members) == len(self) and np.array_equal(members, np.arange(len(self))):
             return self
         paths = None if self.paths is None else self.paths.select(members)
@@ -268,7 +268,7 @@ class Ensemble:
         Parameters
         ----------
         times : array, shape (T,) or (K, T)
-            Times, s, of all realisations or of each.
+            Times in s of all realisations or of each.
         states : array, shape (K, T, 2 coordinate + state)
             Coordinates, auxiliary states and velocities; accelerations and reactions are computed.
 
@@ -457,7 +457,7 @@ class Ensemble:
 
     @typechecked
     def energies(self, times: Array, states: Array) -> Array:
-        """Return kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as for `outputs`.
+        """Return the kinetic and potential energies along trajectories.
 
         Parameters
         ----------

@@ -284,7 +284,7 @@ def _corners(instance: Instance) -> bool:
 
 
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, quiet: bool = False) -> Model:
-    """Return the complete model of a mechanism at an initial time, s, from the cache if possible.
+    """Return the complete model of a mechanism at an initial time in s, from the cache if possible.
 
     The cache stores models by the digest of their parts.  With `fuse`, residual and Jacobian are one kernel each; this
     is the default up to `FUSED_LIMIT` unknowns.  A `uqmbd.RedundantConstraintWarning` names dependent equations; with

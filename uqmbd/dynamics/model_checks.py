@@ -40,7 +40,7 @@ FAR = 1.0
 """Displacement of a body by assembly, relative to the size of the mechanism, above which a note becomes a warning."""
 
 TURNED = np.pi / 4
-"""Rotation of a body by assembly, rad, above which a note becomes a warning."""
+"""Rotation in rad of a body by the assembly, above which a note becomes a warning."""
 
 DEEP = 0.1
 """Depth of a contact of points, in sizes of the mechanism, above which a note becomes a warning."""
@@ -274,7 +274,7 @@ def _followed(component: Component) -> list[AngleSymbol]:
 
 
 def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) -> list[tuple[Array, Array]]:
-    """Return the initial and the given angles of drivers, rad, in the checked realisations."""
+    """Return the initial and the given angles of drivers in rad, in the checked realisations."""
     if not drivers:
         return []
     rows = inputs_of_notices(mechanism)
@@ -293,7 +293,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
 
 
 def _angle_at_start(component: Component, time: float) -> sympy.Expr:
-    """Return the initial angle of a driver, rad, in inputs and coordinates, with initial values of followed angles."""
+    """Return the initial angle of a driver in rad, from inputs, coordinates and initial values of followed angles."""
     counted = {
         x: x.angle.at_start(x.angle.whole(x.angle.cosine), x.angle.whole(x.angle.sine), x.angle.near)
         for x in _followed(component)
@@ -318,7 +318,7 @@ def inputs_of_notices(mechanism: Mechanism) -> Array:
 
 
 def _drawn_angle(component: Component) -> sympy.Expr:
-    """Return the given angle between two bodies, rad, as rotation drivers define it; at the means in spatial models."""
+    """Return the given angle between two bodies in rad, defined as by rotation drivers; in space, at the means."""
     i, j = (component.drawn_frame(body) for body in ("body_i", "body_j"))
     if i.space.dimension == 2:
         return component.drawn_angle()

@@ -193,7 +193,7 @@ def _add_contacts(
 ) -> tuple[Array, list[_FreeForces]]:
     """Correct accelerations and multipliers for persistent contacts.
 
-    Return contact forces (S, direction), N, and the forces that the laws of contact do not determine.
+    Return contact forces (S, direction) in N, and the forces that the laws of contact do not determine.
     """
     evaluator = ContactEvaluator(model)
     forces, free = np.zeros((len(states), evaluator.directions)), list[_FreeForces]()
@@ -248,7 +248,7 @@ def undetermined_contacts(batch: Batch, time: float, state: Array, member: int) 
 
 
 def energies(batch: Batch, times: Array, states: Array) -> Array:
-    """Return kinetic and potential energy along trajectories (K, T, width), J, (K, 2, T); see `observe_along`."""
+    """Return kinetic and potential energies (K, 2, T) in J along trajectories (K, T, width); see `observe_along`."""
     flat = states.reshape(-1, states.shape[2])
     arguments = state_arguments(np.resize(times, len(flat)), flat)
     parameters = np.repeat(batch.block, states.shape[1], axis=0)

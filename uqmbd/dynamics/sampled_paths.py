@@ -1,7 +1,7 @@
 """Sampled paths of excitations: one path for each realisation and source, for look-up by kernels.
 
-The key of a path is an input of the mechanism.  In the parameters of the blocks, the address of the path replaces the
-key; `look_up_path` of the driver reads the path there.
+The key of a path is an input of the mechanism.  In the parameters of the blocks, the memory address of the path
+replaces the key; `look_up_path` of the driver reads the path there.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class SampledPaths:
         self.failed: dict[int, str] = {}  # reasons of realisations without a path
 
     def insert(self, parameters: Array) -> None:
-        """Write the addresses of the paths into the parameters (K, parameter)."""
+        """Write the memory addresses of the paths into the parameters (K, parameter)."""
         size, base = self._memory.itemsize, self._memory.ctypes.data
         address = base + size * np.arange(self._memory.size, dtype=np.int64).reshape(self._memory.shape)
         source = 0
@@ -52,7 +52,7 @@ class SampledPaths:
                 source += 1
 
     def reach(self, begin: float, end: float) -> None:
-        """Sample the paths between two times, s, unless they already contain this interval.
+        """Sample the paths between two times in s, unless they already contain this interval.
 
         Each realisation has a separate interval, so that its path, and the failure of its path, do not depend on
         others.  Equal keys with equal intervals share a path.  Raise the error of the source if no path can be sampled.
@@ -96,7 +96,7 @@ class SampledPaths:
         self._coefficients, self._interval = kept, (begin, end)
 
     def select(self, members: Index) -> SampledPaths:
-        """Return the paths of some realisations; the coefficients are shared."""
+        """Return the paths of the selected realisations; the coefficients are shared."""
         found = SampledPaths(self.families, self.values[members])
         found.steps, found._interval, found._coefficients = self.steps.copy(), self._interval, self._coefficients
         found._memory[:] = self._memory[members]
@@ -104,7 +104,7 @@ class SampledPaths:
         return found
 
     def longest_steps(self, rtol: float) -> Array:
-        """Return the longest step (K,), s, for which the jumps of third derivatives at knots are negligible."""
+        """Return the longest step (K,) in s for which the jumps of third derivatives at knots are negligible."""
         share = min(1.0, (COUNTS * rtol / DEVIATION) ** 0.25)
         found = np.full(len(self.values), np.inf)
         for family, step in zip(self.families, self.steps, strict=True):

@@ -147,7 +147,7 @@ def check_integrator(integrator: str, where: str) -> str:
 
 
 def check_max_step(max_step: Any, where: str) -> float:
-    """Return the longest step, s, after a check; infinite without a limit."""
+    """Check the longest step, and return it in s; infinite without a limit."""
     max_step = without_quantities(f"{where}: max_step", max_step, "s")
     if max_step is None:
         return float("inf")
@@ -160,7 +160,7 @@ def check_max_step(max_step: Any, where: str) -> float:
 
 
 def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
-    """Return the sorted times of integration restarts, s, after a check."""
+    """Check the times of integration restarts, and return them sorted, in s."""
     expectation = "expected times in s at which the integration restarts, e.g. breaks=[0.2, 0.21]"
     breaks = without_quantities(f"{where}: breaks", breaks, "s")
     single = getattr(breaks, "ndim", None) == 0
@@ -187,7 +187,7 @@ def check_start(start: str, where: str) -> str:
 
 
 def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple[float, ...]:
-    """Return the times of distributions in a report, s, after a check that they are within the times of the study."""
+    """Check that the times of distributions in a report are within the times of the study, and return them in s."""
     times = without_quantities(f"{where}: report_times", times, "s")
     _some(times, f"{where}: report_times")
     try:

@@ -321,7 +321,7 @@ class Problem(ProblemData):
         realisations : int
             Number of computed realisations.
         wall_time : float
-            Wall-clock time, s, of a node that is built outside a study. Within a study, the run replaces this value
+            Wall-clock time in s of a node that is built outside a study. Within a study, the run replaces this value
             with the measured time.
         counters, children, attrs : mapping, optional
             Solver counters, further datasets, further attributes.

@@ -60,7 +60,7 @@ class Runner:
     ledger: Ledger | None = None
     """Limits of a run with a budget, and its chunks from other sizes of the method."""
     clock: CostClock = field(default_factory=CostClock)
-    """Clock, s, that includes the computing time of data restored from an interrupted run."""
+    """Clock in s that includes the computing time of data restored from an interrupted run."""
     spending: Spending = field(default_factory=Spending)
     """Computing time of the method, by part."""
     observed: Observed = field(default_factory=Observed)

@@ -226,7 +226,7 @@ class StudyResult:
 
     @property
     def report_times(self) -> list[float] | None:
-        """Return the times, s, of distributions that the study requests; None: the figure chooses."""
+        """Return the times in s of distributions that the study requests; None: the figure chooses."""
         times = self.tree.attrs.get("report_times")
         return None if times is None else [float(t) for t in np.atleast_1d(times)]
 

@@ -143,7 +143,7 @@ def _gaps(stated: xr.Dataset, *, closed: bool) -> list[dict[str, Any]]:
 
 
 def _moved(mechanism: Mechanism, stated: xr.Dataset, assembled: xr.Dataset) -> list[dict[str, Any]]:
-    """Return displacements of bodies by the assembly: distance of the origin, m, and angle, rad."""
+    """Return displacements of bodies by the assembly: distance of the origin in m, and angle in rad."""
     before, after = (data["pose"].values[0, 0].astype(float) for data in (stated, assembled))
     found = moves(list(mechanism.bodies), stated.sizes["axis"], before, after)
     size = float(np.linalg.norm(np.ptp(Sketch(stated).extent(world(stated)[0, 0]), axis=0))) or 1.0

@@ -33,6 +33,6 @@ class MachineRecords:
         return found
 
     def part(self, rows: list[Index]) -> MachineRecords:
-        """Return the records with only some values of each block."""
+        """Return the records with only the selected values of each block."""
         kept = [(block, r) for block, r in zip(self.blocks, rows, strict=True) if len(r)]
         return replace(self, blocks=tuple(block.part(r) for block, r in kept))

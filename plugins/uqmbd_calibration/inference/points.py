@@ -145,7 +145,7 @@ class OperatingPoint:
         return found[0], found[1]
 
     def values(self, rows: Index, blocks: Sequence[Block]) -> list[Array]:
-        """Return the values (K, n) of each block for some realisations; NaN for failed ones."""
+        """Return the values (K, n) of each block for the selected realisations; NaN for failed ones."""
         over, without = np.concatenate(self._over)[rows], np.concatenate(self._without)[rows]
         return [picked(without if block.timeless else over, block) for block in blocks]
 

@@ -23,7 +23,7 @@ STEP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Linearisation of the misfit at some points: minus the log-density, and its normal equations."""
+    """Linearisation of the misfit at several points: minus the log-density, and its normal equations."""
 
     cost: Array  # (K,): minus the log-density
     gradient: Array  # (K, N)
@@ -86,7 +86,7 @@ class Posterior:
         return found
 
     def linearised(self, vectors: Array, steps: Array | float = STEP, *, expected: bool = False) -> Linearised:
-        """Return cost, gradient and Hessian at some vectors.
+        """Return cost, gradient and Hessian at several vectors.
 
         `vectors` (K, N). `steps` (D,): steps of the central differences, by unknown input. `expected`: whether to
         compute the Hessian for measured values that equal the predictions, for example if there are no measurements

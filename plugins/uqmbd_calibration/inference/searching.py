@@ -21,7 +21,7 @@ __all__ = ["Builder", "search", "spread_over_prior"]
 
 
 Builder = Callable[[tuple[MachineRecords, ...]], Posterior]
-"""Function that returns a posterior density by the surrogate over the prior, for cases with some of their values."""
+"""Function that returns a posterior density by the surrogate over the prior, for cases with selected values."""
 
 WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Fractions of the duration of the records."""
@@ -46,7 +46,7 @@ def spread_over_prior(dimension: int, count: int, seed: int) -> Array:
 def search(build: Builder, cases: tuple[MachineRecords, ...], dimension: int, width: int, seed: int) -> Peaks:
     """Return maxima for all values, the best one first.
 
-    `build`: function that returns the posterior density for some of the values; `dimension`: number of unknown inputs;
+    `build`: function that returns the posterior density for selected values; `dimension`: number of unknown inputs;
     `width`: length of the vector of unknowns.
     """
     generator = np.random.default_rng(seed)

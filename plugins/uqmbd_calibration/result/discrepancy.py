@@ -71,11 +71,12 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     - ``robust``: whether the noise is robust (Student's t distribution)
     - ``chi_square``: probability of residuals that are at least as large; only for known noise
     - ``correlation``, ``correlation_p``: correlation of neighbouring residuals, and its probability
-    - ``segments``: time intervals, each with its ends, s, its probability, and the `mean` and `size` of its residuals
+    - ``segments``: time intervals, each with its ends in s, its probability, and the `mean` and `size` of its residuals
     - ``p``: p-value, corrected for the number of tests
     - ``where``: times of unexplained segments
     - ``outliers``: number of outliers
-    - ``outlier_values``: the largest outliers if they are few, each with its time, s, or number, value and deviations
+    - ``outlier_values``: the largest outliers if they are few, each with its time in s or its number, its value and its
+      deviations
     - ``largest``: largest absolute residual, in standard deviations of the noise
     - ``rejected``: whether the record contradicts the model
     """

@@ -149,7 +149,7 @@ def _extrapolated(values: Any) -> Array:
 
 
 def joint_distribution(data: xr.Dataset, names: list[str]) -> Any:
-    """Return a chaospy distribution of some inputs."""
+    """Return a chaospy distribution of the selected inputs."""
     tables = data["quantile"].sel(input=names).values
     if len(names) == 1:
         return uqmbd.tabulated(GRID, tables[:, 0])

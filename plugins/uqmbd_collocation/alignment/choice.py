@@ -102,7 +102,7 @@ def _difference(
     first: int,
     last: int,
 ) -> Array:
-    """Return the root mean square difference (T,) of two families at the verification realisations, for some times."""
+    """Return the root mean square difference (T,) of two families at verification realisations, for selected times."""
     times = range(first, min(last + 1, given.response.shape[-1]))
     values = [chaoses[name].selected([output], times).evaluate_germs(given.points.germs)[:, 0] for name in (one, other)]
     found = np.sqrt(np.mean((values[0] - values[1]) ** 2, axis=0))

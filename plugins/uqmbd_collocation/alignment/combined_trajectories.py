@@ -58,7 +58,7 @@ class _PhaseHistory:
         return all(not len(own) or (edges[k] < own[0] and own[-1] < edges[k + 1]) for k, own in enumerate(marks.phases))
 
     def cut(self, marks: Merged, outputs: int) -> tuple[Array, Array]:
-        """Return times (N + 1,) of the markers, s, and outputs (N, O, points) between markers."""
+        """Return the times (N + 1,) of the markers in s, and the outputs (N, O, points) between markers."""
         where = AlignedElement.points(POINTS)
         edges, parts = [self.history.edges[:1]], []
         for k, own in enumerate(marks.phases):

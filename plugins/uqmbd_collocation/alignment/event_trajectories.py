@@ -169,7 +169,7 @@ class EventTrajectories:
         return [self._known[key] for key in keys]
 
     def event_times(self, values: Array, sequence: tuple[str, ...]) -> Array:
-        """Return times (K, S), s, at which segments end in verification realisations at inputs (K, d).
+        """Return the times (K, S) in s at which segments end in verification realisations at inputs (K, d).
 
         If another event ends a segment, this time and all later times are NaN. A failed realisation has only NaN.
         These realisations do not change the number or the end of segments at the nodes.

@@ -76,7 +76,8 @@ class MarkerRule:
     labels: tuple[str, ...]  # event that ends each of S segments; an empty text if none does
     landmarks: Markers
     farther: Callable[[float, float], MarkerRule | None] | None = None
-    """Function that returns the rule for realisations longer by a time, s, with segments of a time, s, or None."""
+    """Function of two durations in s; it returns the rule for realisations that are longer by the first, with segments
+    of the second, or None."""
 
 
 def phase_markers(

@@ -45,11 +45,11 @@ class Merged:
 
 
 def merged(edges: Array, reached: float = np.inf) -> Merged:
-    """Merge phases at multiples of a part of a turn with events at phases `edges` (K, S + 1), rad, increasing.
+    """Merge phases at multiples of a part of a turn with events at the increasing phases `edges` (K, S + 1) in rad.
 
     A phase is a marker if it is in the same segment between events in all realisations. Otherwise the phase is omitted
     in all realisations, so that all have the same sequence of markers. If no event ends the last segment, the segment
-    ends at the phase `reached`, rad, which all realisations reach.
+    ends at the phase `reached` in rad, which all realisations reach.
     """
     step = TURN / PER_TURN
     ends = edges.copy()

@@ -69,7 +69,7 @@ STANDS: Sequence = ("the clock stands",)
 class _PhaseTrajectory:
     """Realisation up to the end of `found`.
 
-    If the integration is continued, it fails before the time `limit`, s, with the message `beyond`.
+    If the integration is continued, it fails before the time `limit` in s, with the message `beyond`.
     """
 
     found: uqmbd.extend.Dense
@@ -93,7 +93,7 @@ class PhaseTrajectories:
     turns: tuple[float, float] = (np.inf, 0.0)
     """Least and largest number of turns of the clock in nodes until the last output time."""
     rests: tuple[float, float] = (np.inf, -np.inf)
-    """First and last time, s, at which nodes pass the last common phase before their clock comes to rest."""
+    """First and last time in s at which nodes pass the last common phase before their clock comes to rest."""
     starts: Starts | None = None
     better: str = ""
     """Name of a clock that runs in all nodes, if the option names another clock."""
@@ -322,7 +322,7 @@ class PhaseTrajectories:
     def _integrated_to(
         self, kind: uqmbd.extend.Clock, values: Array, last: float, more: float = 0.0
     ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_PhaseTrajectory]]:
-        """Integrate realisations (K, d) to the phase `last`, rad, and for `more` s after it, if they reach it."""
+        """Integrate realisations (K, d) to the phase `last` in rad; if they reach it, also for `more` s after it."""
         for _ in range(TRIES):
             needed = np.full(len(values), -np.inf)
             groups, paths = self._groups(values)
@@ -430,7 +430,7 @@ class PhaseTrajectories:
         return kind.phases(seen, near)
 
     def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_PhaseTrajectory]]:
-        """Return the stored motions of realisations at inputs (K, d), grouped by equal times."""
+        """Return the stored motions of realisations at inputs (K, d), in groups with equal times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
         if missing:

@@ -16,7 +16,7 @@ __all__ = ["Starts"]
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Start phases of some realisations; any other realisation starts within half a turn of its nearest neighbour."""
+    """Start phases of given realisations; any other realisation starts within half a turn of its nearest neighbour."""
 
     points: KDTree  # inputs, each divided by its range
     scale: Array  # (d,) ranges of the inputs
@@ -24,7 +24,7 @@ class Starts:
 
     @classmethod
     def of(cls, values: Array, phases: Array) -> Starts:
-        """Return start phases (K,), rad, unwrapped to be continuous over inputs (K, d).
+        """Return start phases (K,) in rad, unwrapped to be continuous over inputs (K, d).
 
         Neighbours in the minimum spanning tree of the inputs differ by less than half a turn.
         """
@@ -39,5 +39,5 @@ class Starts:
         return cls(KDTree(points), scale, found)
 
     def near(self, values: Array) -> Array:
-        """Return approximate start phases of realisations at inputs (K, d), rad, shape (K,)."""
+        """Return approximate start phases (K,) in rad of realisations at inputs (K, d)."""
         return np.asarray(self.phases[self.points.query(values / self.scale)[1]])

@@ -58,7 +58,7 @@ class _TwoFrequencyElements(ElementFits):
         """Return the scales of errors of frequencies, rad/s, and outputs (1 + O,).
 
         The scale of an output is its largest standard deviation over time, or infinity if that is 0. The scale of the
-        frequencies is the frequency error that gives a limiting phase error, rad, at the last time. The limiting phase
+        frequencies is the frequency error that gives a limiting phase error in rad at the last time. The limiting phase
         error is the smallest ratio of standard deviation to root mean square of an output, at most 1.
         """
         std = known.std.max(axis=-1, initial=0.0)

@@ -42,7 +42,7 @@ USEFUL = 0.7
 CROWDED = 0.25
 """Largest ratio of unknowns, two amplitudes for each harmonic, to the degrees of freedom ``2 L f`` of a signal.
 
-L is its length, s, and f the highest frequency of the harmonics, Hz. Series of a higher order are not tried."""
+L is its length in s, and f is the highest frequency of the harmonics in Hz. Series of a higher order are not tried."""
 
 ALIKE = 30.0
 """Other frequencies are tried if a residual exceeds this multiple of the largest residual of the fitted realisations,

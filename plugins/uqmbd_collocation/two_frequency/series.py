@@ -31,7 +31,7 @@ STEPS = 12
 """Largest number of Gauss-Newton steps."""
 
 SETTLED = 1e-11
-"""Change of a phase at the end of the signal, rad, below which the iteration stops."""
+"""Change of a phase in rad at the end of the signal, below which the iteration stops."""
 
 FARTHEST = 1.0
 """Largest change of a phase at the end of the signal in one step, rad."""

@@ -200,7 +200,7 @@ def test_velocities_that_a_dead_centre_cannot_realise_are_named(seed):
         text = refusal(mechanism)
         assert "dead centre" in text and stated in text, text
         assert mover in text.partition("dead centre")[2], text
-        assert "draw another pose" in text
+        assert "give another pose" in text
 
 
 def test_what_the_remedy_says_can_be_stated():
@@ -212,7 +212,7 @@ def test_what_the_remedy_says_can_be_stated():
 def test_a_speed_that_is_magnified_beyond_all_digits_is_refused(integrator):
     """At an angle of 3e-7 the slider's speed determines nothing of the crank's, 1e7 times larger; at 1e-3 it does."""
     text = refusal(slider_crank(np.random.default_rng(2), folded=False, angle=3e-7, slider=1.0), integrator)
-    assert "next to a dead centre" in text and "body 'crank'" in text and "draw a pose farther along the motion" in text
+    assert "next to a dead centre" in text and "body 'crank'" in text and "give a pose farther along the motion" in text
     uqmbd.simulate(slider_crank(np.random.default_rng(2), folded=False, angle=1e-3, slider=1e-3), TIMES)
 
 

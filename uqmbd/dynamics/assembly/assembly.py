@@ -262,7 +262,7 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
         return ""
     return (
         f"The given pose is a dead centre: the equations {named(model, here)} are redundant in this pose only, so the "
-        "motion from this pose is not determined. Draw the mechanism slightly farther along the motion, or drive "
+        "motion from this pose is not determined. Give a pose slightly farther along the motion, or drive "
         "another joint."
     )
 

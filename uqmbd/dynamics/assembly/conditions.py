@@ -217,12 +217,12 @@ class _ConditionSearch:
                 why = (
                     "No motion that the joints and drivers allow changes this quantity in that pose. Either joints and "
                     f"drivers keep the quantity constant{by}, or it has a maximum or minimum there, from which two "
-                    "motions are possible. In the latter case, draw the bodies on the intended side."
+                    "motions are possible. In the latter case, define the bodies on the intended side."
                 )
             else:
                 other = f", or contradicts the start condition {' or '.join(others)}" if others else ""
                 why = (
-                    f"The stated value may be out of reach{other}. Draw the bodies closer to the stated value; the "
+                    f"The stated value may be out of reach{other}. Define the bodies closer to the stated value; the "
                     "assembly finds angles up to about 150 turns away."
                 )
             found.append(

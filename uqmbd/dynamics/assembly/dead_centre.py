@@ -99,8 +99,8 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
     if curvature < 0:
         far = float(np.sqrt(2 * size / -curvature))  # size + curvature far^2 / 2 = 0
         return (
-            f"{found}, and the mechanism may move to either side. Draw {bodies} out of this pose to the intended side, "
-            f"by about {far:.1g} m or rad{others}."
+            f"{found}, and the mechanism may move to either side. Move the given pose of {bodies} to the intended "
+            f"side, by about {far:.1g} m or rad{others}."
         )
     gap = _missing(model, combined[:, None] * _phi_q(model, q, time, parameters), size)
     missing = f": about {gap:.2g} m are missing" if np.isfinite(gap) else ""
@@ -110,7 +110,7 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
     return (
         f"{found}, and every motion increases the gap: lengths, or prescribed values of a driver, are out of "
         f"reach{missing}. "
-        f"Change a length or prescribed value{amount}, and draw {bodies} out of this pose{others}."
+        f"Change a length or prescribed value{amount}, and move the given pose of {bodies} away from this pose{others}."
     )
 
 
@@ -149,7 +149,7 @@ def dead_centre_of_speeds(
     return (
         f"The pose is a dead centre: the stated velocities are possible near this pose, but in this pose only {bodies} "
         "can move. "
-        f"State velocities of {bodies} instead, or draw another pose, slightly farther along the motion."
+        f"State velocities of {bodies} instead, or give another pose, slightly farther along the motion."
     )
 
 
@@ -168,7 +168,7 @@ def amplified(model: Model, v: Array, given: float) -> str:
     return (
         f"the pose is next to a dead centre: the stated velocities (at most {given:.3g} m/s or rad/s) require speeds "
         f"of {float(np.abs(v).max()):.1g} m/s or rad/s of {bodies}. A pose that satisfies the constraints to 1e-12 "
-        f"does not determine these speeds. State velocities of {bodies} instead, or draw a pose farther along the "
+        f"does not determine these speeds. State velocities of {bodies} instead, or give a pose farther along the "
         "motion."
     )
 
@@ -195,7 +195,7 @@ def locally_dependent(model: Model, q: Array, time: float, parameters: Array) ->
             moved, size = q + side * x, min(1.0, model.length)
             for _ in range(NEWTON):
                 phi = _closing(model, moved, time, parameters)["phi"][0] / lengths
-                # with kept equations closed to 1e-11, the other residuals are rounding, or far above 1e-7
+                # once independent equations are closed to 1e-11, other residuals are rounding errors, or far above 1e-7
                 if np.abs(phi[kept]).max(initial=0.0) < 1e-11 * size:
                     found |= set(left[np.abs(phi[left]) > 1e-7 * size].tolist())
                     break
@@ -216,7 +216,7 @@ def singular_pose(model: Model, q: Array, s: Array, time: float, parameters: Arr
     rows = model.layout.kept[_heavy(combinations[:, -1])]
     return (
         f"{what}a dead centre, in which the equations {named(model, rows)} depend on each other (smallest singular "
-        f"value {smallest:.1g}). Draw another pose, slightly farther along the motion, or choose inputs that do not "
+        f"value {smallest:.1g}). Give another pose, slightly farther along the motion, or choose inputs that do not "
         "lead to this pose"
     )
 

@@ -53,7 +53,7 @@ class Rank:
     ahead: float
     kept_ahead: float  # time to the nearest singular pose of the kept equations, s
     weakest: Array  # (equation,): share of the equations in the smallest relevant singular value; empty: unknown
-    kept_weakest: Array  # the same of the kept equations
+    kept_weakest: Array  # the same, for the kept equations
     of_kept: Index  # kept equations
 
     @property
@@ -188,7 +188,7 @@ def violated(
             f"the equations {names}, omitted as redundant at the start, are violated from t = {times[first]:.6g} s "
             "on: other equations do not imply them. The constraints may contradict each other (such as two drivers of "
             "one motion, or lengths that do not fit). Or several motions are possible, because the given pose is "
-            "singular: draw the mechanism slightly farther along the motion",
+            "singular: give a pose slightly farther along the motion",
         )
     return texts
 

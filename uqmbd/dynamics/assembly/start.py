@@ -32,7 +32,7 @@ class Start:
     outside: NDArray[np.bool_]  # (K,): whether a number outside its range is the reason
 
     def select(self, members: Index) -> Start:
-        """Return the initial states of some realisations."""
+        """Return the initial states of the selected realisations."""
         return Start(
             self.q[members],
             self.s[members],

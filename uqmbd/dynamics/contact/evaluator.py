@@ -30,7 +30,7 @@ class ContactQuantities:
     given: tuple[int, ...] = ()  # directions of given loads: the normal directions of dry friction
 
     def select(self, states: Index) -> ContactQuantities:
-        """Return the quantities of some states."""
+        """Return the quantities of the selected states."""
         taken = {f.name: getattr(self, f.name)[states] for f in fields(self) if f.name not in ("first", "given")}
         return ContactQuantities(first=self.first, given=self.given, **taken)
 
@@ -58,7 +58,7 @@ class ContactQuantities:
         return found
 
     def size_of(self, force: Array) -> float:
-        """Return the largest of the forces (direction,) at the first state, N, without given limits of friction."""
+        """Return the largest contact force (direction,) at the first state in N, without given limits of friction."""
         return float(np.abs(force)[~self.loads].max(initial=0.0))
 
     def has_friction(self, event: int) -> bool:
@@ -86,7 +86,7 @@ class ContactEvaluator:
         return self.model.result("contact", "guard", values)
 
     def __call__(self, times: Array, states: Array, blocks: Array) -> ContactQuantities:
-        """Evaluate contacts in states (T, width) at times (T,), s, with parameters (T, parameter)."""
+        """Evaluate contacts in states (T, width) at times (T,) in s, with parameters (T, parameter)."""
         model, n, arguments = self.model, self.n, state_arguments(times, states)
         found = model.evaluate("contact", arguments, blocks)
         values = model.evaluators["acceleration"](arguments, blocks)

@@ -73,7 +73,7 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
 
 
 def _states(motion: EventDrivenMotion, piece: _RestartState, times: Array) -> Array:
-    """Return states of a piece at times (T,), s, projected onto the constraints: (T, width)."""
+    """Return the states (T, width) of a piece at times (T,) in s, projected onto the constraints."""
     run, contacts = motion.run, motion.run.contacts
     assert contacts is not None
     order = np.argsort(times, kind="stable")

@@ -35,7 +35,7 @@ __all__ = ["AtLimit", "contacts_at_limit", "most_durable_forces", "slipping_toge
 RESTS = 1e-7
 """Acceleration along a surface, relative to the accelerations by its forces, that counts as zero."""
 NOISE = 1e-13
-"""Relative noise in changes of such accelerations."""
+"""Relative noise in changes of accelerations."""
 SLIPS = 1e-6
 """Least relevant change of an acceleration, relative to the largest change."""
 TURNS = 4
@@ -45,7 +45,7 @@ SINGULAR = 1e-11
 
 
 class AtLimit(NamedTuple):
-    """Decision on contacts at their limit: time, s, slipping contacts `forced`, contacts `held` without reserve."""
+    """Decision on contacts at their limit: time in s, contacts forced to slip, contacts held without reserve."""
 
     time: float
     forced: frozenset[int]

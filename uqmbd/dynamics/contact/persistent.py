@@ -224,7 +224,8 @@ def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[C
     """Return the motion at one state with given modes, and internal forces if the laws require them.
 
     Forces of redundant contacts are not unique: a disc at rest in a corner may be wedged more or less. The least forces
-    may be tensile or exceed the friction limit.  In this case, the forces with the largest margin to the laws are used.
+    may be tensile or exceed the friction limit.  In this case, the forces with the largest reserve to the limits of the
+    laws are used.
     """
     motion = contact_motion(contacts, lasting)
     touches = persistent_touches(contacts, lasting)

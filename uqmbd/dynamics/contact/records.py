@@ -59,7 +59,7 @@ class Records:
         return members[order], times[order], events[order], labels[order]
 
     def of(self, member: int) -> list[tuple[float, int, str]]:
-        """Return time, s, event and label of all events of one realisation."""
+        """Return the time in s, the event and the label of all events of one realisation."""
         members, times, events, labels = self.sorted()
         mine = members == member
         return [
@@ -80,7 +80,7 @@ class Records:
 def named_times(
     members: Index, times: Array, kinds: Index, names: Sequence[tuple[str, str]], count: int
 ) -> dict[str, Array]:
-    """Return the times of events (count,), s, by name; NaN for realisations without the event.
+    """Return the times (count,) of events in s, by name; NaN for realisations without the event.
 
     The arrays (N,) contain realisation, time and kind of each event, in the order of time within a realisation;
     `names` are the component and label of each kind.

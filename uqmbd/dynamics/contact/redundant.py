@@ -1,9 +1,10 @@
 """Forces of redundant contacts with the largest reserve to the limits of contact and friction.
 
 Contact forces of a table on four legs, or of a disc wedged in a corner, are not unique. The bodies stay at rest while
-some forces satisfy the laws of contact and friction. Forces far from the limits of these laws remain valid longest. The
-chosen forces therefore maximise the least reserve of all contacts. An interior-point method with a logarithmic barrier
-solves this second-order cone problem [1]_. SciPy has no such method; the number of unknowns is small.
+at least one choice of forces satisfies the laws of contact and friction. Forces far from the limits of these laws
+remain valid longest. The chosen forces therefore maximise the least reserve of all contacts. An interior-point method
+with a logarithmic barrier solves this second-order cone problem [1]_. SciPy has no such method; the number of unknowns
+is small.
 
 References
 ----------
@@ -72,9 +73,9 @@ def motionless_combinations(matrix: Array, spread: Array) -> Array:
 
 
 def forces_with_largest_reserve(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
-    """Return forces (direction,), N, inside or nearest to the friction cones, that maximise the least reserve.
+    """Return forces (direction,) in N, inside or nearest to the friction cones, with the largest least reserve.
 
-    The touches have tangents if they stick.  The result is `least` (direction,), N, with the correct motion, plus a
+    The touches have tangents if they stick.  The result is `least` (direction,) in N with the correct motion, plus a
     combination of `ways` (direction, N), which cause no motion (see `motionless_combinations`).
     """
     largest = float(np.abs(least).max(initial=0.0))
@@ -99,9 +100,9 @@ def forces_with_largest_reserve(touches: Sequence[Touch], least: Array, ways: Ar
 
 
 def forces_valid_longest(touches: Sequence[Touch], force: Array, rate: Array, ways: Array) -> Array:
-    """Return forces (direction,), N, that stay in the friction cones longest at a `rate` (direction,), N/s.
+    """Return forces (direction,) in N that stay in the friction cones longest at a `rate` (direction,) in N/s.
 
-    The touches have tangents if they stick.  The result is `force` (direction,), N, plus a combination of `ways`
+    The touches have tangents if they stick.  The result is `force` (direction,) in N plus a combination of `ways`
     (direction, N), which cause no motion.
     """
     largest, fastest = float(np.abs(force).max(initial=0.0)), float(np.abs(rate).max(initial=0.0))

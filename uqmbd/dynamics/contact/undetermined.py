@@ -24,7 +24,7 @@ MOVED = 1e-9
 
 
 def undetermined_forces(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> Array:
-    """Return combinations of forces (direction, N), N, that may be added to the forces of one state.
+    """Return N combinations of forces (direction, N), in newtons, that may be added to the forces of one state.
 
     The largest force of each combination equals the largest force of the state. N is zero if the forces are determined.
     """

@@ -341,7 +341,7 @@ def _parts(sample: int, measured: Array) -> list[slice]:
 
 
 def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> tuple[Array, Index, Index]:
-    """Return the times (N,) of all instants, s, and numbers of samples (N, loop): acting, and taken; -1: none.
+    """Return the times (N,) of all instants in s, and the numbers (N, loop) of acting and of taken samples; -1: none.
 
     The commands of an acting sample take effect at the instant, after the delay; the sample was taken earlier.
     """

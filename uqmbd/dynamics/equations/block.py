@@ -174,7 +174,7 @@ class Instance:
     excitations: tuple[ExcitationSymbol, ...] = ()
     """Coefficients of excitations, in the order of ``type.excited``."""
     paths: Mapping[int, PathSymbol] = field(default_factory=dict)
-    """Sampled paths, by the number of the local parameter that contains the address."""
+    """Sampled paths, by the number of the local parameter that contains the memory address."""
     sets: tuple[CoordinateSet, ...] = ()
     """Coordinates of other components, then own coordinates."""
 

@@ -199,7 +199,7 @@ def require_velocities(
 
 
 def _degree(e: sympy.Basic, symbols: set[sympy.Symbol], known: dict[sympy.Basic, float]) -> float:
-    """Return the degree of an unexpanded expression in some symbols; inf: it may not be a polynomial.
+    """Return the degree of an unexpanded expression in given symbols; inf: it may not be a polynomial.
 
     Derivatives of constraints contain the same parts hundreds of times: `known` stores the degree of each part.
     """

@@ -149,8 +149,8 @@ def localise(
 def _identity(option: Any) -> Any:
     """Return the identity of an option: only equal options share the terms of a component.
 
-    The identity contains the type, because 1 equals True. Objects other than plain data compare by address, because
-    different objects may have the same text.
+    The identity contains the type, because 1 equals True. Objects other than plain data compare by their memory
+    address, because different objects may have the same text.
     """
     if isinstance(option, (list, tuple)):
         return type(option), *map(_identity, option)

@@ -159,7 +159,7 @@ class Model:
         return any(one is not None and one.needs_dense_output for one in (self.scalars, self.margins))
 
     def between_samples(self, time: float) -> Model:
-        """Return the model with another initial time, s, and constant commands instead of controllers.
+        """Return the model with another initial time in s, and with constant commands instead of controllers.
 
         The new model reuses the cached index maps and counts of this model.
         """

@@ -69,7 +69,7 @@ class AngleCounter(Component):
 
 
 def angle_counters(mechanism: Mechanism) -> list[Component]:
-    """Return counters for all angles in outputs, start conditions and measured quantities: bodies, then joints."""
+    """Return counters for the angles in outputs, start conditions and measured quantities, bodies before joints."""
     expressions = [output.expression for output in mechanism.observed()]
     expressions += [condition.residual for condition in mechanism.conditions.values()]
     expressions += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
@@ -273,7 +273,7 @@ def _excited(symbol: ExcitationSymbol, coefficients: dict[ExcitationSymbol, list
 
 
 def _path(symbol: PathSymbol, instances: list[Instance], places: list[Placement]) -> int:
-    """Return a parameter that is the address of a sampled path; `_excited` has rejected unused paths."""
+    """Return a parameter that is the memory address of a sampled path; `_excited` has rejected unused paths."""
     return next(
         int(place.parameters[k])
         for instance, place in zip(instances, places, strict=True)

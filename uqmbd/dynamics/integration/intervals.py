@@ -124,7 +124,7 @@ def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float)
 
 
 def intervals_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Interval, ...]:
-    """Return intervals with breaks at given times, s, and steps up to the length `longest`, s."""
+    """Return intervals with breaks at given times in s, and with steps up to the length `longest` in s."""
     return tuple(Interval(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
 
 
@@ -133,8 +133,8 @@ def intervals_of_members(
 ) -> list[tuple[Interval, ...]]:
     """Return the integration intervals of each realisation, or one sequence for all realisations.
 
-    Equal sequences share an object.  Output times are (T,), s.  Intervals end at the `samples` (N,), s, of controllers,
-    and, if `jumping`, at possible jumps; at these times the driver returns for a decision.  Steps are at most
+    Equal sequences share an object.  Output times are (T,), s.  Intervals end at the `samples` (N,) of controllers in
+    s, and, if `jumping`, at possible jumps; at these times the driver returns for a decision.  Steps are at most
     `longest`, s.
     """
     model = batch.model
@@ -186,7 +186,7 @@ def _cut(intervals: tuple[Interval, ...], samples: Array) -> tuple[Interval, ...
 
 
 def times_between(times: Array, now: float, stop: float) -> tuple[Index, Array]:
-    """Return the indices of output times after `now` up to `stop`, s, and these times with both ends."""
+    """Return the indices of output times after `now` up to `stop` in s, and these times with both ends."""
     inside = np.flatnonzero((times > now) & (times <= stop))
     grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
     if len(grid) == 2:  # with only two times, the integrator would return all its steps

@@ -47,7 +47,7 @@ class TimedTable:
         return self.deviating(begin, end, COUNTS * rtol)[0]
 
     def deviating(self, begin: float, end: float, least: float = 0.0) -> tuple[Array, Array]:
-        """Return knots (K,) between two times, s, with deviations (K,) from a cubic above a limit."""
+        """Return knots (K,) between two times in s with deviations from a cubic above a limit; deviations (K,)."""
         table = self.table
         some = table.deviations > least
         found, deviations = table.knots[some], table.deviations[some]
@@ -65,7 +65,7 @@ class TimedTable:
         return times[inside], deviations[inside]
 
     def step(self, rtol: float) -> float:
-        """Return the step length, s, for which the jump at every knot is negligible.
+        """Return the step length in s for which the jump at every knot is negligible.
 
         Let h be the length of a step over a knot, and d the length of the intervals next to the knot. The error of the
         step is (h/d)^4 times the deviation of a step of length d.
@@ -101,7 +101,7 @@ class TimedTables:
             yield KnotInterval(stops, np.inf) if few else KnotInterval(stops[[0, -1]], step)
 
     def deviating(self, begin: float, end: float) -> tuple[Array, Array]:
-        """Return ordered knots (K,) between two times, s, with deviations (K,); arguments are not random."""
+        """Return ordered knots (K,) between two times in s, and their deviations (K,); arguments are not random."""
         lines = self.lines.constants.reshape(-1, 2)
         found = [
             TimedTable(table, *map(float, line)).deviating(begin, end)

@@ -43,7 +43,7 @@ class Prescribed:
     functions: ParameterMap  # values of the parameters, from inputs and time
 
     def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
-        """Return a message on parameters of a component that jump between two times, s, for inputs (input,)."""
+        """Return a message on parameters of a component that jump between two times in s, for inputs (input,)."""
         moments = np.array([[*values, before], [*values, after]])
         change = np.diff(self.functions(moments), axis=0)[0]
         found = [
@@ -73,7 +73,7 @@ def prescribed_by(components: Sequence[Component], inputs: Sequence[RandomVariab
 
 
 def instant(time: float) -> float:
-    """Return the offset, s, of the instants right before and right after a time."""
+    """Return the offset in s of the instants right before and right after a time."""
     return INSTANT * max(1.0, abs(time))
 
 

@@ -51,7 +51,7 @@ MOST_CHECKS = 60
 END = 1e-10
 """Time to a singular pose, relative to the elapsed time, that counts as zero."""
 DEPENDENT = 0.2
-"""Ratio of the smallest singular values of kept and of all equations below which they are nearly dependent."""
+"""Kept equations are nearly dependent below this ratio of their smallest singular value to that of all equations."""
 STRAY = 0.05
 """Largest correction of a continuation by constraints, relative to its distance; branches are farther apart."""
 POOR = 0.1
@@ -120,7 +120,8 @@ def regular(
 ) -> NDArray[np.bool_]:
     """Return which of K realisations with rejected steps have no singular pose and no poor pivot in reach.
 
-    States are (K, width) at the times `now` (K,), s; `previous` (K,), s, are the times of the nodes before, or `now`.
+    States are (K, width) at the times `now` (K,), s; `previous` (K,) are the times of the preceding nodes in s, or
+    `now`.
     """
     ranks = ranks_along(model, *model.layout.split(states), now, parameters)
     ahead, kept_ahead = (np.abs([getattr(rank, name) for rank in ranks]) for name in ("ahead", "kept_ahead"))
@@ -181,8 +182,8 @@ class SingularPoseWatcher:
     def check(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
         """Return the continuation from the last node at time `now`, s; None: continue as before.
 
-        `known` contains the last times (N,), s, and states (N, width). `size` is the length of the difficult step, s,
-        and `end` is the time of the next jump, s.
+        `known` contains the last times (N,) in s, and the states (N, width). `size` is the length of the difficult
+        step, and `end` is the time of the next jump, both in s.
         """
         times, states = known
         z = states[-1]

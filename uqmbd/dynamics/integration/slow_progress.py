@@ -53,7 +53,7 @@ class Pace:
         return self._now() - self._since >= self._next
 
     def check(self, time: float, state: Array, steps: int, which: object = None) -> None:
-        """Check the slowest realisation by its time, s, state (q, s, v), steps so far, and number.
+        """Check the slowest realisation, given its time in s, its state (q, s, v), its steps so far, and its number.
 
         The rate follows from two checks of the same realisation.
         """

@@ -32,7 +32,7 @@ def interpolate_steps(
 ) -> RecordedSteps:
     """Return the motion from each time to the next, on an interval with a smooth motion.
 
-    Times (S,), s, are increasing. Realisations with numbers `owner` (M,) share the times, and have states and optional
+    Times (S,) in s are increasing. Realisations with numbers `owner` (M,) share the times, and have states and optional
     rates (M, S, width).  The interval ends at `end`, s; default: the last time.
     """
     if len(times) < 2:
@@ -104,7 +104,7 @@ def _separated_windows(times: Array) -> list[tuple[Index, Index]]:
 
 
 def _polynomials(times: Array, states: Array, rates: Array | None, some: Index, window: Index, places: Array) -> Array:
-    """Evaluate polynomials through states and rates at relative places of some intervals."""
+    """Evaluate polynomials through states and rates at relative places of the selected intervals."""
     length = np.diff(times)[some]
     at = (times[window] - times[some, None]) / length[:, None]
     found = np.zeros((len(states), len(some), len(PLACES), states.shape[2]))

@@ -107,7 +107,7 @@ def solve(
     recording: bool = False,
     **settings: Any,
 ) -> SundialsSolution:
-    """Integrate by IDA from consistent values and rates (n,) at increasing times (T,), s, at least three.
+    """Integrate by IDA from consistent values and rates (n,) at three or more increasing times (T,) in s.
 
     The options are ``linsolver`` and its parameters; the settings are tolerances and limits.  With `recording`, the
     result also contains the integrator's steps, with unchanged values at the given times.  A failure within SUNDIALS is

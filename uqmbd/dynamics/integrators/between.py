@@ -59,7 +59,7 @@ class _TimeSpan(NamedTuple):
 
 
 class _IntervalRun(NamedTuple):
-    """Integration of some realisations: motion in each span, and result of `_smooth`."""
+    """Integration of a group of realisations: motion in each span, and result of `_smooth`."""
 
     spans: tuple[_TimeSpan, ...]
     found: Trajectories

@@ -36,7 +36,7 @@ def interval_times(sampling: Sampling, times: Array) -> list[Array]:
 
 
 def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate K realisations with controllers at output times (T,), s, by a method without controller support.
+    """Integrate K realisations with controllers at output times (T,) in s, by a method without controller support.
 
     If an output time is a sample, its state is the state right after the sample.
     """
@@ -81,7 +81,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
 
 
 def _active(messages: list[str], alive: Index, now: Array, reasons: dict[int, str]) -> tuple[Index, Array]:
-    """Store the reasons of some rows as messages; return realisations without a reason, and their states (K, width)."""
+    """Store the reasons of failed rows as messages; return the other realisations, and their states (K, width)."""
     for row, reason in reasons.items():
         messages[alive[row]] = reason
     going = np.array([not messages[k] for k in alive], dtype=bool)
@@ -139,7 +139,7 @@ def projected_in_samples(
 
 
 def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -> Ensemble:
-    """Return the ensemble of some realisations with a start time, s, and initial states (M, width)."""
+    """Return the ensemble of the selected realisations with a start time in s and initial states (M, width)."""
     model = ensemble.model.between_samples(time)
     q, s, v = model.layout.split(states)
     a, multipliers, rates = accelerations(model, q, s, v, time, ensemble.block[members])
@@ -151,7 +151,7 @@ def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -
 
 
 def _continued_projection(projected: ProjectedEquations, time: float, state: Array) -> ProjectedEquations:
-    """Return the projected ensemble with a start time, s, and initial coefficients (P, width)."""
+    """Return the projected ensemble with a start time in s and initial coefficients (P, width)."""
     ensemble = _continued(projected.ensemble, np.arange(len(projected.ensemble)), time, projected.psi @ state)
     a, multipliers, _ = projected.accelerations(state, time)
     return projected.continued(ensemble, ProjectedStart(state, a, multipliers, 0))

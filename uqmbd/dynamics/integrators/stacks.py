@@ -88,7 +88,7 @@ class IntegratedRealisations:
         return cls(solved, (name,) * len(solved.messages))
 
     def replaced(self, rows: Index, other: Solved, name: str, taken: Index) -> IntegratedRealisations:
-        """Return the result after another integrator has tried some rows: accepted results replace earlier results."""
+        """Return the result after another integrator has tried given rows; accepted results replace earlier ones."""
         mine = rows[taken]
         states, messages, by = self.solved.states.copy(), list(self.solved.messages), list(self.by)
         states[mine] = other.states[taken]

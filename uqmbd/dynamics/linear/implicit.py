@@ -21,7 +21,7 @@ RADAU_STAGES = 5
 """Number of stages of implicit steps: the method has the order 9."""
 
 IMPLICIT_LIMIT = 400
-"""Largest number of unknowns of a system of implicit steps; the order of elimination of larger ones takes seconds."""
+"""Largest number of unknowns of a system of implicit steps; the elimination order of larger systems takes seconds."""
 
 RATES = (1e1, 1e3, 1e5)
 """Eigenvalues over step sizes, 1/s, at which the order of elimination is chosen."""
@@ -198,7 +198,7 @@ def _summed(writer: ProgramWriter, part: dict[Entry, list[int]]) -> dict[Entry, 
 
 
 def _constraint_scales(model: Model, system: System) -> Array:
-    """Return factors (unknown,) on the rows and columns of the systems: powers of two for constraints, else one.
+    """Return factors (unknown,) on the rows and columns of the systems: powers of two for constraints, otherwise 1.
 
     A pivot that vanishes is replaced by a small part of its row (radau.c). Next to an inertia of 1e9, this part would
     be as large as the derivatives of the constraints. The factors make them as large as the masses of their

@@ -38,7 +38,7 @@ PARTS = (
 """Sources of the driver that an integration needs, in the order of their inclusion."""
 
 HEADERS = ("program", "tables", "control", "events", "radau", "dop853", "group", "assembly")
-"""Headers of these sources, without the one of vectors, which ``single_lane.h`` replaces."""
+"""Headers of these source files, without the header of vectors, which ``single_lane.h`` replaces."""
 
 _BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}
 

@@ -39,7 +39,7 @@ STEADY = 0.02
 """Ratio of the clock's rate at a node to its mean rate since the start, below which the clock counts as stopped."""
 
 SETTLED = np.pi / 2
-"""Phase, rad, above which the mean rate since the start is meaningful."""
+"""Phase in rad above which the mean rate since the start is meaningful."""
 
 EXCESS = 1e-3
 """Relative accuracy of the projection of a step onto the constraints."""

@@ -43,7 +43,7 @@ TURN = 0.15
 """Largest change of an entry of a quaternion in one step: a rotation by 0.3 rad."""
 
 CLOSED = 1e-12
-"""Tolerance for the closure of constraints, m, relative to the size of the mechanism."""
+"""Largest residual of constraints that counts as closed, relative to the size of the mechanism."""
 
 FLAT = 1e-11
 """Stiffness, relative to the largest stiffness, that counts as rounding."""

@@ -147,8 +147,8 @@ def _ratio(
         wrong = np.abs(quantity - found * over) > SAME * np.maximum(np.abs(quantity), np.abs(found * over))
         if wrong.any():
             return (
-                f"{len(equal)} of its modes have this frequency, and any mix of them is a mode, so that the ratio is "
-                "not determined"
+                f"{len(equal)} of its modes have this frequency, and any linear combination of them is a mode, so that "
+                "the ratio is not determined"
             )
         ratios = found[:, 0]
     else:

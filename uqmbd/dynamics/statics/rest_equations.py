@@ -52,7 +52,7 @@ class Forces:
     settle: Array  # (K, k): change of the relaxing auxiliary states to their equilibrium
 
     def select(self, members: Index) -> Forces:
-        """Return the forces of some states."""
+        """Return the forces of the selected states."""
         return Forces(**{name: value[members] for name, value in vars(self).items()})
 
     def multipliers(self) -> Array:

@@ -24,7 +24,7 @@ SAME = 1e-6
 """Relative part of an acceleration that counts as zero."""
 
 PHASES = (0.0, 0.37, 1.13, 2.6)
-"""Rotation angles of a frame, rad, at which a steady motion is examined."""
+"""Rotation angles in rad of a frame at which a steady motion is examined."""
 
 NONE = 1e-7
 """Acceleration, relative to the largest, that counts as zero: the residual of Newton's method."""
@@ -33,7 +33,7 @@ LEAST = 1e-9
 """Acceleration, m/s^2 or rad/s^2, that counts as rounding."""
 
 SLOW = 1e-6
-"""Angular velocity, rad/s, that counts as zero."""
+"""Angular velocity in rad/s that counts as zero."""
 
 
 def cross_matrix(x: Array) -> Array:

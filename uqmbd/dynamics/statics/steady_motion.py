@@ -43,7 +43,7 @@ EVEN = 1e-7
 
 
 def later_times(model: Model, parameters: Array, fastest: float) -> Array:
-    """Return ascending times after the initial time, s, at which a steady motion must continue.
+    """Return ascending times in s after the initial time, at which a steady motion must continue.
 
     The parameters (parameter,) belong to one realisation.  The largest angular velocity is `fastest`, rad/s.
     """
@@ -94,7 +94,7 @@ SMALL = 1e-11
 """Step of a coordinate, relative to the size of the mechanism, that counts as zero."""
 
 SPAN = 3e-3
-"""Rotation angle, rad, over which rates of velocities are computed."""
+"""Rotation angle in rad over which rates of velocities are computed."""
 
 STEADY = 1e-6
 """Allowed deviation of a steady motion: relative error of accelerations, and displacement relative to the size."""
@@ -123,7 +123,7 @@ class SteadyMotions:
     messages: tuple[str, ...]  # empty if a steady motion was found, else the reason
 
     def select(self, members: Index) -> SteadyMotions:
-        """Return the motions of some realisations."""
+        """Return the motions of the selected realisations."""
         screws, messages = ([x[k] for k in members] for x in (self.screws, self.messages))
         return SteadyMotions(self.q[members], self.s[members], self.v[members], tuple(screws), tuple(messages))
 

@@ -238,7 +238,7 @@ def scalars_of(
 
     Poses are the initial pose of each realisation, and the static equilibrium and steady motion found from it.  Time is
     the initial time, except in steady motions.  `trajectories` are required if ``model.scalars.needs_motion``.  The
-    time `never`, s, replaces censored first times and event times; by default the dependent outputs are NaN.  If one
+    time `never` in s replaces censored first times and event times; by default the dependent outputs are NaN.  If one
     value of a realisation is missing, all its values are missing.
     """
     model = ensemble.model

@@ -138,7 +138,7 @@ def domain_map(
 
 
 def not_finite_since(parts: StepParts, column: int) -> Array:
-    """Find the first time at which an output is not finite, s, of each realisation, shape (R,); infinite: never."""
+    """Find the first time in s at which an output is not finite in each realisation, shape (R,); infinite: never."""
     since = np.full(len(parts.first), np.inf)
     which = parts.unknown
     if len(which):
@@ -152,7 +152,7 @@ def not_finite_since(parts: StepParts, column: int) -> Array:
 def outside_since(
     motion: SteppedMotion, outputs: OutputMap, columns: Sequence[int], domain: Domain, parts: StepParts, allowed: Array
 ) -> Array:
-    """Return when expressions first leave their domain, s, (R, expression); infinite: never.
+    """Return the times (R, expression) in s at which expressions first leave their domain; infinite: never.
 
     The expressions of the domain are the `columns` of the outputs; the polynomials of their resolved `parts` have the
     tolerances `allowed` (R, part).
@@ -175,7 +175,7 @@ def outside_since(
 
 
 def _negative_since(motion: SteppedMotion, domain: Domain, column: int, parts: StepParts, slack: Array) -> Array:
-    """Find the first time at which a part is negative by more than its error, s, shape (R,)."""
+    """Find the first time (R,) in s at which a part is negative by more than its error."""
     assert domain.parts is not None
     since = np.full(len(parts.first), np.inf)
     which = np.flatnonzero(parts.of("least", column) < -slack[parts.number])
@@ -201,7 +201,7 @@ def _negative_since(motion: SteppedMotion, domain: Domain, column: int, parts: S
 
 
 def _fine(parts: StepParts, column: int, which: Index) -> Array:
-    """Return values of some parts at the fine places, (N, fine), with known values at the ends."""
+    """Return values of the selected parts at the fine places, (N, fine), with known values at the ends."""
     series, values = (parts.of(name, column, which) for name in ("coefficients", "values"))
     fine = np.polynomial.chebyshev.chebvander(FINE, series.shape[1] - 1) @ series.T
     fine[[0, -1]] = values[:, [0, -1]].T
@@ -210,7 +210,7 @@ def _fine(parts: StepParts, column: int, which: Index) -> Array:
 
 @dataclass(frozen=True)
 class _Zeros:
-    """Zeros of a part, (Z,) each: realisation, step, place in the step, time, s, and length of its part of the step."""
+    """Zeros of a part, (Z,) each: realisation, step, place in the step, time in s, length of its part of the step."""
 
     number: Index
     step: Index
@@ -257,7 +257,7 @@ def _zeros(motion: SteppedMotion, domain: Domain, column: int, parts: StepParts,
 
 
 def _unbounded_since(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Zeros, count: int) -> Array:
-    """Find the first zeros of a part at which an expression has no finite limit, s, of each realisation, shape (R,)."""
+    """Find the first time (R,) in s at which a part is zero and an expression has no finite limit."""
     since = np.full(count, np.inf)
     _, earliest = np.unique(zeros.number, return_index=True)
     # the first zeros are mostly sufficient
@@ -307,7 +307,7 @@ class Unresolved:
     error: Array  # (U,); infinite where the values grow as far as the part can be divided
 
     def since(self, parts: StepParts, some: Mask) -> Array:
-        """Find the first time among some of the parts, s, of each realisation, shape (R,); infinite: none."""
+        """Find the first time in s among the selected parts in each realisation, shape (R,); infinite: none."""
         since, which = np.full(len(parts.first), np.inf), self.which[some]
         np.minimum.at(since, parts.number[which], parts.begin[which])
         return since

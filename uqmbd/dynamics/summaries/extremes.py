@@ -20,7 +20,7 @@ consecutive peaks differ by several tolerances."""
 
 
 def find_extremes(parts: StepParts, tolerance: Array, column: int, sign: float) -> tuple[Array, Array]:
-    """Return the largest (sign 1) or smallest (-1) value of an output, and its time, s, of each realisation: (R,) each.
+    """Return the largest (sign 1) or smallest (-1) value of an output (R,), and its time (R,) in s.
 
     Of several values within `SAME` tolerances of the integration, the first counts.  The parts are resolved;
     the polynomials have tolerances (R, O).

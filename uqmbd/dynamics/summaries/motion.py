@@ -73,7 +73,7 @@ STEPS = ("owner", "begin", "end", "last", "kept")
 
 
 def motion_of(batch: Batch, path: RecordedSteps, members: Index, time: float, states: Array) -> SteppedMotion:
-    """Return the motion of some realisations (ascending numbers) from recorded steps.
+    """Return the motion of the selected realisations (ascending numbers) from recorded steps.
 
     Later steps replace earlier steps.  With a single time there are no steps; the realisations then stay in their
     `states` (K, width).

@@ -43,7 +43,7 @@ FINEST = 1 / 4096
 do not show its rate."""
 
 LONGEST = 1 / 64
-"""Longest part, relative to the whole time, so that some points detect short changes of an output."""
+"""Longest part, relative to the whole time, so that its points detect short changes of an output."""
 
 
 SLOW = 4 / LONGEST
@@ -118,7 +118,7 @@ class StepParts:
         return np.cumsum(np.diff(self.owner, prepend=self.owner[:1]) != 0)
 
     def of(self, name: str, column: int, which: Index | slice = slice(None)) -> Array:
-        """Return data of one output in some parts, by its name in the table."""
+        """Return data of one output in the selected parts, by its name in the table."""
         found: Array = getattr(self.table, name)[self.order[which], column]
         return found
 
@@ -128,7 +128,7 @@ class StepParts:
         return FittedPolynomials(column, self.order, table.begin, table.end, table.values, table.coefficients)
 
     def time(self, which: Index, places: Array) -> Array:
-        """Return the times of places from -1 to 1 in some parts, s."""
+        """Return the times in s of places from -1 to 1 in the selected parts."""
         return self.begin[which] + 0.5 * (1 + places) * (self.end[which] - self.begin[which])
 
 
@@ -146,7 +146,7 @@ def resolve_outputs(
 ) -> StepParts:
     """Resolve outputs along a motion as far as required; the previous content of the table is lost.
 
-    `timed` are the outputs of time and inputs only.  From the times `since` (R,), s, on, an output is not finite and
+    `timed` are the outputs of time and inputs only.  From the times `since` (R,) in s on, an output is not finite and
     real (infinite: never). Parts begin at these times, because values that are not finite are not divided.
     """
     begun = _initial_parts(motion.course)

@@ -102,7 +102,7 @@ def _number(declared: DeclaredSummary, given: tuple[Any, ...], numbers: tuple[fl
 
 
 def first_times(parts: StepParts, column: int) -> Array:
-    """Return the first time at which an output is zero or above, s, of each realisation, shape (R,).
+    """Return the first time in s at which an output is zero or above in each realisation, shape (R,).
 
     NaN: the output never reaches zero.  Infinite: the time is unknown, because the output is not finite at some time
     before it reaches zero.
@@ -286,8 +286,8 @@ def _note(
 ) -> None:
     """Record why realisations `rows` (R,) have no value `number`, unless a reason is already known.
 
-    `lost` (R,): time from which the expression is not a finite real number, s. `rough` (R,): time from which it is not
-    resolved, s. Infinity means never.
+    `lost` (R,): time from which the expression is not a finite real number, s. `rough` (R,): time in s from which it is
+    not resolved. Infinity means never.
     """
     for since, status, fault, text in (
         (

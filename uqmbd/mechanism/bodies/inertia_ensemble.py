@@ -163,7 +163,7 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     mass : float
         Mean mass, kg.  Mass, centre and inertia are numbers, not random variables.
     centre : array_like, shape (2,) or (3,)
-        Mean centre of mass, m, in a frame of the body; two numbers for a planar body.
+        Mean centre of mass in a frame of the body, m; two numbers for a planar body.
     inertia : float or array_like
         Inertia about `centre`, kg m^2, in the form for `uqmbd.random_inertia`; 0, or (0, 0, 0), for a point mass.
     dispersion : float

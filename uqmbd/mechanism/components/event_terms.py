@@ -142,7 +142,7 @@ class Separation:
     gap : expression
         Gap, m, in coordinates and time; negative if the bodies overlap.
     reach : expression
-        Depth, m, above which an overlap counts as large, such as a radius. The upper limit is a tenth of the size of
+        Depth in m above which an overlap counts as large, such as a radius. The upper limit is a tenth of the size of
         the mechanism; 0 means this limit.
 
     Examples

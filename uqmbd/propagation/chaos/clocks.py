@@ -164,7 +164,7 @@ class Phases:
 
     @property
     def lasting(self) -> Array:
-        """Return the phases (K,), rad, of the last extremes before rest; inf for phases that do not stop."""
+        """Return the phases (K,) in rad of the last extremes before rest; inf for phases that do not stop."""
         return np.array([s.last if s is not None and s.rests else np.inf for s in self._swings])
 
     def passed(self, k: Size, marks: Array) -> Array:
@@ -206,7 +206,7 @@ class Phases:
         return np.array([np.interp(time, self.times, row) for row in self.values])
 
     def reaching(self, phase: float) -> Array:
-        """Estimate the times (K,) of a phase, s, by extrapolation of the final motion; inf for phases out of reach."""
+        """Estimate the times (K,) of a phase in s, by extrapolation of the final motion; inf if out of reach."""
         if self.swings:
             return np.array([np.inf if s is None else s.reaching(phase, float(self.times[-1])) for s in self.swings])
         last = self.values[:, -1]
@@ -218,7 +218,7 @@ class Phases:
         return np.asarray(self.times[-1] + np.where(self.values.max(axis=1) >= phase, 0.0, behind))
 
     def steadiness(self, end: float) -> float:
-        """Return the ratio of the smallest to the mean phase rate until a time, s, in the worst realisation."""
+        """Return the ratio of the smallest to the mean phase rate until a time in s, in the worst realisation."""
         return float(self._least(end).min())
 
     @property

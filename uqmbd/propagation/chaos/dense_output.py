@@ -99,7 +99,7 @@ class Dense:
         return replace(self, values=self.values[chosen], asked=None if self.asked is None else self.asked[chosen])
 
     def spline(self, k: Size) -> BSpline:
-        """Return the outputs of one realisation as a function that maps times (N,), s, to values (N, O).
+        """Return the outputs of one realisation as a function that maps times (N,) in s to values (N, O).
 
         Raises
         ------
@@ -159,7 +159,7 @@ def dense(
     least : int
         Smallest number of times in the first integration.
     asked : array, shape (N,), optional
-        Further times, s, at which the integration provides outputs without interpolation.
+        Further times in s at which the integration provides outputs without interpolation.
     worth : callable, optional
         Function that returns whether more times justify their cost; the default is always true. The arguments of the
         function are realisations whose splines are within 10 % of the range of an output, but not accurate.

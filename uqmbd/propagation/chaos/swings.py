@@ -61,7 +61,7 @@ class Swing:
 
     @classmethod
     def of(cls, times: Array, values: Array, spline: BSpline) -> Swing | None:
-        """Return the oscillation of values (T,) at times (T,), s, and of their spline; None without a half-swing."""
+        """Return the oscillation of values (T,) at times (T,) in s, and of their spline; None without a half-swing."""
         slope = spline.derivative()
         rate = slope(times)
         extremes, highest = _extremes(times, rate, slope)
@@ -115,13 +115,13 @@ class Swing:
         )
 
     def passed(self, marks: Array) -> Array:
-        """Return the times (S,), s, of phases (multiples of a quarter turn, rad); NaN for phases out of reach."""
+        """Return the times (S,) in s of phases in rad (multiples of a quarter turn); NaN for phases out of reach."""
         at = np.round(marks / QUARTER).astype(int) - self.first
         known = (at >= 0) & (at < len(self.moments))
         return np.where(known, self.moments[np.clip(at, 0, len(self.moments) - 1)], np.nan)
 
     def reaching(self, phase: float, known: float) -> float:
-        """Estimate the time, s, of a phase, rad, from the motion until a known time, s; inf for a phase out of reach.
+        """Estimate the time in s of a phase in rad from the motion until a known time; inf for a phase out of reach.
 
         A middle is known as soon as the next extreme is known.
         """
@@ -141,7 +141,7 @@ def _last(size: Array, least: float) -> int:
 
 
 def passing(spline: BSpline, slope: BSpline, targets: Array, low: Array, high: Array) -> Array:
-    """Return the times (S,), s, at which a spline has given values (S,), each within a bracketing interval."""
+    """Return the times (S,) in s at which a spline has given values (S,), each within a bracketing interval."""
     start, end = spline(low) - targets, spline(high) - targets
     rise = end - start
     # the first guess is a linear interpolation; Newton steps stay within the interval
@@ -155,7 +155,7 @@ def passing(spline: BSpline, slope: BSpline, targets: Array, low: Array, high: A
 
 
 def _extremes(times: Array, rate: Array, slope: BSpline) -> tuple[Array, bool]:
-    """Return the times (N,), s, of the extremes of a quantity, and whether the first is a maximum.
+    """Return the times (N,) in s of the extremes of a quantity, and whether the first is a maximum.
 
     `rate` (T,) contains the rates of the quantity at `times`, and `slope` is the spline through them. Extremes are
     zeros of the rate; a start from rest is an extreme.

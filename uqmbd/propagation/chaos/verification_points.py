@@ -136,7 +136,7 @@ class VerificationPoints:
         stream : int
             Number of the random stream for this use.
         most : int, optional
-            Largest number of points that the method can still compute. Default: as many as `further` allows.
+            Largest number of points that the method can still compute. Default: as many points as `further` allows.
 
         Returns
         -------

@@ -113,7 +113,7 @@ class Spending:
                 self._open[-1][1] += spent
 
     def realised(self, seconds: float, counters: Mapping[str, float] | None = None) -> None:
-        """Record the computing time of realisations, s, and their number if their counters are given."""
+        """Record the computing time of realisations in s; also record their number, if their counters are given."""
         self.count(counters or {})
         if self._open:
             if self._open[-1][0] in PURPOSES:
@@ -144,7 +144,7 @@ class Spending:
 
 
 def spending_attributes(parts: dict[str, float], whole: float) -> dict[str, float]:
-    """Return ``wall_time``, s, and its parts; their sum is ``wall_time``, and ``other`` is the remainder of `whole`.
+    """Return ``wall_time`` in s and its parts; their sum is ``wall_time``, and ``other`` is the remainder of `whole`.
 
     >>> spending_attributes({"integration": 2.0, "fitting": 1.0, "verification": 0.0, "error estimation": 0.5}, 4.0)
     {'wall_time_integration': 2.0, 'wall_time_fitting': 1.0, ..., 'wall_time_other': 0.5, 'wall_time': 4.0}

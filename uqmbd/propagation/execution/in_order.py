@@ -82,7 +82,7 @@ def run_in_order(
     If a worker dies, another worker repeats its task once. If a task takes much longer than others (by at least
     `patience`, s), an unoccupied worker computes it, too. The first reply counts; both replies have the same bits.
     `known` returns a stored result, or None. `work` returns the function and its arguments (some may be `Packed`).
-    `keep` converts a result and its time, s, into the yielded value. If the second worker of a task dies, too, `lost`
+    `keep` converts a result and its time in s into the yielded value. If the second worker of a task dies, too, `lost`
     returns the result or raises an error (the default). Raise IntegrationError if no worker has the same versions of
     Python, uqmbd and libraries as this process, or if a task is lost.
     """

@@ -92,8 +92,8 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     not measured, and only such methods evaluate requirements.
 
     The node has the child ``scalars`` if there are scalar outputs, and ``requirements`` if there are requirements. If
-    all values of a variable have the same unit, the variable has the unit as an attribute. The attribute ``wall_time``,
-    s, is the time of the whole run. For any method, ``wall_time`` is the sum of ``wall_time_integration``,
+    all values of a variable have the same unit, the variable has the unit as an attribute. The attribute ``wall_time``
+    is the time of the whole run in s. For any method, ``wall_time`` is the sum of ``wall_time_integration``,
     ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``. The
     attribute ``further_realisations`` counts those that only scalar outputs or margins of requirements required.
     """

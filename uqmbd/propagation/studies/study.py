@@ -68,7 +68,7 @@ class Study(StudyData):
         of the realisation, at rest; the search starts from the given pose. At the equilibrium, stated velocities keep
         their values, and moving drivers move their bodies. A realisation without an equilibrium fails.
     report_times : sequence of float
-        Times, s, at which the report shows distributions. Default: times that the report chooses.
+        Times in s at which the report shows distributions. Default: times that the report chooses.
     convergence : mapping, optional
         Arguments of :meth:`converge`, for the curves of error against cost in the report. A run computes the curves
         after the methods. Example: ``{"propagators": [Collocation, MonteCarlo(seed=1)], "order": [1, 2, 3], "samples":
@@ -80,7 +80,7 @@ class Study(StudyData):
         1/8000 of the simulated time and longer than a quarter of the output interval. The search also finds shorter
         pulses unless they are small compared with the rest of the function.
     breaks : sequence of float
-        Times, s, at which the integration restarts. The integration also restarts at the corners of `uqmbd.step`, and
+        Times in s at which the integration restarts. The integration also restarts at the corners of `uqmbd.step`, and
         at changes of conditions of a `sympy.Piecewise` that are linear in time.
 
     Raises

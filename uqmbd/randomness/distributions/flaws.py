@@ -92,7 +92,7 @@ def _not_a_number(distribution: Any) -> str:
 
 
 def _flaw_of_map(distribution: Any) -> str:
-    """Return a flaw of dependent variables at some points of the unit cube; empty if there is none."""
+    """Return a flaw of dependent variables at given points of the unit cube; empty if there is none."""
     steps = np.sqrt(np.arange(2, 2 + len(distribution)))[:, None]  # a lattice with irrational steps
     points = 0.05 + 0.9 * np.mod(steps * np.arange(1, POINTS + 1), 1.0)
     values = np.asarray(distribution.inv(points), dtype=float)

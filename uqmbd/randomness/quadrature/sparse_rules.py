@@ -27,10 +27,10 @@ RULES = ("gauss", "clenshaw-curtis")
 GROWTHS = ("slow", "linear")
 
 SAME = 1e-12
-"""Distance of nodes of one germ, relative to the largest node, up to which they are one node."""
+"""Nodes of one germ are combined up to this distance, relative to the largest node."""
 
 CANCELLED = 1e-13
-"""Limit of a weight, relative to the sum of the absolute contributions to its node, up to which it is zero."""
+"""A weight counts as zero up to this limit, relative to the sum of the absolute contributions to its node."""
 
 
 @typechecked

@@ -67,7 +67,7 @@ def _law(distribution: Any, places: Places) -> JointLaw:
 
 
 def _chain(distribution: Any, places: Places) -> Chain:
-    """Return the map of a joint distribution; members of a larger one, at `places`, precede its own members."""
+    """Return the map of a joint distribution; members of an enclosing one, at `places`, precede its own members."""
     owners = owners_of(distribution)
     groups: dict[int, tuple[Any, list[int]]] = {}
     for column in map(int, distribution._rotation):

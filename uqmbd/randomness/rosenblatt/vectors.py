@@ -128,7 +128,7 @@ class NormalMixture:
 
 @dataclass(frozen=True, eq=False)
 class _Conditioned:
-    """Members of a mixture, conditional on some components of N points.
+    """Members of a mixture, conditional on known components of N points.
 
     `probability` (N, m) is the probability of each member. `parts` (n, N, m) are the standard normal variables of the
     known components; they are zero for others.

@@ -183,7 +183,7 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
 
 
 def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
-    """Return the first time, s, at which an error (T,) exceeds a limit; None if the error never exceeds it.
+    """Return the first time in s at which an error (T,) exceeds a limit; None if the error never exceeds it.
 
     >>> import numpy as np
     >>> horizon(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.02, 0.001])), horizon(np.zeros(1), np.zeros(1))

@@ -61,7 +61,7 @@ export function startViewer() {
   const shapes = button("glTF", "Save the shapes in this pose for three-dimensional programs", () =>
     saveBlob(new Blob([stage.mechanism.gltf(stage.points())], { type: "model/gltf+json" }), fileName(scene.mechanism, "gltf")));
   shapes.hidden = true;
-  controls.append(play, scrub, clock, speed, element("label", { title: "The pose that the bodies state, before the assembly" }, drawn, " as drawn"), ...boxes, reset, shapes);
+  controls.append(play, scrub, clock, speed, element("label", { title: "The pose that the bodies state, before the assembly" }, drawn, " given pose"), ...boxes, reset, shapes);
 
   let playing = false;
   let earlier = null;

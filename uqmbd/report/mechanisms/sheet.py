@@ -92,7 +92,7 @@ def foot(origin: Array, normal: Array, point: Array) -> Array:
 
 
 def extremes(points: Array, radius: float) -> Array:
-    """Return the extreme points (N, axis) of circles or spheres along the axes, m, from centres (..., axis)."""
+    """Return the extreme points (N, axis) of circles or spheres along the axes in m, from centres (..., axis)."""
     d = points.shape[-1]
     ends: Array = points.reshape(-1, 1, d) + radius * np.concatenate([np.eye(d), -np.eye(d)])
     return ends.reshape(-1, d)

@@ -176,7 +176,7 @@ class Sketch:
         return None
 
     def extent(self, points: Array) -> Array:
-        """Return the points that a picture must contain, shape (N, axis), m, from `points` (..., point, axis)."""
+        """Return the points (N, axis) in m that a picture must contain, from `points` (..., point, axis)."""
         found = [points[..., self.placed, :].reshape(-1, points.shape[-1])]
         found += [extremes(points[..., k, :], radius) for k, radius in enumerate(self.radii) if radius > 0]
         for part in self.parts:

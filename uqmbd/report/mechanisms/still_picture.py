@@ -130,7 +130,7 @@ def still(data: xr.Dataset) -> Drawing:
 
 
 def draw_named(data: xr.Dataset, realisation: int, time: float) -> Drawing:
-    """Draw one realisation at the stored time nearest to a time, s, and the mechanism at the means as an outline."""
+    """Draw one realisation at the stored time nearest to a time in s, and the mechanism at the means as an outline."""
     frame = int(np.argmin(np.abs(data["time"].values - time)))
     return still(data.isel(realisation=[realisation, 0], time=[frame]))
 

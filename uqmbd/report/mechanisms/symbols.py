@@ -231,7 +231,7 @@ class Symbols:
     def line(
         self, at: int, axis: int, reach: tuple[float, float], more: float = 0.3, dashes: tuple[float, ...] = DASHES
     ) -> Stroke:
-        """Return the line along which a point moves: the range `reach`, m, extended by `more`, inches, at each end."""
+        """Return the line along which a point moves: the range `reach` in m, extended by `more` inches at each end."""
         metres = self._along(*reach)
         return Stroke(
             self._along(-more, more), (at,), axis, metres, edge=GROUND, width=1.0, dashes=dashes, order=0.7

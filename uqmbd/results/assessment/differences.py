@@ -30,10 +30,10 @@ LEVEL = 0.05
 """Largest probability that agreeing methods are reported to differ, for all outputs, times and methods together."""
 
 TOLERANCE = 1e-3
-"""Difference, relative to the largest standard deviation, below which it is ignored."""
+"""Differences below this fraction of the largest standard deviation are ignored."""
 
 ROUNDING = 1e-9
-"""Difference, relative to the largest mean, below which it is ignored."""
+"""Differences below this fraction of the largest mean are ignored."""
 
 
 @typechecked
@@ -154,8 +154,8 @@ def compare(
         it.
 
         ``wasserstein`` (in units) and ``ks``, ``(method, output, comparison_time)``: distances of the distributions,
-        from samples or from 4096 samples of a chaos; NaN without either. ``ks_by_chance (method)``: value of ``ks``
-        that equal distributions exceed with the probability `level`.
+        from samples or from 4096 samples of a chaos; NaN if a method has neither. ``ks_by_chance (method)``: value of
+        ``ks`` that equal distributions exceed with the probability `level`.
 
         ``unknown_times``: number of times at which a method does not know the mean or standard deviation of an output.
         A method that has any is not recommended. ``wall_time`` (s), ``realisations`` and ``failures`` by method; the

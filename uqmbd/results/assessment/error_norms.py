@@ -21,7 +21,7 @@ def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDA
     Parameters
     ----------
     found, reference : xarray.DataTree
-        Nodes of propagators with the same outputs and times. Times after the end of either are excluded.
+        Nodes of propagators with the same outputs and times. Times after the end of either result are excluded.
 
     Returns
     -------

@@ -24,7 +24,7 @@ SAME = 1e-9
 """Difference of results, relative to the largest standard deviation, below which it counts as rounding."""
 
 FIXED_COSTS = 60.0
-"""Wall time of every method, s, up to which realisations measure the cost.
+"""Wall time in s of every method, up to which realisations measure the cost.
 
 Compilation, fits and quantiles have a fixed cost: 0.1 s for samples, up to 10 s for a choice of alignments. This cost
 does not grow with the mechanism, but dominates the wall times of shorter runs. If wall times decided there, the method

@@ -301,7 +301,7 @@ class AlignedChaos(Surrogate):
         return np.asarray(self.labels.times)
 
     def _edges(self, germs: Array) -> list[tuple[Index, Array]]:
-        """Return indices of samples, and times of their markers (K, S + 1), s, for each element."""
+        """Return indices of samples, and the times (K, S + 1) of their markers in s, for each element."""
         return [(one.rows, one.element.table.edges_at(one.basis)) for _, one in self._sampled(germs)]
 
     def _why_unknown(self) -> dict[str, str]:

@@ -68,7 +68,7 @@ def requirements_dataset(
     std_error : array_like, shape (requirement,), optional
         Standard errors of the probabilities. Default: unknown, NaN.
     times : array_like, shape (T,), optional
-        Output times, s, of `violated_by`.
+        Output times in s of `violated_by`.
     violated_by : array_like, shape (requirement, T), optional
         Probability of a violation until each time.
     variables, attrs : mapping, optional

@@ -39,7 +39,7 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
     -------
     xarray.Dataset
         Probabilities of violation from samples of the surrogate, if the method has one, otherwise from its
-        realisations. Without either, every probability is NaN, with the interval from 0 to 1.
+        realisations. If it has neither, every probability is NaN, with the interval from 0 to 1.
 
     Examples
     --------

@@ -73,9 +73,9 @@ def sampled_requirements(
 
     `late` (requirement,): whether margins are known only at the end; `at_end`, `over_time`: surrogates of the running
     margins at the last output time and at all output times; `lost`: share of failed realisations; `seed`: seed of the
-    samples. The variable ``uncertain (requirement)`` is the share of samples that the error of the surrogate can move
-    over the limit. Attributes of the dataset are ``samples``, ``verification`` (number of realisations) and ``failed``
-    (share). Without verification realisations, every interval is from 0 to 1.
+    samples. The variable ``uncertain (requirement)`` is the share of samples whose margin the error of the
+    surrogate can move across the limit. Attributes of the dataset are ``samples``, ``verification`` (number of
+    realisations) and ``failed`` (share). Without verification realisations, every interval is from 0 to 1.
     """
     margins = _sampled(at_end, SAMPLES, seed)
     verified = at_end.verification_germs is not None and at_end.verification_response is not None
@@ -110,7 +110,7 @@ def sampled_requirements(
     near = (
         ("requirement",),
         (most - least) / count,
-        {"long_name": "share of samples that the error can move across the limit"},
+        {"long_name": "share of samples whose margin the error can move across the limit"},
     )
     return requirements_dataset(
         requirements,

@@ -219,7 +219,7 @@ def labels(
     grid = np.array(times, dtype=float)
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) <= 0.0):
         raise StudyError(
-            f"The times (shape {grid.shape}) are invalid; expected a list of finite, increasing numbers in s."
+            f"The times (shape {grid.shape}) are invalid; expected a sequence of finite, increasing numbers in s."
         )
     grid.setflags(write=False)
     return Labels(given_outputs, given_inputs, grid)

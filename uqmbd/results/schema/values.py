@@ -144,7 +144,7 @@ def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) ->
 def with_default_reasons(data: xr.Dataset, *, end: float = np.inf) -> tuple[xr.Dataset, dict[str, list[str]]]:
     """Add the default reason to shape statistics, quantiles and standard errors that are NaN without a reason.
 
-    `data`: statistics of outputs, or probabilities of requirements; `end`: time, s, after which there are no results.
+    `data`: statistics of outputs, or probabilities of requirements; `end`: time in s after which there are no results.
     Return the dataset, which is unchanged if it states all reasons. Also return the names of outputs or requirements
     to which a reason was added, by the name of the variable.
     """

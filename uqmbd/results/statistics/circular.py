@@ -142,7 +142,7 @@ def unwrap_samples(angles: ArrayLike, axis: Axis = -1) -> Array:
 
     The function removes jumps of a full turn along `axis` from each sample. It then adds whole turns to each sample:
     its first angle is then within half a turn of the circular mean of all first angles. Plain means and deviations are
-    then meaningful as long as the samples stay within some turns of one another. A chaos of the angle is smooth.
+    then meaningful as long as the samples differ by few turns. A chaos of the angle is smooth.
 
     Parameters
     ----------

@@ -70,8 +70,8 @@ def interval_of_replicates(samples: Array, sizes: Sequence[int], levels: Array) 
     """Return 95 % intervals (2, P, C) of quantiles from samples (C, S) of consecutive replicates of a design.
 
     The share of samples below a value estimates the cumulative probability of the value. The spread of this share over
-    the replicates gives an interval of Student's t for this probability. The interval of a quantile contains the values
-    for which this interval contains the probability of the quantile.
+    the replicates gives an interval of Student's t distribution for the probability. The interval of a quantile
+    contains the values for which this interval contains the probability of the quantile.
 
     `sizes` (R,): numbers of samples of the replicates, with the sum S. With fewer than two replicates the ends are NaN.
 

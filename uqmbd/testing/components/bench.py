@@ -22,7 +22,7 @@ REALISATIONS = 3
 
 @dataclass(frozen=True)
 class Bench:
-    """Fixture of a component: equations for some realisations of the parameters."""
+    """Fixture of a component: equations for several realisations of the parameters."""
 
     title: str  # title in messages
     case: ComponentCase  # case with the mechanism

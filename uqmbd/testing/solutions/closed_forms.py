@@ -25,7 +25,7 @@ BOUNCE = 0.8
 MARK = 0.3
 """Height of the marker of the falling ball, m."""
 SAMPLES, GAIN = 7.0, 2.0
-"""Samples per second of the controller that drives the ball, Hz, and its gain, N s/m."""
+"""Samples per second of the controller that drives the ball, and the gain of the controller in N s/m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ def _force_command(time: float, measured: Array) -> Array:
 
 
 def impacts(heights: Array, end: float) -> Array:
-    """Return the times of the impacts of the ball, s, shape (K, impact); NaN after the last one."""
+    """Return the times of the impacts of the ball in s, shape (K, impact); NaN after the last one."""
     first = np.sqrt(2 * heights[:, None] / GRAVITY)
     flights = 2 * BOUNCE ** np.arange(1, 40)
     found: Array = first * np.concatenate([[1.0], 1.0 + np.cumsum(flights)])

@@ -56,7 +56,7 @@ class Push(Component):
 
 
 class Strip(Component):
-    """A narrow strip across the way of a body, in which a force does work."""
+    """A narrow strip across the path of a body, in which a force does work."""
 
     bodies = ("body",)
     place = Parameter("m", "middle")

@@ -35,14 +35,14 @@ class Reply:
 
     worker: Worker
     kind: Literal["done", "missing", "refused"]
-    """Kind of reply; missing: the worker lacks a packed object; refused: the worker has other versions."""
+    """Kind of reply; missing: the worker lacks a packed object; refused: it has other versions of software."""
     result: Any = None  # return value if the kind is "done"
     seconds: float = 0.0  # wall time of the call, s
     records: tuple[logging.LogRecord, ...] = ()  # log records if the worker is another process
 
 
 def answer(expected: CallTerms, function: Callable[..., Any], *arguments: Any) -> Reply:
-    """Call a function, whose arguments may be packed, if this worker has the expected versions."""
+    """Call a function, whose arguments may be packed, if this worker has the expected versions of software."""
     worker = this_worker()
     if expected.versions != worker.versions:
         return Reply(worker, "refused")

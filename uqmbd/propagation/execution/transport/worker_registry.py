@@ -74,7 +74,7 @@ class WorkerRegistry:
         self._lacking.clear()
 
     def refuse(self, worker: Worker) -> None:
-        """Record that a worker has another version."""
+        """Record that a worker has other versions of the software."""
         self.refused += 1
         self._refusers[worker.key[:2]] = worker.differs(self._expected)
         while len(self._refusers) > PATIENCE:
