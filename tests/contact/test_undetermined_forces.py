@@ -149,3 +149,28 @@ def test_a_locked_joint_hides_no_undetermined_forces() -> None:
     mechanism.add(Revolute("axle", mechanism.ground, disc, (2, 2), (0, 0)))
     mechanism.add(RotationalFriction("lock", mechanism.ground, disc, friction=1e8))
     assert np.isnan(list(at_rest(mechanism).values())).all()
+
+
+@pytest.mark.parametrize("reserve", [2e-7, 0.1], ids=["at the limit", "below the limit"])
+def test_a_box_at_its_limit_determines_no_forces_of_another(reserve) -> None:
+    """The other box is on a slope of its angle of friction: both of its feet are at the limit, or have a reserve."""
+    mechanism = uqmbd.Mechanism("boxes", uqmbd.Planar(gravity=(0, -G)))
+    box = mechanism.body("box", mass=1, inertia=0.01, position=(0, 0.1))
+    for k, x in enumerate((-0.1, 0.0, 0.1)):
+        foot = PlaneImpact(f"foot{k}", mechanism.ground, box, (0, 0), (x, -0.1), (0, 1), restitution=0, friction=0)
+        mechanism.output(f"n{k}", mechanism.add(foot).reaction_force[1], units="N")
+    tilt = 0.3
+    up, along = (-np.sin(tilt), np.cos(tilt)), (np.cos(tilt), np.sin(tilt))
+    other = mechanism.body("other", mass=1, inertia=0.01, position=(5 + 0.1 * up[0], 0.1 * up[1]), angle=tilt)
+    law = {"restitution": 0, "friction": float(np.tan(tilt) * (1 + reserve))}
+    for k, x in enumerate((-0.1, 0.1)):
+        foot = PlaneImpact(f"limit{k}", mechanism.ground, other, (5, 0), (x, -0.1), up, **law)
+        force = mechanism.add(foot).reaction_force
+        mechanism.output(f"t{k}", along[0] * force[0] + along[1] * force[1], units="N")
+    found = at_rest(mechanism)
+    assert np.isnan([found[f"n{k}"] for k in range(3)]).all()
+    if reserve > 1e-3:
+        assert np.isnan([found["t0"], found["t1"]]).all()
+    else:
+        assert found["t0"] + found["t1"] == pytest.approx(G * np.sin(tilt), rel=1e-6)
+        assert np.isfinite([found["t0"], found["t1"]]).all()

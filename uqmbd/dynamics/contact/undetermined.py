@@ -2,12 +2,17 @@
 
 The motion of a table on four legs is unique, but the forces on the legs are not: forces without a resultant may be
 added while all contacts are pressed and friction suffices. The forces are determined if the laws allow only one set of
-forces, as for a wedge at the limit of friction.
+forces, as for a wedge at the limit of friction. Contacts that share no such forces are examined separately: a wedge at
+its limit does not determine the forces on the legs of a table next to it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
 
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.persistent import ContactModes, ContactMotion, persistent_touches, spread_of
@@ -37,9 +42,26 @@ def undetermined_forces(contacts: ContactQuantities, lasting: ContactModes, moti
     ways = motionless_combinations(contacts.delassus[0], spread_of(contacts, lasting))
     if not ways.shape[1]:
         return none
-    ways = ways * (largest / np.abs(ways).max(axis=0))
-    ways[np.abs(ways) <= MOVED * largest] = 0.0
-    touches = persistent_touches(contacts, lasting)
-    moved = [bool(ways[[x.normal, *x.tangents]].any()) for x in touches]
-    room = reserves(touches, forces_with_largest_reserve(touches, force, ways))[moved].min(initial=np.inf)
-    return ways if room > ROOM * largest else none
+    touches, free = persistent_touches(contacts, lasting), [none]
+    for part in _independent(ways, contacts.first):
+        scaled = part * (largest / np.abs(part).max(axis=0))
+        scaled[np.abs(scaled) <= MOVED * largest] = 0.0
+        moved = [bool(scaled[[x.normal, *x.tangents]].any()) for x in touches]
+        room = reserves(touches, forces_with_largest_reserve(touches, force, scaled))[moved].min(initial=np.inf)
+        if room > ROOM * largest:
+            free.append(scaled)
+    return np.column_stack(free)
+
+
+def _independent(ways: Array, first: Sequence[int]) -> Iterator[Array]:
+    """Yield bases (direction, N) of combinations of forces that share no contact; events have directions `first`."""
+    basis = np.linalg.qr(ways / np.abs(ways).max(axis=0))[0]
+    projector = basis @ basis.T
+    owner = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    rows, columns = np.nonzero(np.abs(projector) > MOVED)
+    links = scipy.sparse.coo_array((np.ones(len(rows)), (owner[rows], owner[columns])), shape=(len(first) - 1,) * 2)
+    count, labels = scipy.sparse.csgraph.connected_components(links, directed=False)
+    for label in range(count):
+        left, sizes, _ = np.linalg.svd(projector[:, labels[owner] == label], full_matrices=False)
+        if (whole := sizes > 0.5).any():  # a singular value of a projector is zero or one
+            yield left[:, whole]
