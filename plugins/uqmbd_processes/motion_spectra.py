@@ -156,7 +156,7 @@ def _order_amplitude(motion: MotionPolynomials, numerator: float, denominator: f
     if whole < denominator:
         return (
             f"the angle completes {turns:.4g} turns; the order {numerator / denominator:g} needs at least "
-            f"{denominator:g} turns"
+            f"{denominator:g} turn{'s' * (denominator > 1)}"
         )
     target = angle[0] + 2 * math.pi * whole
     stop = end if target >= angle[-1] else _time_of(motion, target, begin, end)

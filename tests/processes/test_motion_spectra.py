@@ -127,7 +127,7 @@ def test_whole_orders_over_whole_turns_are_exact():
 def test_motions_without_a_turn_are_refused():
     one = polynomials([np.sin, lambda t: 2 * t], np.linspace(0, 3, 50))
     assert value(order_amplitude(MASS, uqmbd.t, 1), one) == (
-        "the angle completes 0.9549 turns; the order 1 needs at least 1"
+        "the angle completes 0.9549 turns; the order 1 needs at least 1 turn"
     )
     two = polynomials([np.sin, lambda t: 2 * t], np.linspace(0, 6, 50))
     assert "the order 1.5 needs at least 2" in value(order_amplitude(MASS, uqmbd.t, 1.5), two)

@@ -190,7 +190,7 @@ def test_a_realisation_without_the_ratio_says_why():
     for number, quantity, over, message in [
         (1, lambda x, y, z: x, lambda x, y, z: z, "the reference does not move in this mode"),
         (1, lambda x, y, z: x + 1.0 * sympy.sqrt(z), lambda x, y, z: x + y, "no derivative by the coordinates"),
-        (3, lambda x, y, z: x, lambda x, y, z: y, "it has no mode 3: 2 of its modes oscillate"),
+        (3, lambda x, y, z: x, lambda x, y, z: y, "the mechanism has no mode 3: 2 of its modes oscillate"),
     ]:
         mechanism, rod = rod_on_a_ball_joint()
         shape = uqmbd.mode_shape(number, quantity(*rod.position), over=over(*rod.position))
