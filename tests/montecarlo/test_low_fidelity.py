@@ -165,7 +165,7 @@ def test_study_with_a_cheaper_one(curved: uqmbd.Study, curved_truth: dict) -> No
     total = node.attrs["control_realisations"]
     assert (node.attrs["realisations"], node.attrs["control_failures"]) == (400, 0)
     assert total > 1000
-    assert f"{total} realisations, 400 of them at the samples" in node.attrs["control_summary"]
+    assert f"{total} realisations of the control, 400 of them at the samples" in node.attrs["control_summary"]
     assert "of the time of a realisation of the study" in node.attrs["control_measured"]
     assert "LowFidelity('rest', cost=0.01)" in node.attrs["options"]
     xr.testing.assert_identical(node["samples"].to_dataset(), plain["samples"].to_dataset())

@@ -254,7 +254,7 @@ def test_a_field_needs_a_coherence_and_points():
     with pytest.raises(uqmbd.StudyError, match="the process has no coherence"):
         white().at(1, 2)
     wind = RandomProcess("wind", psd=kaimal(1.5, 340.2, 12.0), coherence=davenport_coherence(10.0, 12.0))
-    with pytest.raises(uqmbd.StudyError, match="expected the finite coordinates"):
+    with pytest.raises(uqmbd.StudyError, match="expected finite coordinates"):
         wind.at()
 
 
@@ -359,7 +359,7 @@ def test_a_rigid_body_motion_that_is_not_excited_does_not_matter():
 def test_white_noise_has_no_motion_in_time():
     mechanism, mass = oscillator(white()())
     mechanism.output("x", mass.position[0])
-    with pytest.raises(uqmbd.StudyError, match="random process 'force': the process has no finite variance, like white noise"):
+    with pytest.raises(uqmbd.StudyError, match="'force': the process has no finite variance, like white noise"):
         uqmbd.simulate(mechanism, [0, 1])
 
 
