@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EPS", "controllable", "covariances", "inverses", "is_stable", "separate"]
+from uqmbd_processes.rational import EPS, CharacteristicPolynomials, balancing_scales
+
+__all__ = ["DIRECT", "EPS", "controllable", "covariances", "inverses", "is_stable", "separate"]
 
 Array = NDArray[np.float64]
 
 DIRECT = 10
 """Largest order of systems that are solved together; larger systems are solved one by one."""
-
-EPS = float(np.finfo(float).eps)
 
 REFINEMENTS, SMALL = 6, 1e-10
 """Largest number of refinements of a covariance, and relative correction after which no further one is needed."""
@@ -50,7 +50,7 @@ def covariances(a: Array, noise: Array) -> tuple[Array, Array]:
     Return the covariances and bounds of their errors (K, n, n).  States are scaled to equal rates first.  Iterative
     refinement uses residuals in extended precision; the error is below the last correction and the rounding.
     """
-    scale = _scales(a)
+    scale = balancing_scales(a)
     scaled, driven = a * scale[:, :, None] / scale[:, None, :], noise * scale
     systems = _systems(scaled)
     found = _solve(scaled, driven[:, :, None] * driven[:, None, :], systems)
@@ -99,23 +99,6 @@ def _solve(a: Array, right: Array, systems: Array | None) -> Array:
     return result
 
 
-def _scales(a: Array) -> Array:
-    """Return factors of states (K, n) that balance the rows and columns of ``A``, as powers of two."""
-    scale = np.ones(a.shape[:2])
-    size = np.abs(a)
-    size[:, np.arange(a.shape[1]), np.arange(a.shape[1])] = 0.0
-    for _ in range(12):
-        now = size * scale[:, :, None] / scale[:, None, :]
-        row, column = now.sum(axis=2), now.sum(axis=1)
-        usable = (row > 0) & (column > 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            factor = np.exp2(np.round(np.log2(np.where(usable, column, 1.0) / np.where(usable, row, 1.0)) / 4))
-        if (factor == 1.0).all():
-            break
-        scale *= factor
-    return scale
-
-
 def _one_by_one(a: Array, right: Array) -> Array:
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
@@ -131,8 +114,10 @@ def _one_by_one(a: Array, right: Array) -> Array:
     return result
 
 
-def is_stable(a: Array) -> NDArray[np.bool_]:
+def is_stable(a: Array, polynomials: CharacteristicPolynomials | None = None) -> NDArray[np.bool_]:
     """Return whether all eigenvalues of systems (K, n, n) have negative real parts, by more than their rounding.
+
+    Systems that their characteristic polynomials, if given, show to be stable need no eigenvalues.
 
     The rounding of an eigenvalue is that of the scaled matrix, times the condition number of the eigenvalue.  Multiple
     eigenvalues have no condition number; their rounding is below `SLOW`.
@@ -140,51 +125,17 @@ def is_stable(a: Array) -> NDArray[np.bool_]:
     count, n = a.shape[:2]
     if not n:
         return np.ones(count, dtype=bool)
-    stable = _clearly_stable(a) if n <= DIRECT else np.zeros(count, dtype=bool)
+    stable = np.zeros(count, dtype=bool) if polynomials is None else polynomials.stable.copy()
     others = np.flatnonzero(~stable)
     if len(others):
         stable[others] = _decays(a[others])
     return stable
 
 
-def _clearly_stable(a: Array) -> NDArray[np.bool_]:
-    """Return whether all eigenvalues (K, n, n) decay clearly, by Routh's array with bounds of rounding errors.
-
-    The test is sufficient: real parts are below -`SLOW` times the norm. It costs a small part of the eigenvalues.
-    """
-    n = a.shape[1]
-    with np.errstate(all="ignore"):
-        unit = a / np.linalg.norm(a, axis=(1, 2))[:, None, None] + SLOW * np.eye(n)
-        # characteristic polynomial (Faddeev and Le Verrier); its coefficients are at most 2^n
-        coefficients = [np.ones(len(a))]
-        power = unit
-        for k in range(1, n + 1):
-            coefficients.append(-np.einsum("kii->k", power) / k)
-            power = unit @ (power + coefficients[-1][:, None, None] * np.eye(n))
-        bound = np.full(len(a), 8 * n * n * 2.0**n * EPS)
-        zero = np.zeros(len(a))
-        first, second = coefficients[0::2], coefficients[1::2]
-        first_errors, second_errors = [bound] * len(first), [bound] * len(second)
-        clear = first[0] > 0
-        while second:
-            clear &= second[0] > 4 * second_errors[0]
-            ratio = first[0] / second[0]
-            ratio_error = (first_errors[0] + ratio * second_errors[0]) / (second[0] - second_errors[0])
-            width = len(first) - 1
-            padded, padded_errors = [*second[1:], zero][:width], [*second_errors[1:], zero][:width]
-            rest = [x - ratio * y for x, y in zip(first[1:], padded, strict=True)]
-            errors = [
-                ex + ratio * ey + ratio_error * (np.abs(y) + ey) + EPS * (np.abs(x) + ratio * np.abs(y))
-                for x, ex, y, ey in zip(first[1:], first_errors[1:], padded, padded_errors, strict=True)
-            ]
-            first, first_errors, second, second_errors = second, second_errors, rest, errors
-    return np.asarray(clear & np.isfinite(ratio))
-
-
 def _decays(a: Array) -> NDArray[np.bool_]:
     """Return whether all eigenvalues (K, n, n) have negative real parts, by more than their rounding."""
     n = a.shape[1]
-    scale = _scales(a)
+    scale = balancing_scales(a)
     scaled = a * scale[:, :, None] / scale[:, None, :]
     values, right = np.linalg.eig(scaled)
     with np.errstate(all="ignore"):
@@ -232,7 +183,7 @@ def separate(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array, Array, 
     """
     from scipy.linalg import schur, solve_sylvester
 
-    scale = _scales(a[None])[0]
+    scale = balancing_scales(a[None])[0]
     scaled, driven, seen = a * scale[:, None] / scale, b * scale[:, None], c / scale
     rate = float(np.abs(np.linalg.eigvals(scaled)).max(initial=0.0)) or 1.0
     form, basis, n = schur(scaled, sort=lambda x, y: x < -1e-13 * rate and np.hypot(x, y) > SLOW * rate)

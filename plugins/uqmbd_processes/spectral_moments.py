@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd_processes.descriptions import check_family
 from uqmbd_processes.filters import ShapingFilter
-from uqmbd_processes.lyapunov import EPS, controllable, covariances, is_stable, separate
+from uqmbd_processes.lyapunov import DIRECT, EPS, controllable, covariances, is_stable, separate
 from uqmbd_processes.quadrature import TOLERANCE, WORDS, density_of_response, integrate_moments, select
+from uqmbd_processes.rational import CharacteristicPolynomials, rational_variance
 
 __all__ = ["density", "moments"]
 
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Found = tuple[dict[int, Array], list[str]]
+
+EXACT = 1e-7
+"""Largest relative bound of the error of a variance by polynomials; other variances need Lyapunov's equation."""
+
+FEW = 6
+"""Largest number of states for polynomials: their bounds are seldom small enough for more states."""
 
 ROUNDING = 1e-10
 """Noise in a response, relative to its terms, that counts as zero."""
@@ -38,7 +45,7 @@ UNSTABLE_TEXT = "the pose of the linearisation is unstable, so there is no stati
 def density(system: LinearSystem, frequency: float) -> tuple[Array, list[str]]:
     """Return the two-sided density per rad/s of the response (K,) at one angular frequency, and reasons for NaN."""
     total, reasons = np.zeros(len(system)), [""] * len(system)
-    for members, part, faults in _decaying(system):
+    for members, part, faults, _ in _decaying(system):
         for k, fault in zip(members.tolist(), faults, strict=True):
             reasons[k] = fault
         if all(faults):
@@ -54,12 +61,12 @@ def moments(system: LinearSystem, orders: Sequence[int]) -> Found:
     """Return the moments ``2 int w^k S dw`` over positive frequencies (K,) by order k, and reasons for NaN."""
     result = {k: np.zeros(len(system)) for k in orders}
     reasons = [""] * len(system)
-    for members, part, faults in _decaying(system):
+    for members, part, faults, polynomials in _decaying(system):
         for k, fault in zip(members.tolist(), faults, strict=True):
             reasons[k] = fault
         if all(faults):
             continue
-        found, lost = _moments(part, orders)
+        found, lost = _moments(part, polynomials, orders)
         for k, reason in zip(members.tolist(), lost, strict=True):
             reasons[k] = reason
         for order in orders:
@@ -80,16 +87,21 @@ def _processes(system: LinearSystem) -> list[tuple[Any, list[int]]]:
     return list(found.values())
 
 
-def _decaying(system: LinearSystem) -> list[tuple[NDArray[np.int64], LinearSystem, list[str]]]:
+Part = tuple[NDArray[np.int64], "LinearSystem", list[str], CharacteristicPolynomials | None]
+
+
+def _decaying(system: LinearSystem) -> list[Part]:
     """Divide an ensemble into parts with decaying states.
 
     Return for each part its members, its system, and for each member the reason why it has no stationary response, or
-    an empty text. In realisations with motions that do not decay, only the controllable and observable states of these
-    motions remain.
+    an empty text. Small systems without motions that do not decay have polynomials. In realisations with motions that
+    do not decay, only the controllable and observable states of these motions remain.
     """
-    stable = is_stable(system.a)
+    polynomials = CharacteristicPolynomials.of(system.a) if system.a.shape[1] <= DIRECT else None
+    stable = is_stable(system.a, polynomials)
     good = np.flatnonzero(stable)
-    parts = [(good, select(system, good), [""] * len(good))] if len(good) else []
+    few = None if polynomials is None or system.a.shape[1] > FEW else polynomials.select(good)
+    parts: list[Part] = [(good, select(system, good), [""] * len(good), few)] if len(good) else []
     for k in np.flatnonzero(~stable):
         one = select(system, np.array([k]))
         values = np.linalg.eigvals(one.a[0])
@@ -108,23 +120,29 @@ def _decaying(system: LinearSystem) -> list[tuple[NDArray[np.int64], LinearSyste
                 f"{one.name} has no stationary response: the random processes excite a motion that does not decay, "
                 "such as a rigid-body motion or an undamped mode"
             )
-        parts.append((np.array([k]), reduced, [reason]))
+        parts.append((np.array([k]), reduced, [reason], None))
     return parts
 
 
-def _moments(system: LinearSystem, orders: Sequence[int]) -> Found:
+def _moments(system: LinearSystem, polynomials: CharacteristicPolynomials | None, orders: Sequence[int]) -> Found:
     """Return the moments of systems with decaying states."""
     total = {k: np.zeros(len(system)) for k in orders}
     reasons = [""] * len(system)
     for source, channels in _processes(system):
-        found, lost = _of_process(system, source, channels, orders)
+        found, lost = _of_process(system, polynomials, source, channels, orders)
         for order in orders:
             total[order] += found[order]
         reasons = [one or other for one, other in zip(reasons, lost, strict=True)]
     return total, reasons
 
 
-def _of_process(system: LinearSystem, source: Any, channels: list[int], orders: Sequence[int]) -> Found:
+def _of_process(
+    system: LinearSystem,
+    polynomials: CharacteristicPolynomials | None,
+    source: Any,
+    channels: list[int],
+    orders: Sequence[int],
+) -> Found:
     speeds = np.array([system.channels[k].speed for k in channels])
     different = np.ptp(speeds, axis=0) > 1e-12 * np.abs(speeds).max(axis=0)
     if different.any():
@@ -137,7 +155,7 @@ def _of_process(system: LinearSystem, source: Any, channels: list[int], orders: 
     rational = [k for k in orders if k % 2 == 0]
     if shape is None or source.band != (0.0, math.inf) or len(channels) > 1:
         return integrate_moments(system, source, channels, orders)
-    found, reasons = _by_lyapunov(system, source, shape, channels[0], max(rational, default=0))
+    found, reasons = _of_filter(system, polynomials, source, shape, channels[0], max(rational, default=0))
     other = [k for k in orders if k % 2]
     if other:
         kept = np.array([k for k, reason in enumerate(reasons) if not reason], dtype=np.int64)
@@ -149,6 +167,32 @@ def _of_process(system: LinearSystem, source: Any, channels: list[int], orders: 
             for member, reason in zip(kept.tolist(), lost, strict=True):
                 reasons[member] = reason
     return {k: found[k] for k in orders}, reasons
+
+
+def _of_filter(
+    system: LinearSystem,
+    polynomials: CharacteristicPolynomials | None,
+    source: Any,
+    shape: ShapingFilter,
+    channel: int,
+    highest: int,
+) -> Found:
+    """Return the even moments up to an order: variances of the response and its rates.
+
+    The variance is computed by polynomials if their error bound is small, otherwise by Lyapunov's equation.
+    """
+    if polynomials is None or highest or shape.d:
+        return _by_lyapunov(system, source, shape, channel, highest)
+    value, error = rational_variance(system, polynomials, shape, channel)
+    members = np.flatnonzero(~((value > 0) & (error <= EXACT * value)) | system.e[:, 1:, channel].any(axis=1))
+    if not len(members):
+        return {0: value}, [""] * len(system)
+    found, lost = _by_lyapunov(select(system, members), source, shape, channel, 0)
+    reasons = [""] * len(system)
+    for k, reason in zip(members.tolist(), lost, strict=True):
+        reasons[k] = reason
+    value[members] = found[0]
+    return {0: value}, reasons
 
 
 def _by_lyapunov(system: LinearSystem, source: Any, shape: ShapingFilter, channel: int, highest: int) -> Found:

@@ -3,11 +3,13 @@
 import mpmath
 import numpy as np
 import pytest
+import scipy.linalg
 
 import uqmbd
 from uqmbd_processes import PowerSpectralDensity, RandomProcess, exponential_covariance, kanai_tajimi
 from uqmbd_processes.lyapunov import is_stable
 from uqmbd_processes.quadrature import TOLERANCE
+from uqmbd_processes.rational import CharacteristicPolynomials, rational_variance
 from uqmbd_processes.spectral_moments import moments
 
 
@@ -132,3 +134,38 @@ def test_clear_stability_is_that_of_the_eigenvalues():
         systems = generator.normal(size=(2000, n, n)) - generator.uniform(0, 4, size=(2000, 1, 1)) * np.eye(n)
         decays = np.linalg.eigvals(systems).real.max(axis=1) < 0
         np.testing.assert_array_equal(is_stable(systems), decays)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_bounds_of_variances_by_polynomials_contain_the_residues(n):
+    rng, length = np.random.default_rng(n), 0.3
+    a, b, c = draw(rng, 8, n)
+    source = processes("exponential", length)[0]
+    assert source.shape is not None
+    value, error = rational_variance(system(a, b, c, source), CharacteristicPolynomials.of(a), source.shape, 0)
+    usable = np.flatnonzero(np.isfinite(error))
+    assert len(usable) >= 3
+    expected = np.array([residues(a[k], b[k], c[k], length) for k in usable])
+    assert (np.abs(value[usable] - expected) <= error[usable] + 1e-15 * expected).all()
+
+
+def test_variances_by_polynomials_are_those_of_lyapunov_with_a_direct_response():
+    """The sum of a position and of the force itself, at different speeds along the process."""
+    rng, count = np.random.default_rng(3), 50
+    a, b, c = draw(rng, count, 2)
+    for kind in ("exponential", "narrow"):
+        source = processes(kind, 0.3)[0]
+        one = system(a, b, c, source)
+        one.e[:, 0, 0], one.channels[0].speed[:] = rng.normal(size=count), rng.uniform(0.3, 30, count)
+        value, error = rational_variance(one, CharacteristicPolynomials.of(a), source.shape, 0)
+        # the augmented system of response and filter
+        af, bf, cf = source.shape.matrices
+        good = np.flatnonzero(error <= 1e-8 * value)
+        assert len(good) > 30
+        for k in good[:10].tolist():
+            speed = one.channels[0].speed[k]
+            whole = np.block([[a[k], b[k] * cf], [np.zeros((len(bf), 4)), speed * af]])
+            noise = np.append(np.zeros(4), np.sqrt(speed) * bf)
+            row = np.append(c[k], one.e[k, 0, 0] * cf)
+            expected = row @ scipy.linalg.solve_continuous_lyapunov(whole, -np.outer(noise, noise)) @ row
+            assert value[k] == pytest.approx(expected, rel=1e-5)

@@ -23,6 +23,7 @@ from uqmbd.dynamics.sampled_paths import SampledPaths
 from uqmbd.dynamics.statics import equilibrium_start
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import MEAN_KEY
+from uqmbd.randomness import path_terms
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Ensemble", "referenced"]
@@ -75,9 +76,10 @@ class Ensemble:
         paths: SampledPaths | None = None,
     ) -> None:
         self.model = model
-        self.values = np.atleast_2d(np.asarray(values, dtype=float))
+        whole = np.atleast_2d(np.asarray(values, dtype=float))
+        self.values, keys, weights = path_terms(whole, model.parameters.kernel.inputs, len(model.paths))
         self.parameters = model.parameters(self.values)
-        self.paths = SampledPaths(model.paths, self.values) if paths is None and model.paths else paths
+        self.paths = SampledPaths(model.paths, self.values, keys, weights) if paths is None and model.paths else paths
         """Sampled paths of excitations, if the model has any."""
         if self.paths is not None:
             self.paths.reach(model.time, model.time if until is None else until)

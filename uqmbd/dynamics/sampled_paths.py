@@ -30,9 +30,14 @@ COUNTS = 100.0
 class SampledPaths:
     """Paths of K realisations."""
 
-    def __init__(self, families: tuple[PathFamily, ...], values: Array) -> None:
+    def __init__(
+        self, families: tuple[PathFamily, ...], values: Array, keys: Array | None = None, weights: Array | None = None
+    ) -> None:
         self.families = families
         self.values = values
+        none = np.zeros((len(values), len(families), 0))
+        # terms of combined paths (K, family, M); without terms, the inputs contain the keys
+        self.keys, self.weights = none if keys is None else keys, none if weights is None else weights
         self.steps = np.zeros(len(families))  # distance of knots of each family, in units of its argument
         self._memory = np.zeros((len(values), sum(len(x.sources) for x in families)), dtype=PATH)
         self._interval: tuple[float, float] | None = None  # times, s, between which the paths are sampled
@@ -75,9 +80,15 @@ class SampledPaths:
             intervals, which = np.unique(ends[drawn], axis=0, return_inverse=True)
             for number, (low, high) in enumerate(intervals.tolist()):
                 members = np.flatnonzero(drawn)[which.ravel() == number]
-                some, own = np.unique(keys[members], return_inverse=True)
                 try:
-                    begins, step, found = _sampled(family, some, low, high)
+                    if self.keys.shape[2]:
+                        own = np.arange(len(members))
+                        begins, step, found = _combined(
+                            family, self.keys[members, k], self.weights[members, k], low, high
+                        )
+                    else:
+                        some, own = np.unique(keys[members], return_inverse=True)
+                        begins, step, found = _sampled(family, some, low, high)
                 except StudyError as error:
                     if len(members) == np.count_nonzero(drawn):
                         raise
@@ -97,7 +108,7 @@ class SampledPaths:
 
     def select(self, members: Index) -> SampledPaths:
         """Return the paths of the selected realisations; the coefficients are shared."""
-        found = SampledPaths(self.families, self.values[members])
+        found = SampledPaths(self.families, self.values[members], self.keys[members], self.weights[members])
         found.steps, found._interval, found._coefficients = self.steps.copy(), self._interval, self._coefficients
         found._memory[:] = self._memory[members]
         found.failed = {k: self.failed[m] for k, m in enumerate(members.tolist()) if m in self.failed}
@@ -124,6 +135,19 @@ def numbers_of(model: Model, means: Array, times: Array) -> int:
         low, high = family.reach(means[None, :], float(times[0]), float(times[-1]))[0].tolist()
         count += len(family.sources) * _sampled(family, np.zeros(0), low, high)[2].shape[2]
     return count
+
+
+def _combined(family: PathFamily, keys: Array, weights: Array, low: float, high: float) -> tuple[float, float, Array]:
+    """Return weighted sums of the paths of keys (K, M), as `_sampled`; one realisation at a time, to limit memory."""
+    parts = []
+    for own, weight in zip(keys, weights, strict=True):
+        used = np.flatnonzero(weight)
+        first, step, found = _sampled(family, own[used], low, high)
+        total = np.zeros(found.shape[1:])
+        for factor, path in zip(weight[used].tolist(), found, strict=True):
+            total += factor * path
+        parts.append(total)
+    return first, step, np.array(parts)
 
 
 def _sampled(family: PathFamily, keys: Array, low: float, high: float) -> tuple[float, float, Array]:

@@ -47,6 +47,7 @@ from .integrators import mechanism_terms as mechanism_terms
 from .integrators import motion_refusal as motion_refusal
 from .integrators import motion_source as motion_source
 from .linear import OutputSeries as OutputSeries
+from .linear import combined_paths as combined_paths
 from .linear import excitation as excitation
 from .linear import linear_output as linear_output
 from .linear import path_key as path_key

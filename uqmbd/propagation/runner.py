@@ -341,7 +341,8 @@ class ProblemData:
         Parameters
         ----------
         values : array, shape (K, input)
-            Inputs, in the order of ``inputs.names``; a single row may have shape (input,).
+            Inputs, in the order of ``inputs.names``; a single row may have shape (input,). The terms of combined paths
+            may follow (`uqmbd.extend.combined_paths`).
 
         Returns
         -------
@@ -354,7 +355,9 @@ class ProblemData:
             If the shape is different.
         """
         array = np.atleast_2d(np.asarray(values, dtype=float))
-        if array.ndim != 2 or array.shape[1] != len(self.inputs):
+        terms = 2 * len(self.model.paths)
+        more = array.shape[1] - len(self.inputs) if array.ndim == 2 else -1
+        if more < 0 or (more % terms if terms else more):
             raise StudyError(
                 f"{self.label}: inputs have shape {np.shape(values)}; expected (realisations, {len(self.inputs)}), "
                 f"with the columns {', '.join(self.inputs.names)}."

@@ -18,7 +18,7 @@ from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncate_germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput, why_not_drawn
-from uqmbd.randomness.keys import path_key
+from uqmbd.randomness.keys import combined_paths, path_key, path_terms
 from uqmbd.randomness.monomials import as_numpoly
 from uqmbd.randomness.numpy_reductions import install as install_in_numpy
 from uqmbd.randomness.quadrature import (
@@ -73,7 +73,9 @@ __all__ = [
     "monte_carlo_rule",
     "random_factor",
     "random_root",
+    "combined_paths",
     "path_key",
+    "path_terms",
     "random_vector",
     "sampling_design",
     "sampling_designs",

@@ -21,7 +21,7 @@ it ends in another pose, the realisation fails.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,6 +123,21 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
     return Equilibrium(q, s, tuple(messages), stable, steps)
 
 
+def _is_definite(matrices: Array, least: Array) -> Mask:
+    """Return whether matrices (K, n, n) are symmetric, with eigenvalues above positive numbers (K,)."""
+    rest = matrices.copy()
+    n = rest.shape[1]
+    with np.errstate(all="ignore"):
+        close = np.abs(rest - rest.transpose(0, 2, 1)) <= least[:, None, None]
+        found: Mask = np.asarray(close.all(axis=(1, 2)), dtype=bool)
+        rest[:, np.arange(n), np.arange(n)] -= 2 * least[:, None]
+        for k in range(n):
+            pivot = rest[:, k, k]
+            found &= pivot > 0
+            rest[:, k + 1 :, k + 1 :] -= rest[:, k + 1 :, None, k] * (rest[:, None, k, k + 1 :] / pivot[:, None, None])
+    return found
+
+
 class _EquilibriumSearch:
     """Newton iteration for a group of realisations, with the state of each realisation."""
 
@@ -146,15 +161,22 @@ class _EquilibriumSearch:
     def run(self) -> None:
         """Iterate to the equilibrium of each realisation."""
         active = self.every
-        for _ in range(ITERATIONS):
-            now = self.rest.forces(active, self.q[active], self.s[active])
+        now = self.rest.forces(active, self.q[active], self.s[active])
+        for number in range(ITERATIONS):
+            if number and not self.rest.straight:
+                now = self.rest.forces(active, self.q[active], self.s[active])
             step, done = self._newton(active, now)
-            moved = self._advance(active, now, step, done)
+            if self.rest.straight:
+                moved, now = self._advance_straight(active, now, step, done)
+            else:
+                moved = self._advance(active, now, step, done)
             for k in active[~moved].tolist():
                 self.messages[k] = self._unbalanced(k)
             active = active[moved & ~done]
             if not len(active):
                 return
+            if self.rest.straight:
+                now = now.select(np.flatnonzero(moved & ~done))
         for k in active.tolist():
             self.messages[k] = self._unbalanced(k)
 
@@ -178,11 +200,30 @@ class _EquilibriumSearch:
         )
         found = self.rest.derivatives(active, self.q[active], self.s[active], multipliers)
         stiffness = found["vq"] + found["vs"] @ now.carry
+        scale = np.abs(stiffness).max(axis=(1, 2), initial=0.0)
+        self.largest[active] = np.maximum(self.largest[active], np.abs(now.force).max(axis=1, initial=0.0))
+        if not self.rest.straight:
+            return self._descent(active, now, stiffness, scale)
+        step, done = np.empty_like(now.force), np.zeros(len(active), dtype=bool)
+        stable = _is_definite(stiffness, FLAT * scale)
+        good, others = np.flatnonzero(stable), np.flatnonzero(~stable)
+        newton = np.asarray(np.linalg.solve(stiffness[good], now.force[good, :, None])[:, :, 0], dtype=float)
+        step[good] = self._bounded(active[good], newton)
+        self.stable[active[good]] = True
+        small = np.abs(step[good]).max(axis=1, initial=0.0) <= 1e-9 * self.size[active[good]]
+        balanced = np.abs(now.force[good]).max(axis=1, initial=0.0) <= 1e-14 * self.largest[active[good]]
+        done[good] = small | balanced
+        if len(others):
+            step[others], done[others] = self._descent(
+                active[others], now.select(others), stiffness[others], scale[others]
+            )
+        return step, done
+
+    def _descent(self, active: Index, now: Forces, stiffness: Array, scale: Array) -> tuple[Array, Mask]:
+        """Return steps downhill for any stiffness (K, n, n) with the largest entries (K,), and a mask of last steps."""
         basis = tangents(now.gradient)
         force = apply(basis.transpose(0, 2, 1), now.force)
         reduced = basis.transpose(0, 2, 1) @ stiffness @ basis
-        scale = np.abs(stiffness).max(axis=(1, 2), initial=0.0)
-        self.largest[active] = np.maximum(self.largest[active], np.abs(now.force).max(axis=1, initial=0.0))
         tolerance = BALANCED * self.largest[active] + 1e-12 * scale * self.size[active]
         transposed = reduced.transpose(0, 2, 1)
         curvature, modes = np.linalg.eigh((reduced + transposed) / 2)
@@ -202,9 +243,13 @@ class _EquilibriumSearch:
         small = np.abs(step).max(axis=1, initial=0.0) <= 1e-9 * self.size[active]
         done = (small | (np.abs(along) <= 1e-14 * self.largest[active, None]).all(axis=1)) & ~pushed.any(axis=1)
         self.stable[active] = (curvature >= -FLAT * scale[:, None]).all(axis=1)
+        return self._bounded(active, step), done
+
+    def _bounded(self, active: Index, step: Array) -> Array:
+        """Return steps (K, n) that turn and move bodies by a limited amount."""
         turn = np.abs(step[:, self.turning]).max(axis=1, initial=0.0) / TURN
         shift = np.abs(step[:, ~self.turning]).max(axis=1, initial=0.0) / self.size[active]
-        return self.length * step / np.maximum(1.0, np.maximum(turn, shift))[:, None], done
+        return np.asarray(self.length * step / np.maximum(1.0, np.maximum(turn, shift))[:, None])
 
     def _advance(self, active: Index, now: Forces, step: Array, done: Mask) -> Mask:
         """Take the steps, shortened if needed; return a mask of the accepted steps."""
@@ -228,6 +273,40 @@ class _EquilibriumSearch:
             if not len(pending):
                 break
         return moved
+
+    def _advance_straight(self, active: Index, now: Forces, step: Array, done: Mask) -> tuple[Mask, Forces]:
+        """Take the steps of independent coordinates; return a mask of the accepted steps, and the forces at their ends.
+
+        The forces after last steps are not evaluated. Their work is evaluated only where they do not become much
+        smaller.
+        """
+        moved: Mask = done.copy()
+        self.q[active[done]] += step[done]
+        self.steps[active[done]] += 1
+        expected = np.einsum("kn,kn->k", now.force, step)
+        before = np.linalg.norm(now.force, axis=1)
+        force = now.force.copy()
+        pending = np.flatnonzero(~done)
+        for halving in range(20):
+            if not len(pending):
+                break
+            k, h = active[pending], 0.5**halving
+            s, change = self.s[k], h * step[pending]
+            q = self.q[k] + change
+            end = self.rest.forces(k, q, s).force
+            with np.errstate(invalid="ignore"):
+                good = np.linalg.norm(end, axis=1) <= 0.5 * before[pending]
+            if len(unsure := np.flatnonzero(~good)):
+                middle = self.rest.forces(k[unsure], q[unsure] - change[unsure] / 2, s[unsure]).force
+                mean = (now.force[pending[unsure]] + 4 * middle + end[unsure]) / 6
+                with np.errstate(invalid="ignore"):
+                    work = np.einsum("kn,kn->k", mean, change[unsure])
+                    good[unsure] = work >= 1e-4 * h * expected[pending[unsure]]
+            self.q[k[good]], force[pending[good]] = q[good], end[good]
+            self.steps[k[good]] += 1
+            moved[pending[good]] = True
+            pending = pending[~good]
+        return moved, replace(now, force=force)
 
     def _along(self, members: Index, now: Forces, step: Array) -> tuple[Array, Array, Array]:
         """Follow the constraints along a step; return pose, states and work of the forces; NaN if not closed."""

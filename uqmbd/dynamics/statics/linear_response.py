@@ -38,8 +38,8 @@ from uqmbd.typing import Array
 
 __all__ = ["LinearMap", "linear_map"]
 
-CHUNK = 2048
-"""Number of realisations that are linearised at once."""
+LEAST_CHUNK, LARGEST_CHUNK, NUMBERS = 256, 4096, 1 << 21
+"""Least and largest number of realisations that are linearised at once; entries of matrices in between."""
 
 ROUNDING = 1e-11
 """Direct response, relative to the whole response at the highest frequency of the mechanism, that counts as zero."""
@@ -98,8 +98,9 @@ class LinearMap:
         """
         columns = self._columns(pose)
         values, reasons = np.full((len(q), len(columns)), np.nan), [""] * len(q)
-        for first in range(0, len(q), CHUNK):
-            part = np.arange(first, min(first + CHUNK, len(q)))
+        chunk = min(max(NUMBERS // max(ensemble.model.layout.width, 1) ** 2, LEAST_CHUNK), LARGEST_CHUNK)
+        for first in range(0, len(q), chunk):
+            part = np.arange(first, min(first + chunk, len(q)))
             systems = self._systems(ensemble.model, _at_rest(ensemble.select(part), q[part], s[part]))
             for column, k in enumerate(columns):
                 system = systems if isinstance(systems, str) else systems(self.requests[k][1])
@@ -193,16 +194,22 @@ class LinearMap:
         da[:, :, w[2]], da[:, :, w[1]], da[:, :, w[0]] = follow, 2 * follows[1], follows[2]
         ds[:, ~own] = found["s_v"][:, ~own] @ dq
         ds[:, np.flatnonzero(own), 2 * free + np.arange(int(own.sum()))] = 1.0
-        force = found["v_q"] @ dq + found["v_v"] @ dv + found["v_s"] @ ds
-        rates = found["s_q"] @ dq + found["s_v"] @ dv + found["s_s"] @ ds
+        if own.size or d.shape[1] or points.frames is not None:
+            force = found["v_q"] @ dq + found["v_v"] @ dv + found["v_s"] @ ds
+            rates = found["s_q"] @ dq + found["s_v"] @ dv + found["s_s"] @ ds
+        else:  # the coordinates are independent of each other
+            force, rates = np.concatenate([found["v_q"], found["v_v"], blank(n)[:, :, size:]], axis=2), blank(0)
         for k, part in enumerate(w):
             force[:, :, part] += of_time(found["v_c"])[k]
             rates[:, :, part] += of_time(found["s_c"])[k]
-        across = basis.transpose(0, 2, 1)
-        along = -_solve(across @ mass @ basis, across @ (force + mass @ da))
-        da += basis @ along
         dl = blank(layout.constraints)
-        dl[:, layout.kept] = -_solve(gram, d @ (mass @ da + force))
+        if d.shape[1] or points.frames is not None:
+            across = basis.transpose(0, 2, 1)
+            along = -_solve(across @ mass @ basis, across @ (force + mass @ da))
+            da += basis @ along
+            dl[:, layout.kept] = -_solve(gram, d @ (mass @ da + force))
+        else:
+            along = da = -_solve(mass, force)
         flow = np.concatenate([blank(free), along, rates[:, own]], axis=1)
         flow[:, np.arange(free), free + np.arange(free)] = 1.0
         a, b0, b1, b2 = flow[:, :, :size], *(flow[:, :, part] for part in w)

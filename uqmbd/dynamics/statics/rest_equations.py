@@ -107,6 +107,11 @@ class RestEquations:
             # no tolerance is needed: the derivative is exactly zero if the rate does not contain the state
             self.relaxing = np.diagonal(own, axis1=1, axis2=2) != 0
 
+    @property
+    def straight(self) -> bool:
+        """Whether the coordinates are independent of each other, without constraints or auxiliary states."""
+        return not self.m and not self.states
+
     def coordinates(self, q: Array) -> Array:
         """Select the unknown coordinates from all coordinates, shape (K, n)."""
         return q[:, self.model.layout.free]
@@ -129,6 +134,9 @@ class RestEquations:
         full = np.zeros((len(q), layout.unknowns))
         columns = [x[1] for x in self.model.evaluators["residual"].targets]
         full[:, columns] = residual
+        if self.straight:
+            nothing = np.zeros((len(q), 0, self.n))
+            return Forces(-full[:, where["v"]], nothing[:, :, 0], nothing[:, :, 0], nothing, nothing, nothing[:, :, 0])
         found = self.derivatives(members, q, s)
         carry, settle = np.zeros((len(q), self.states, self.n)), np.zeros((len(q), self.states))
         rates = -full[:, where["s"]]
