@@ -53,6 +53,8 @@ def described(
     gradient, error = _gradient(space, violations, sampled.points, sampled.failures)
     if found.dependent:
         error[:] = np.nan
+    if space.paths:  # most violations are due to the noise, which has no direction; keys have no mean and deviation
+        importance[:] = gradient[..., space.paths] = error[..., space.paths] = np.nan
     variables = {
         **_design_points(space, own, lambda p: time_of(p.point, p.requirement, times)),
         "importance": (

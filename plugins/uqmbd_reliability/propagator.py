@@ -6,10 +6,9 @@ Every realisation is counted and stored with its running margins.
 from __future__ import annotations
 
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
@@ -17,91 +16,16 @@ import xarray as xr
 import uqmbd
 from uqmbd.extend import sample_dataset, statistics_of_samples
 from uqmbd.results import requirement_names, surrogate
-from uqmbd.typing import Array, Index, Mask
+from uqmbd.typing import Array
 from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
 from uqmbd_reliability.learning import FIRST, gaussian_processes, learn
+from uqmbd_reliability.path_splitting import split_paths
+from uqmbd_reliability.runs import MarginRuns
 from uqmbd_reliability.space import StandardSpace
 from uqmbd_reliability.subset import MISSING, available, subset_probability
 
 __all__ = ["Reliability"]
-
-
-class MarginSource(Protocol):
-    """Margins of realisations, with or without outputs."""
-
-    @property
-    def values(self) -> Array: ...
-    @property
-    def running(self) -> Array: ...
-    @property
-    def failed(self) -> Mask: ...
-    @property
-    def messages(self) -> tuple[str, ...]: ...
-
-
-NEAR = 1e-3
-"""Tolerance for the minimum of a running margin, relative to its total decrease."""
-
-
-class MarginRuns:
-    """Margins of the selected requirements, computed on request."""
-
-    def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
-        self._problem, self._space, self._chosen = problem, space, chosen
-        self._running: list[Array] = []
-        self._points: list[Array] = []
-        self.counters: Counter[str] = Counter()
-        self.reasons: Counter[str] = Counter()
-        self.wall_time = 0.0
-        self.failures = self.count = 0
-        self.pilot: uqmbd.extend.Realisations | None = None
-
-    def __call__(self, points: Array) -> tuple[Array, Mask]:
-        """Return margins (K, requirement) at points (K, d), and which realisations failed.
-
-        The outputs of the first requested points are stored.
-        """
-        inputs = self._space.to_inputs(points)
-        if self.pilot is None:
-            self.pilot = self._problem.realise(inputs)
-            self.counters.update(self.pilot.counters)
-            self.wall_time += self.pilot.wall_time
-            # margins and outputs of the first points are computed together
-            found: MarginSource = self.pilot.margins or self._problem.margins(inputs)
-        else:
-            found = more = self._problem.margins(inputs)
-            self.counters.update(more.counters)
-            self.wall_time += more.wall_time
-        self.count += len(points)
-        self.failures += int(np.count_nonzero(found.failed))
-        self.reasons.update(message for message in found.messages if message)
-        self._running.append(found.running[:, self._chosen])
-        self._points.append(points)
-        return found.values[:, self._chosen], found.failed
-
-    def running(self, rows: Index) -> Array:
-        """Return the running margins (K, requirement, T) of the realisations with the given indices."""
-        return np.asarray(np.concatenate(self._running)[rows])
-
-    def time_of(self, point: Array, requirement: int, times: Array) -> float:
-        """Return the time of the smallest margin in the realisation nearest to a point (d,); NaN if unknown."""
-        if not self._problem.requirements[self._chosen[requirement]].over_time:
-            return float("nan")
-        running = np.concatenate(self._running)[:, requirement]
-        known = np.flatnonzero(np.isfinite(running[:, -1]))
-        if not len(known) or running.shape[1] != len(times):
-            return float("nan")
-        nearest = known[np.argmin(np.linalg.norm(np.concatenate(self._points)[known] - point, axis=1))]
-        margin = running[nearest]
-        # skip infinite margins before the requirement's interval; a periodic motion reaches the minimum repeatedly
-        fall = margin[np.isfinite(margin)][0] - margin[-1]
-        return float(times[np.argmax(margin <= margin[-1] + NEAR * fall)])
-
-    @property
-    def reason(self) -> str:
-        """Most frequent reason of failure; an empty text if none failed."""
-        return self.reasons.most_common(1)[0][0] if self.reasons else ""
 
 
 BLOCK = 2**13
@@ -194,6 +118,10 @@ class Reliability(uqmbd.extend.Propagator):
     Statistics of the outputs are from the first standard normal realisations, and have large standard errors. Use Monte
     Carlo or a surrogate for them.
 
+    If a requirement depends on sampled paths of random processes, ``"auto"`` is subset simulation in the space of the
+    parameters and of the noise. A first run chooses the levels; at least six further runs with these levels give the
+    probability and its error. There are no design points, and one requirement is analysed at a time.
+
     Examples
     --------
     >>> Reliability(max_realisations=1000, seed=1).method
@@ -202,6 +130,7 @@ class Reliability(uqmbd.extend.Propagator):
 
     name: ClassVar[str] = "reliability"
     requirements: ClassVar[bool] = True
+    accepts_keys: ClassVar[bool] = True
     requirement: str | None = None
     method: Literal["auto", "form", "subset"] = "auto"
     target_cov: Annotated[float, uqmbd.extend.Bounds(FINEST, 1)] = 0.05
@@ -259,6 +188,9 @@ class Reliability(uqmbd.extend.Propagator):
             return reason
         if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_few_left(study)):
             return f"the surrogate {self.surrogate.name!r} is not possible: {found}"
+        if keys := [v.name for v in study.mechanism.inputs.variables if v.is_key]:
+            if reason := self._refused_paths(keys, list(study.mechanism.requirements)):
+                return reason
         return self._unknown_requirement(list(study.mechanism.requirements))
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
@@ -267,7 +199,7 @@ class Reliability(uqmbd.extend.Propagator):
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Explore, search, sample, and return statistics."""
-        space = StandardSpace(problem.germ_space())
+        space = StandardSpace(problem.germ_space(), tuple(problem.inputs.variables))
         names = [one.name for one in problem.requirements]
         if problem.answers_requirements and (reason := self._unknown_requirement(names)):
             raise uqmbd.StudyError(f"{problem.label}: {reason}.")
@@ -276,7 +208,7 @@ class Reliability(uqmbd.extend.Propagator):
         chosen = list(range(len(names))) if self.requirement is None else [names.index(self.requirement)]
         runs = MarginRuns(problem, space, chosen)
         predicted = None if self.surrogate is None else predictor(self.surrogate, problem, space, chosen)
-        found = self._analyse(runs, space.dimension, predicted)
+        found = self._analyse(runs, space, predicted)
         attrs = self._description(problem, runs, found, requirement_names([names[k] for k in chosen]))
         data = described(
             problem,
@@ -291,7 +223,11 @@ class Reliability(uqmbd.extend.Propagator):
         assert pilot is not None
         return self._node(problem, pilot, attrs, runs, {"requirements": data}, predicted)
 
-    def _analyse(self, runs: MarginRuns, dimension: int, predicted: Predictor | None) -> Analysis:
+    def _analyse(self, runs: MarginRuns, space: StandardSpace, predicted: Predictor | None) -> Analysis:
+        dimension = space.dimension
+        if space.paths:
+            generator = np.random.default_rng(self.seed)
+            return split_paths(runs, space, target=self.target_cov, most=self.max_realisations, generator=generator)
         if self.method == "subset":
             return subset_probability(runs, dimension, most=self.max_realisations, seed=self.seed)
         generator, target, most = np.random.default_rng(self.seed), self.target_cov, self.max_realisations
@@ -310,6 +246,16 @@ class Reliability(uqmbd.extend.Propagator):
         spent = runs.count
         found = analyse(runs, dimension, method=self.method, target=target, most=most - spent, generator=generator)
         return replace(found, sampled=replace(found.sampled, rows=found.sampled.rows + spent))
+
+    def _refused_paths(self, keys: list[str], names: list[str]) -> str | None:
+        """Return why options cannot be used with sampled paths."""
+        about = f"the requirements depend on sampled paths of {', '.join(map(repr, keys))}"
+        if self.method != "auto" or self.surrogate is not None:
+            given = f"method={self.method!r}" if self.method != "auto" else "a surrogate"
+            return f"{about}, which have no design points; {given} is not possible. Omit it, for subset simulation"
+        if self.requirement is None and len(names) > 1:
+            return f"{about}; subset simulation supports one requirement. Set requirement= to one of {', '.join(names)}"
+        return None
 
     def _too_few_left(self, study: uqmbd.Study) -> str | None:
         """Return a message if a surrogate may leave too few realisations."""
@@ -397,6 +343,7 @@ class Reliability(uqmbd.extend.Propagator):
         counted = len(found.sampled.points)
         points = f"{len(found.design_points)} design points" if found.design_points else "no design point"
         how = "OpenTURNS's subset simulation" if self.method == "subset" else f"{points}, {counted} importance samples"
+        how = "subset simulation on sampled paths" if runs.on_paths else how
         text = [f"{how}, {runs.count} realisations in total"]
         missed = [
             f"{name} ({one.cov:.2g})"

@@ -20,11 +20,17 @@ class StandardSpace:
     """
 
     space: uqmbd.extend.GermSpace
+    variables: tuple[uqmbd.RandomVariable, ...] = ()
 
     @property
     def dimension(self) -> int:
         """Number of variables."""
         return self.space.dimension
+
+    @property
+    def paths(self) -> list[int]:
+        """Numbers of the inputs that are keys of sampled paths."""
+        return [k for k, variable in enumerate(self.variables) if variable.is_key]
 
     def to_germs(self, points: Array) -> Array:
         """Map standard normal variables (K, d) to germs."""

@@ -113,7 +113,7 @@ def test_paths_and_parameters_have_derivatives_by_parameters_only():
     assert np.isfinite(data["probability_gradient"].sel(input="stiffness")).all()
     assert np.isnan(data["probability_gradient"].sel(input="gust")).all() and np.isnan(data["importance"]).all()
     assert data["violated_by"].values.ravel()[-1] == pytest.approx(data["violation_probability"].item())
-    assert data.identical(again["reliability/requirements"].to_dataset())
+    assert data.equals(again["reliability/requirements"].to_dataset())
 
 
 @pytest.mark.parametrize(

@@ -341,8 +341,7 @@ class ProblemData:
         Parameters
         ----------
         values : array, shape (K, input)
-            Inputs, in the order of ``inputs.names``; a single row may have shape (input,). The terms of combined paths
-            may follow (`uqmbd.extend.combined_paths`).
+            Inputs, in the order of ``inputs.names``; a single row may have shape (input,). Terms of paths may follow.
 
         Returns
         -------
@@ -355,9 +354,8 @@ class ProblemData:
             If the shape is different.
         """
         array = np.atleast_2d(np.asarray(values, dtype=float))
-        terms = 2 * len(self.model.paths)
-        more = array.shape[1] - len(self.inputs) if array.ndim == 2 else -1
-        if more < 0 or (more % terms if terms else more):
+        more, terms = array.shape[-1] - len(self.inputs), 2 * len(self.model.paths)
+        if array.ndim != 2 or more < 0 or (more % terms if terms else more):
             raise StudyError(
                 f"{self.label}: inputs have shape {np.shape(values)}; expected (realisations, {len(self.inputs)}), "
                 f"with the columns {', '.join(self.inputs.names)}."
