@@ -140,7 +140,8 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
     if not math.isfinite(process.variance):
         raise uqmbd.StudyError(
             f"{where}: the process has no finite variance, like white noise or a road of ISO 8608 without a band, and "
-            f"therefore no sampled paths. Give its spectrum a band=, such as (0.01, 10.0) {units[1]}."
+            f"therefore no sampled paths. Give its spectrum a band=, such as (0.01, 10.0) {units[1]}, or use outputs "
+            "of the stationary response, such as stationary_std."
         )
     low, end = process.band
     edges = _octaves(low, end, process.marks)

@@ -229,7 +229,7 @@ def _by_lyapunov(system: LinearSystem, source: Any, shape: ShapingFilter, channe
         for k in np.flatnonzero(white).tolist():
             reasons[k] = reasons[k] or (
                 f"{system.name} has no {WORDS[order]}: its response to the random process {source.name!r} contains "
-                "white noise"
+                "white noise; give the process a band, use a smoother one, or remove the damping that reads its rate"
             )
         found[order] = np.maximum(np.einsum("kn,knm,km->k", row, covariance, row), 0.0)
         terms = np.einsum("kn,knm,km->k", size, np.abs(covariance), size)
