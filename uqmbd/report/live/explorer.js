@@ -100,7 +100,7 @@ export function makeExplorer(panel, data) {
     const titles = ["Requirement", "Condition", at].map((text) => element("th", { scope: "col" }, text));
     const notes = [];
     if (data.limits.length) notes.push(`Limits of outputs are compared with these outputs, at the ${data.nearest ? "stored" : "output"} times.`);
-    if (margins) notes.push(`${data.limits.length ? "Other requirements are" : "Requirements are"} evaluated by a surrogate of the smallest margin over the whole motion${margins.outputs.every(({ units }) => units) ? "" : ", in the units of the limit"}.`);
+    if (margins) notes.push(`${data.limits.length ? "Other requirements are" : "Requirements are"} evaluated by a surrogate of their margins, or of the smallest margin over time${margins.outputs.every(({ units }) => units) ? "" : ", in the units of the limit"}.`);
     const about = element("caption", {}, notes.join(" "));
     const all = element("table", {}, about, element("thead", {}, element("tr", {}, ...titles)), element("tbody", {}, ...verdicts.map(({ row }) => row)));
     panel.append(element("div", { class: "wide readout limits", tabindex: 0, role: "region", "aria-label": "Requirements at these inputs" }, all));
