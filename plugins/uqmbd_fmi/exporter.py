@@ -39,14 +39,18 @@ class FmuExporter:
         return uqmbd.extend.motion_refusal(study.mechanism, study.times, held=self.inputs)
 
     def remark(self, what: str, study: Any) -> str:
-        """Return which random variables can be inputs of a mechanism."""
-        if what == "surrogate" or not len(study.mechanism.inputs):
+        """Return which random variables can be inputs of a mechanism, and its contacts if there are several."""
+        if what == "surrogate":
             return ""
         motion = uqmbd.extend.motion_source(study.mechanism, study.times)
-        possible = ",".join(name for name in motion.inputs if name not in motion.fixed)
-        fixed = ", ".join(motion.fixed)
-        why = f"parameters only, because they change the start alone: {fixed}" if fixed else ""
-        return "; ".join(x for x in (f"possible inputs: --inputs {possible}" if possible else "", why) if x)
+        found = []
+        if possible := ",".join(name for name in motion.inputs if name not in motion.fixed):
+            found.append(f"possible inputs: --inputs {possible}")
+        if motion.fixed:
+            found.append(f"parameters only, because they change the start alone: {', '.join(motion.fixed)}")
+        if len(motion.contacts) > 1:
+            found.append(f"at most one contact may be closed at a time, of {', '.join(motion.contacts)}")
+        return "; ".join(found)
 
     def export(self, source: Any, path: Path, study: Any) -> str:
         """Write the FMU and its parameter set."""

@@ -135,7 +135,8 @@ def motion_source(
             commands = commands_of(mechanism, model)
             direct, at_start = dependencies_of(mechanism, ensemble, held, commands, moving)
             motion = _written(model, ensemble, grid, rtol, commands, moving)
-            return replace(motion, fixed=tuple(fixed), direct=direct, at_start=at_start)
+            contacts = tuple(name for name, *_, directions in model.events if directions)
+            return replace(motion, fixed=tuple(fixed), contacts=contacts, direct=direct, at_start=at_start)
         except StudyError as error:
             why = str(error)
     raise StudyError(f"The motion of mechanism {mechanism.name!r} cannot be written in C: {why.rstrip('.')}.")

@@ -31,6 +31,8 @@ class PortableMotion:
         Measured expressions of controllers, whose values come after the values of the outputs.
     fixed : tuple of str
         Inputs that change the start of the motion only, or nothing: they cannot change during the motion.
+    contacts : tuple of str
+        Contacts, of which at most one may be closed at a time.
     direct, at_start : tuple of tuple of str
         For each output, then each measured expression: the inputs and commands that change it at the time at which
         they are set, during the motion and at its start.
@@ -49,5 +51,6 @@ class PortableMotion:
     commands: tuple[MotionCommand, ...] = ()
     measured: tuple[str, ...] = ()
     fixed: tuple[str, ...] = ()
+    contacts: tuple[str, ...] = ()
     direct: Dependencies = ()
     at_start: Dependencies = ()
