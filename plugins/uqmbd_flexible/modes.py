@@ -58,6 +58,7 @@ class FlexibleModes(uqmbd.Component):
     initial = _numbers("m", "values of the coordinates in the given pose")
     rates = _numbers("m/s", "rates of the coordinates at the start")
     largest = _numbers("m", "largest valid values of the coordinates")
+    fastest = _numbers("rad/s", "largest valid angular speed of the body")
 
     if TYPE_CHECKING:
 
@@ -65,7 +66,7 @@ class FlexibleModes(uqmbd.Component):
             self, name: str, body: NamedFrame, modal_mass: Vector, stiffness: Vector, frequencies: Vector | None = None,
             damping: Vector = (), translation: Vector = (), rotation: Vector = (), gyration: Vector = (),
             linear: Vector = (), quadratic: Vector = (), initial: Vector = (), rates: Vector = (),
-            largest: Vector = (),
+            largest: Vector = (), fastest: Vector = (),
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> Mapping[str, Any]:
@@ -90,6 +91,10 @@ class FlexibleModes(uqmbd.Component):
             )
             for k in range(count)
         }
+
+    def largest_speeds(self) -> Mapping[str, float]:
+        """Return the angular speed of the body above which rotation stiffens the modes."""
+        return {"body": float(self.fastest[0])} if self.fastest else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[Any]:
         """Yield the terms of deformation: kinetic energy, weight, elastic energy and damping forces."""

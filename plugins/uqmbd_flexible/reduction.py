@@ -26,7 +26,13 @@ TORSION = 1e-3
 """Largest displacement, relative to the largest rotation times the size of the body, in a mode that is a torsion."""
 
 DENSE = 600
-"""Number of inner degrees of freedom up to which fixed-interface modes are computed by dense matrices."""
+"""Number of degrees of freedom up to which modes are computed by dense matrices."""
+
+SHIFT = 1e-9
+"""Shift of the eigenvalues of a free body, relative to the ratio of the traces of stiffness and mass."""
+
+DEPENDENT = 1e-12
+"""Smallest eigenvalue of the mass of a basis of unit columns, relative to the largest, of independent columns."""
 
 
 @typechecked
@@ -40,13 +46,15 @@ def craig_bampton(
     highest: float | None = None,
     stresses: Mapping[str, Any] | None = None,
     stress_units: str = "Pa",
+    free_modes: Annotated[int, uqmbd.extend.Bounds(0, 10**6)] = 0,
 ) -> ModalModel:
-    """Reduce a finite element model to constraint modes and fixed-interface modes.
+    """Reduce a finite element model to constraint modes, and modes with fixed or free interfaces.
 
     The basis contains the static deformations due to unit displacements of the interface nodes, and the lowest modes
-    with fixed interfaces. Static loads at interfaces therefore deform the body exactly as the full model. The reduced
-    model is diagonalised, and its rigid motions are removed: the frame of the body carries them. The remaining modes
-    are orthogonal to rigid motions (mean axes), so that most integrals of the coupling vanish.
+    with fixed interfaces (`modes`) and of the free body (`free_modes`). Static loads at interfaces therefore deform
+    the body exactly as the full model. The reduced model is diagonalised, and its rigid motions are removed: the frame
+    of the body carries them. The remaining modes are orthogonal to rigid motions (mean axes), so that most integrals of
+    the coupling vanish.
 
     Parameters
     ----------
@@ -58,7 +66,7 @@ def craig_bampton(
     interfaces : sequence
         Nodes where joints and forces act, by their names.
     modes : int
-        Number of fixed-interface modes.
+        Number of modes with fixed interfaces. They suit bodies that heavy or fixed neighbours hold at the interfaces.
     names : sequence, optional
         Names of the nodes. Default: numbers from 0.
     highest : float, optional
@@ -67,6 +75,9 @@ def craig_bampton(
         Rows that recover a stress or strain from the displacements, per m or rad.
     stress_units : str
         Units of the recovered values.
+    free_modes : int
+        Number of elastic modes of the free body. They suit bodies with light neighbours; the reduced model has exactly
+        their frequencies.
 
     Returns
     -------
@@ -111,6 +122,8 @@ def craig_bampton(
     _require_free(where, fields, stiff)
     fixed = np.concatenate([known.index(x) * fields.width + np.arange(fields.width) for x in dict.fromkeys(interfaces)])
     basis = basis_of(where, heavy, stiff, fixed, modes)
+    if free_modes:
+        basis = _independent(heavy, np.column_stack([_free_modes(where, fields, heavy, stiff, free_modes), basis]))
     return reduced_model(
         where, fields, heavy, stiff, basis, known, highest=highest, stresses=stresses, stress_units=stress_units
     )
@@ -292,3 +305,29 @@ def basis_of(where: str, mass: Any, stiffness: Any, fixed: Array, modes: int) ->
             _, found = scipy.sparse.linalg.eigsh(stiff, modes, heavy, sigma=0.0, v0=start)
         basis[inner, len(fixed) :] = found
     return basis
+
+
+def _free_modes(where: str, fields: NodalLayout, mass: Any, stiffness: Any, modes: int) -> Array:
+    """Return the lowest modes of the free body (dof, mode), its rigid motions included."""
+    size, rigid = mass.shape[0], fields.dimension + fields.rotations
+    if modes > size - rigid:
+        raise uqmbd.StudyError(
+            f"{where}: free_modes is {modes}, but the free body has only {size - rigid} elastic modes."
+        )
+    count = rigid + modes
+    if size <= DENSE or count > size - 2:
+        _, found = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=(0, count - 1))
+        return np.asarray(found)
+    # the stiffness of a free body is singular, so the shift is negative
+    scale = float(stiffness.diagonal().sum() / mass.diagonal().sum())
+    start = np.random.default_rng(0).normal(size=size)
+    _, found = scipy.sparse.linalg.eigsh(stiffness, count, mass, sigma=-SHIFT * scale, v0=start)
+    return np.asarray(found)
+
+
+def _independent(mass: Any, basis: Array) -> Array:
+    """Return an orthonormal basis (dof, mode) with regard to the mass, without dependent columns."""
+    scaled = basis / np.sqrt(np.einsum("dk,dk->k", basis, mass @ basis))
+    values, vectors = scipy.linalg.eigh(_symmetric(scaled.T @ (mass @ scaled)))
+    kept = values > DEPENDENT * values[-1]
+    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))

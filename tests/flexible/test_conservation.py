@@ -50,7 +50,7 @@ def free(model, space, **pose):
 
 
 @pytest.mark.parametrize("integrator", ["auto", "ida"])
-@pytest.mark.filterwarnings("ignore::uqmbd.UnitsWarning")
+@pytest.mark.filterwarnings("ignore::uqmbd.UnitsWarning", "ignore:.*the angular speed of body:uqmbd.StudyWarning")
 def test_a_free_planar_body_keeps_momentum_and_energy(integrator):
     mechanism, rod = free(
         uqmbd_flexible.Beam(**PLANAR), uqmbd.Planar(), velocity=(1, 2), angular_velocity=20, position=(0.3, 0)
@@ -64,7 +64,7 @@ def test_a_free_planar_body_keeps_momentum_and_energy(integrator):
 
 
 @pytest.mark.thorough
-@pytest.mark.filterwarnings("ignore::uqmbd.UnitsWarning")
+@pytest.mark.filterwarnings("ignore::uqmbd.UnitsWarning", "ignore:.*the angular speed of body:uqmbd.StudyWarning")
 def test_a_free_spatial_body_keeps_momentum_and_energy():
     model = uqmbd_flexible.Beam(**SPATIAL)
     mechanism, rod = free(model, uqmbd.Spatial(), velocity=(1, 2, 3), angular_velocity=(9, -12, 15))

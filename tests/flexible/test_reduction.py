@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import chaospy
 import numpy as np
 import pytest
@@ -64,6 +66,29 @@ def test_with_all_modes_the_reduction_is_the_full_model(shape):
             model.central_inertia, [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
         )
     assert np.abs(model.translation).max() < 1e-9 * model.mass and np.abs(model.rotation).max() < 1e-9 * model.mass
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (3, 2, 2), (18, 18)])
+def test_modes_of_the_free_body_have_the_frequencies_of_the_full_model(shape):
+    """By dense and by sparse matrices; static loads at interfaces still deform the model as the full one."""
+    nodes, masses, stiffness = lattice(shape)
+    ends = [0, len(nodes) - 1]
+    model = craig_bampton(scipy.sparse.diags_array(masses), stiffness, nodes, ends, modes=1, free_modes=3)
+    d = nodes.shape[1]
+    exact = scipy.linalg.eigvalsh(stiffness, np.diag(masses))[3 * (d - 1) :]
+    assert np.allclose(model.frequencies[:3], np.sqrt(exact[:3]) / (2 * np.pi), rtol=1e-8)
+    assert model.modes == min(2 * d + 1 + 3 - 3 * (d - 1), len(masses) - 3 * (d - 1))
+    line = nodes[-1] - nodes[0]
+    load = np.zeros(len(masses))
+    load[:d], load[-d:] = -line, line
+    full = np.linalg.pinv(stiffness) @ load
+    shapes = np.concatenate([model.nodes[k].translation for k in ends])
+    reduced = shapes @ np.linalg.solve(
+        np.array(model.stiffness.tolist(), dtype=float), shapes.T @ load[[*range(d), *range(-d, 0)]]
+    )
+    assert np.isclose(line @ (reduced[d:] - reduced[:d]), line @ (full[-d:] - full[:d]), rtol=1e-8)
+    with pytest.raises(uqmbd.StudyError, match="the free body has only"):
+        craig_bampton(scipy.sparse.diags_array(masses), stiffness, nodes, ends, free_modes=len(masses))
 
 
 @pytest.mark.parametrize("modes", [0, 2])
@@ -263,6 +288,27 @@ def test_a_large_deflection_warns():
     mechanism.require("small", rod.small_deflection())
     with pytest.warns(uqmbd.StudyWarning):
         assert not uqmbd.simulate(mechanism, np.linspace(0, 0.3, 4), check=False)["requirement_met"].all()
+
+
+@pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
+def test_a_fast_rotation_warns_at_a_quarter_of_the_clamped_frequency(space):
+    """The bound of a beam in rad/s, from the closed form 3.516 sqrt(E I / (rho A L^4))."""
+    spatial = space is uqmbd.Spatial
+    section = {"second_moment": (1e-10, 1e-10), "torsion": 1e-10} if spatial else {}
+    beam = uqmbd_flexible.Beam(**{**BEAM, **section}, modes=1, highest=500)
+    clamped = 3.516 * SCALE * 2 * np.pi
+    for factor in (0.22, 0.28):
+        mechanism = uqmbd.Mechanism("rotor", space())
+        speed = factor * clamped
+        rod = uqmbd_flexible.flexible_body(mechanism, "rod", beam, angular_velocity=(0, 0, speed) if spatial else speed)
+        mechanism.output("x", rod.body.position[0], units="m")
+        mechanism.require("slow", rod.slow_rotation())
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            found = uqmbd.simulate(mechanism, [0, 1e-3], check=False)
+        assert bool(found["requirement_met"].all()) is (factor < 0.25)
+        said = [str(one.message) for one in caught if "angular speed of body 'rod' reaches" in str(one.message)]
+        assert len(said) == (factor > 0.25), said
 
 
 def test_matrices_of_files(tmp_path):

@@ -56,7 +56,16 @@ from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Component, CoordinateSet, HeldStates, Mechanism, Output, Spline, names_of_motion
+from uqmbd.mechanism import (
+    Component,
+    CoordinateSet,
+    HeldStates,
+    Mechanism,
+    Output,
+    Spline,
+    carrier_name,
+    names_of_motion,
+)
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
@@ -193,6 +202,11 @@ def _kinematics(
         length=size_of(mechanism) or 1.0,
         own=tuple((one.name, name, declared.units) for one in sets for name, declared in one.declared.items()),
         largest=tuple(math.inf if x.largest is None else x.largest for one in sets for x in one.declared.values()),
+        fastest=tuple(
+            (i.component.name, numbers[str(carrier_name(i.component.attached[role]))], float(bound))
+            for i in instances
+            for role, bound in i.component.largest_speeds().items()
+        ),
         limits=limits,
         tensors=tensors,
         evaluators=Evaluators({kind: blocks.evaluator(kind, layout, count, fuse=False) for kind in kinds}),

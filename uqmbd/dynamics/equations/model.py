@@ -123,6 +123,8 @@ class Model:
     """Component, name and units of each coordinate of a component; they follow the coordinates of the bodies."""
     largest: tuple[float, ...] = ()
     """Largest valid absolute value of each coordinate of a component."""
+    fastest: tuple[tuple[str, int, float], ...] = ()
+    """Component, number of a body, and largest angular speed of the body with which the component is valid, rad/s."""
 
     @property
     def of_bodies(self) -> int:
@@ -134,17 +136,26 @@ class Model:
         return values[..., : self.of_bodies].reshape(*values.shape[:-1], len(self.bodies), self.size)
 
     def beyond(self, times: Array, states: Array) -> str:
-        """Return a coordinate of a component beyond its largest valid value in states (T, width), as text, or empty."""
+        """Return a value beyond the range of validity of a component in states (T, width), as text, or empty."""
         own = np.abs(states[:, self.of_bodies : self.layout.coordinates])
         excess = own / np.array(self.largest).reshape(1, -1)
-        if not excess.size or not np.nanmax(excess) > 1:
-            return ""
-        row, k = np.unravel_index(int(np.nanargmax(excess)), excess.shape)
-        component, name, units = self.own[int(k)]
-        return (
-            f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, but the "
-            f"component is valid only up to {self.largest[int(k)]:.3g} {units}"
-        )
+        if excess.size and np.nanmax(excess) > 1:
+            row, k = map(int, np.unravel_index(int(np.nanargmax(excess)), excess.shape))
+            component, name, units = self.own[k]
+            return (
+                f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, but the "
+                f"component is valid only up to {self.largest[k]:.3g} {units}"
+            )
+        for component, number, bound in self.fastest:
+            rates = self.by_body(states[:, self.layout.velocities :])[:, number, self.dimension :]
+            speeds = 2 * np.linalg.norm(rates, axis=1)  # the rate of a unit quaternion is half the angular velocity
+            row = int(np.nanargmax(speeds))
+            if speeds[row] > bound:
+                return (
+                    f"the angular speed of body {self.bodies[number]!r} reaches {speeds[row]:.3g} rad/s at "
+                    f"{times[row]:.4g} s, but {component!r} is valid only up to {bound:.3g} rad/s"
+                )
+        return ""
 
     def carrier(self, coordinate: int) -> str:
         """Return the body or the component of a coordinate, such as ``body 'rod'``."""

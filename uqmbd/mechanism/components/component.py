@@ -258,6 +258,18 @@ class Component(AttachedBodies):
         """
         return {}
 
+    def largest_speeds(self) -> Mapping[str, float]:
+        """Return the largest angular speeds of attached bodies with which the component is valid; default: none.
+
+        `uqmbd.simulate` warns if a body turns faster.
+
+        Returns
+        -------
+        mapping of str to float
+            Angular speeds by body argument, rad/s.
+        """
+        return {}
+
     def terms(self, p: Local) -> Iterable[Term]:
         """Yield the terms as expressions in attributes of `p` (never of `self`)."""
         raise NotImplementedError
