@@ -212,9 +212,9 @@ class FlexibleBody:
         Parameters
         ----------
         fraction : float
-            Largest angular speed over the lowest natural frequency of the body held at one end, both in rad/s. For a
-            model in mean axes, as from `Beam` and `craig_bampton`, this frequency is estimated as 0.157 times that of
-            the free body, as for a uniform beam. With the default 0.25, the lowest frequency of a beam clamped on the
+            Largest angular speed over the lowest natural frequency of the body held at one end, both in rad/s. Models
+            of `Beam` and `craig_bampton` state frequencies of the free body; a factor of 0.157 converts the lowest, as
+            for a uniform beam. With the default 0.25, the lowest frequency of a beam clamped on the
             axis of rotation is wrong by at most 3.7 %.
 
         Examples

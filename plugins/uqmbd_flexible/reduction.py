@@ -50,8 +50,8 @@ def craig_bampton(
 ) -> ModalModel:
     """Reduce a finite element model to constraint modes, and modes with fixed or free interfaces.
 
-    The basis contains the static deformations due to unit displacements of the interface nodes, and the lowest modes
-    with fixed interfaces (`modes`) and of the free body (`free_modes`). Static loads at interfaces therefore deform
+    The basis contains the static deformations due to unit displacements of the interface nodes. It also contains the
+    lowest modes with fixed interfaces (`modes`) and of the free body (`free_modes`). Static loads at interfaces deform
     the body exactly as the full model. The reduced model is diagonalised, and its rigid motions are removed: the frame
     of the body carries them. The remaining modes are orthogonal to rigid motions (mean axes), so that most integrals of
     the coupling vanish.

@@ -143,8 +143,8 @@ class Model:
             row, k = map(int, np.unravel_index(int(np.nanargmax(excess)), excess.shape))
             component, name, units = self.own[k]
             return (
-                f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, but the "
-                f"component is valid only up to {self.largest[k]:.3g} {units}"
+                f"coordinate {name!r} of {component!r} reaches {own[row, k]:.3g} {units} at {times[row]:.4g} s, but "
+                f"the component is valid only up to {self.largest[k]:.3g} {units}"
             )
         for component, number, bound in self.fastest:
             rates = self.by_body(states[:, self.layout.velocities :])[:, number, self.dimension :]
