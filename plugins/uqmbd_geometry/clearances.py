@@ -61,6 +61,7 @@ class Pair:
     """The two bodies of a clearance."""
 
     sides: tuple[Side, Side]
+    digest: str  # of the shapes, and of the form of the expressions
 
 
 def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
@@ -114,7 +115,7 @@ def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
     digest = _digest(sides)
     label = f"clearance({', '.join(names)})"
     units = ["" if k else "m" for k in range(len(expressions))]
-    declared = _clearance.with_data(uqmbd.extend.SummaryData(Pair(sides), digest, label), units[1:])
+    declared = _clearance.with_data(uqmbd.extend.SummaryData(Pair(sides, digest), digest, label), units[1:])
     found: sympy.Expr = declared(*expressions)
     return found
 
@@ -250,17 +251,16 @@ def _pose(side: Side, values: Array) -> tuple[Array, Array]:
 @uqmbd.extend.summary(polynomials=True, power=1)
 def _clearance(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str:
     """Return the smallest distance over a motion, or the reason why there is none."""
-    key = (id(pair), motion.begin.tobytes(), motion.coefficients.tobytes())
+    key = (pair.digest, motion.begin.tobytes(), motion.coefficients.tobytes())
     if key not in _LATEST:
         if len(_LATEST) >= REMEMBERED:
             _LATEST.clear()
-        _LATEST[key] = (_smallest(motion, pair), pair)
-    return _LATEST[key][0]
+        _LATEST[key] = _smallest(motion, pair)
+    return _LATEST[key]
 
 
-_LATEST: dict[tuple[int, bytes, bytes], tuple[float | str, Pair]] = {}
-"""Cache of the latest results, with their pairs: an output and a requirement may compute the same clearance in
-sequence."""
+_LATEST: dict[tuple[str, bytes, bytes], float | str] = {}
+"""Cache of the latest results: an output and a requirement may compute the same clearance in sequence."""
 
 REMEMBERED = 8
 """Largest number of results in the cache."""

@@ -31,7 +31,7 @@ TOPICS = {
     "First examples": ("pendulum", "slider_crank", "slider_crank_driven", "four_bar"),
     "Vehicles": ("motorcycle", "quarter_car", "quarter_car_paths", "half_car", "suspension"),
     "Random vibration": ("earthquake",),
-    "Spatial mechanisms and robots": ("agile_eye", "robot"),
+    "Spatial mechanisms and robots": ("agile_eye", "robot", "crane"),
     "Flexible bodies": ("flexible_slider_crank",),
     "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),
     "Long simulations": ("slider_crank_rotating", "long_time"),
