@@ -164,7 +164,7 @@ def prospect(steps: Sequence[RefinementStep], tolerance: float, *, more: bool = 
     >>> prospect([RefinementStep(n, n, 10 / n, 10 / n) for n in (10, 20, 40, 80)], 1e-2)[-49:]
     'realisations: about 1000 would meet the tolerance'
     >>> prospect([RefinementStep(n, n, 0.5, 0.5) for n in (10, 20, 40, 80)], 1e-2)[-31:]
-    'erance; use Monte Carlo instead'
+    'this tolerance; use Monte Carlo'
     """
     known = [one for one in steps if np.isfinite(one.change) and one.change > 0]
     part = [one for one in known if one.realisations >= known[-1].realisations / WINDOW]

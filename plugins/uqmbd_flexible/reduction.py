@@ -299,7 +299,7 @@ def basis_of(where: str, mass: Any, stiffness: Any, fixed: Array, modes: int) ->
     if modes:
         heavy = mass[inner][:, inner].tocsc()
         if len(inner) <= DENSE or modes > len(inner) - 2:
-            _, found = scipy.linalg.eigh(stiff.toarray(), heavy.toarray(), subset_by_index=(0, modes - 1))
+            found = _lowest(where, stiff, heavy, modes)
         else:
             start = np.random.default_rng(0).normal(size=len(inner))
             _, found = scipy.sparse.linalg.eigsh(stiff, modes, heavy, sigma=0.0, v0=start)
@@ -316,12 +316,23 @@ def _free_modes(where: str, fields: NodalLayout, mass: Any, stiffness: Any, mode
         )
     count = rigid + modes
     if size <= DENSE or count > size - 2:
-        _, found = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=(0, count - 1))
-        return np.asarray(found)
+        return _lowest(where, stiffness, mass, count)
     # the stiffness of a free body is singular, so the shift is negative
     scale = float(stiffness.diagonal().sum() / mass.diagonal().sum())
     start = np.random.default_rng(0).normal(size=size)
     _, found = scipy.sparse.linalg.eigsh(stiffness, count, mass, sigma=-SHIFT * scale, v0=start)
+    return np.asarray(found)
+
+
+def _lowest(where: str, stiffness: Any, mass: Any, count: int) -> Array:
+    """Return the lowest modes (dof, mode) of sparse matrices, by dense ones."""
+    try:
+        _, found = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=(0, count - 1))
+    except scipy.linalg.LinAlgError:
+        raise uqmbd.StudyError(
+            f"{where}: the mass matrix is not positive definite, as with masses without rotational inertia; condense "
+            "the massless degrees of freedom (Guyan), or give them a small inertia."
+        ) from None
     return np.asarray(found)
 
 

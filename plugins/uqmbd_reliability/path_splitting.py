@@ -131,7 +131,12 @@ def split_paths(
     chains = PathChains(runs, space, generator)
     count = int(np.clip(most // SHARE, SMALLEST, LARGEST))
     states = chains.drawn(count)
-    lost = int(np.isnan(states.margins).sum())
+    drawn, lost = count, int(np.isnan(states.margins).sum())
+    if 2 * lost > drawn:
+        raise uqmbd.IntegrationError(
+            f"{lost} of the first {drawn} realisations failed; check the distributions of the inputs. The most "
+            f"frequent reason: {runs.reason}"
+        )
     limits, lengths, length = list[float](), list[float](), 0.6
     too_few = uqmbd.IntegrationError(
         f"subset simulation on sampled paths needs more than the allowed {most} realisations; increase "
@@ -141,9 +146,7 @@ def split_paths(
         known = states.select(np.flatnonzero(~np.isnan(states.margins)))
         if not len(known.points) or len(limits) > MOST_LEVELS:
             raise too_few
-        limit = max(float(np.sort(known.margins)[max(int(LEVEL * len(known.points)), 2) - 1]), 0.0)
-        if limits and 0 < limits[-1] <= limit:
-            raise too_few
+        limit = _next_limit(known.margins, limits[-1] if limits else np.inf)
         limits.append(limit)
         if limit == 0.0:
             break
@@ -162,7 +165,7 @@ def split_paths(
         if runs.count + 1.15 * count * (1 + len(lengths)) > most:
             break
         probability, states = 1.0, chains.drawn(count)
-        lost += int(np.isnan(states.margins).sum())
+        drawn, lost = drawn + count, lost + int(np.isnan(states.margins).sum())
         for number, limit in enumerate(limits):
             within = below(states.margins, limit)
             probability *= float(within.mean())
@@ -173,7 +176,27 @@ def split_paths(
                 states, _ = chains.level(states, limit, lengths[number], adapt=False, count=count)
         probabilities.append(probability)
         ends.append(states)
-    return _analysis(chains, probabilities, ends, limits, lost, runs, most)
+    if not np.mean(probabilities) > 0:  # no run reached a violation, although the first one did
+        raise too_few
+    return _analysis(chains, probabilities, ends, limits, (lost, drawn), runs, most)
+
+
+def _next_limit(margins: Array, before: float) -> float:
+    """Return the limit of the next level from the margins (K,) of the states in a level, whose limit is `before`.
+
+    The limit is a quantile, or the largest margin below `before` where margins are equal or infinite.
+    """
+    limit = float(np.sort(margins)[max(int(LEVEL * len(margins)), min(2, len(margins))) - 1])
+    if not limit < before:
+        lower = margins[margins < before]
+        if not len(lower):
+            shown = "infinite" if np.isinf(before) else f"{before:.6g}"
+            raise uqmbd.IntegrationError(
+                f"subset simulation on sampled paths needs margins that decrease towards a violation, but all "
+                f"{len(margins)} margins of a level are {shown}; use MonteCarlo, which counts violations."
+            )
+        limit = float(lower.max())
+    return max(limit, 0.0)
 
 
 def _cov(probabilities: list[float]) -> float:
@@ -188,29 +211,29 @@ def _analysis(
     probabilities: list[float],
     ends: list[States],
     limits: list[float],
-    lost: int,
+    lost: tuple[int, int],
     runs: MarginRuns,
     most: int,
 ) -> Analysis:
-    """Return the result of several runs: the mean of their probabilities, with Student's interval of its logarithm."""
+    """Return the result of several runs: the mean of their probabilities, with Student's interval of its logarithm.
+
+    `lost`: failed realisations among the independent states, and the number of these states.
+    """
     number = len(probabilities)
     mean, cov = float(np.mean(probabilities)), _cov(probabilities)
-    share, most_lost = failing(np.zeros(0), runs.count, lost)
+    share, most_lost = failing(np.zeros(0), lost[1], lost[0])
     known = max(1.0 - share, 1e-12)
     probability = min(mean / known, 1.0)
-    if mean > 0:
-        factor = float(np.exp(min(stdtrit(number - 1, 0.975) * cov, 50.0)))
-        one = ProbabilityEstimate(
-            probability, cov * probability, probability / factor, min(probability * factor + most_lost, 1.0)
-        )
-    else:  # no run reached a violation, although the first one did
-        one = ProbabilityEstimate(0.0, 0.0, 0.0, 1.0)
+    factor = float(np.exp(min(stdtrit(number - 1, 0.975) * cov, 50.0)))
+    one = ProbabilityEstimate(
+        probability, cov * probability, probability / factor, min(probability * factor + most_lost, 1.0)
+    )
     violations = States.joined(ends)
     weights = np.concatenate(
         [np.full(len(end.points), x / max(len(end.points), 1)) for x, end in zip(probabilities, ends, strict=True)]
     )
     total = max(len(weights), 1)
-    sampled = Sampled(violations.points, weights * total / number, violations.margins[:, None], violations.rows)
+    sampled = Sampled(violations.points, weights * total / number / known, violations.margins[:, None], violations.rows)
     ledger = LimitStateLedger(runs, chains.space.dimension, most)
     notes = (f"mean of {number} independent runs of {len(limits)} levels",)
     return Analysis((one,), (), sampled, ledger, notes, dependent=True)

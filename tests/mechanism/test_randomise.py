@@ -283,7 +283,7 @@ def test_messages():
     refused("*.mass", "uniform distribution would extend from", relative=0.8, distribution="uniform")
     refused("*.mass", "exceeds the range 0 or more", distribution=chaospy.Normal(1, 0.5))
     refused("*.mass", "expected a chaospy distribution of the number", distribution=lambda value: value)
-    refused("spring.damping", "none of the selected quantities can be randomised: all is zero", relative=0.1)
+    refused("spring.damping", "none of the selected quantities can be randomised: all of them are zero", relative=0.1)
     refused("spring.point_j", "spring.point_j is zero", relative=0.1)
     mechanism = rocker()
     mechanism.randomise("arm.mass", relative=0.05)

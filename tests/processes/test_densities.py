@@ -89,7 +89,7 @@ def test_the_error_of_an_estimated_density_is_that_of_repeated_records():
         (lambda: PowerSpectralDensity(np.ones_like, sided="both", per="Hz"), "sided is 'both'; expected 'one'"),
         (lambda: PowerSpectralDensity(np.ones_like, sided="one", per="1/m"), "per='1/m'; expected the unit"),
         (lambda: PowerSpectralDensity(np.negative, sided="one", per="Hz"), "finite and not negative"),
-        (lambda: RandomProcess("p"), "no description given"),
+        (lambda: RandomProcess("p"), "no description is given"),
         (lambda: RandomProcess("p", psd=iso8608("C"), over="time"), "over distance, but over='time'"),
         (lambda: RandomProcess("p", psd=np.ones_like), "which states its sides and its frequency"),
         (lambda: RandomProcess("p", filter=([[1.0]], [1.0], [1.0])), "filter is not stable"),

@@ -13,6 +13,7 @@ from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_processes import RandomProcess, exponential_covariance
 from uqmbd_reliability import Reliability
+from uqmbd_reliability.path_splitting import split_paths
 from uqmbd_springs import PointForce, SpringDamper
 
 MASS, STIFFNESS, DAMPING, DEVIATION, CORRELATION = 1.0, 36.0, 2.4, 3.0, 0.5
@@ -131,3 +132,59 @@ def test_other_analyses_of_paths_are_refused(options, text):
     study = uqmbd.Study("s", mechanism, [0.0, 1.0], [Reliability(**options)])
     with pytest.raises(uqmbd.UqmbdError, match=text):
         study.run()
+
+
+class FakeRuns:
+    """Margins of a function of a standard normal point; some realisations fail, independently of it."""
+
+    reason = "a limit of the test"
+
+    def __init__(self, margin, share=0.0, seed=0):
+        self.margin, self.share, self.count = margin, share, 0
+        self.generator = np.random.default_rng((seed, 1))
+
+    def __call__(self, points, terms):
+        self.count += len(points)
+        return self.margin(points[:, 0])[:, None], self.generator.uniform(size=len(points)) < self.share
+
+
+class FakeSpace:
+    """One standard normal input, and no process."""
+
+    dimension, paths = 1, ()
+
+
+def split(margin, *, share=0.0, seed=0, most=20_000):
+    runs = FakeRuns(margin, share, seed)
+    generator = np.random.default_rng(seed)
+    return split_paths(runs, FakeSpace(), target=0.05, most=most, generator=generator)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3])
+def test_failed_realisations_are_a_share_of_the_independent_states(share):
+    """The probability is that of the others, and the upper limit includes all that failed."""
+    found = [split(lambda x: 3 - x, share=share, seed=seed) for seed in range(10)]
+    probabilities = [one.estimates[0].probability for one in found]
+    deviation = np.std(probabilities, ddof=1) / np.sqrt(len(found))
+    assert np.mean(probabilities) == pytest.approx(norm.sf(3.0), abs=4 * deviation)
+    for one in found:
+        assert np.mean(one.sampled.ratio) == pytest.approx(one.estimates[0].probability)
+    assert sum(one.estimates[0].upper >= share for one in found) >= 8  # an upper limit of 97.5 %
+
+
+def test_infinite_and_equal_margins_are_levels():
+    """An event that seldom occurs has an infinite margin; rounded margins are equal."""
+    seldom = split(lambda x: np.where(x > 1.5, 3 - x, np.inf))
+    steps = split(lambda x: np.maximum(np.ceil(2 * (3 - x)), 0) / 2 - 1e-9)
+    for one in (seldom, steps):
+        estimate = one.estimates[0]
+        assert estimate.lower < norm.sf(3.0) < estimate.upper < 2 * estimate.lower
+    with pytest.raises(uqmbd.IntegrationError, match="all 1000 margins of a level are infinite; use MonteCarlo"):
+        split(lambda x: np.full(len(x), np.inf))
+
+
+def test_most_realisations_that_fail_are_an_error_with_the_reason():
+    with pytest.raises(uqmbd.IntegrationError, match=r"\d+ of the first 1000 .*reason: a limit of the test"):
+        split(lambda x: 3 - x, share=0.98)
+    with pytest.raises(uqmbd.IntegrationError, match="needs more than the allowed 500 realisations"):
+        split(lambda x: 6 - x, most=500)

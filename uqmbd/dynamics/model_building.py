@@ -203,9 +203,10 @@ def _kinematics(
         own=tuple((one.name, name, declared.units) for one in sets for name, declared in one.declared.items()),
         largest=tuple(math.inf if x.largest is None else x.largest for one in sets for x in one.declared.values()),
         fastest=tuple(
-            (i.component.name, numbers[str(carrier_name(i.component.attached[role]))], float(bound))
+            (i.component.name, numbers[carrier], float(bound))
             for i in instances
             for role, bound in i.component.largest_speeds().items()
+            if (carrier := str(carrier_name(i.component.attached[role]))) in numbers  # the ground does not turn
         ),
         limits=limits,
         tensors=tensors,

@@ -96,7 +96,7 @@ def test_quantiles_of_very_many_terms_take_fewer_samples_and_say_so(monkeypatch)
     monkeypatch.setattr(chaos_sampling, "BASIS_NUMBERS", 1024 * len(chaos.multi_index))
     statistics = chaos.statistics()
     assert statistics["quantile"].attrs["samples"] == 1024
-    assert "of 1024 samples of the surrogate" in statistics["quantile"].attrs["comment"]
+    assert "estimated from 1024 samples of the surrogate" in statistics["quantile"].attrs["comment"]
     scale = float(chaos.std.max())
     assert np.abs(statistics["quantile"].values - chaos.quantiles()).max() < 0.3 * scale
 

@@ -174,7 +174,9 @@ static void solve_lanes(const Problem *p, Group *g, Mask which) {
             side[i] = d < 0 ? g->work[c->right[i]] : i < n ? g->work[c->slope[d * n + i]] : splat(0.0);
         run_program(&c->solve, g->work);
         for (int64_t i = 0; i < size; i++) g->answers[i * columns + 1 + d] = g->work[c->solution[i]];
-        poor |= defective(c, g->work, g->spare, g->spare + size);
+        Lanes asks; /* a lane must not depend on what others ask for */
+        for (int64_t l = 0; l < LANES; l++) asks.flag[l] = d < 0 || g->needed[d] >> l & 1 ? -1 : 0;
+        poor |= defective(c, g->work, g->spare, g->spare + size) & asks.mask;
     }
     poor &= which;
     if (!any(poor)) return;
@@ -226,7 +228,7 @@ static void respond(const Problem *p, Group *g, Mask which) {
         if (!which[l]) continue;
         const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
         for (int64_t k = 0; k < c->events; k++)
-            for (int64_t d = 0; d < acting(c, mode[k], k); d++) g->needed[c->first[k] + d] = 1;
+            for (int64_t d = 0; d < acting(c, mode[k], k); d++) g->needed[c->first[k] + d] |= 1 << l;
     }
     find_responses(p, g, which);
 }

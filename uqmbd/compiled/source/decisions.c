@@ -316,7 +316,7 @@ static void look(const Problem *p, Group *g, Mask which, const int64_t *guards) 
     for (int64_t d = 0; d < c->directions; d++) g->needed[d] = 0;
     for (int64_t l = 0; l < LANES; l++)
         if (which[l])
-            for (int64_t d = c->first[guards[l] / 2]; d < c->first[guards[l] / 2 + 1]; d++) g->needed[d] = 1;
+            for (int64_t d = c->first[guards[l] / 2]; d < c->first[guards[l] / 2 + 1]; d++) g->needed[d] |= 1 << l;
     run_program(&c->contact, g->work);
     find_responses(p, g, which);
 }

@@ -25,7 +25,7 @@ typedef struct {
     V *guards, *samples;
     V *system, *answers, *spare; /* of contacts: the matrix of the index-1 system, its solutions, and others */
     V *responses;       /* (direction, 1 + direction): rates of the speeds, without and per force */
-    int64_t *needed;    /* (direction): whether its responses are needed */
+    int64_t *needed;    /* (direction): lanes that need its responses, as bits */
     /* of implicit steps (radau.c): stages, those of the step before, changes, a rate; matrices and sides of systems */
     V *stages, *history, *changes, *slope, *matrices, *inertia, *stiffness, *factors, *right, *solution, *shift;
     V before, contraction, growth;  /* size of the step before, of its iterations; a factor of the next size */
