@@ -54,7 +54,7 @@ STATEMENTS = {
     "uqmbd_processes": 2_320,
     "uqmbd_flexible": 960,
     "uqmbd_pytest": 40,
-    "uqmbd_reliability": 2_120,
+    "uqmbd_reliability": 2_130,
     "uqmbd_springs": 510,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""
