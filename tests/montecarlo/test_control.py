@@ -285,7 +285,7 @@ def test_study_with_a_trained_control(curved: uqmbd.Study, curved_truth: dict) -
     assert found["variance_reduction_std"].sel(output="fixed").item() == 1.0
     for name in ("skewness", "kurtosis", "quantile"):
         np.testing.assert_array_equal(found[name], without[name])
-        assert "of the samples alone" in found[name].attrs["comment"]
+        assert "from the samples alone" in found[name].attrs["comment"]
 
 
 def test_collocation_as_control(curved: uqmbd.Study, curved_truth: dict) -> None:
