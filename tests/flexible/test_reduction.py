@@ -167,6 +167,7 @@ def test_a_cantilever_deflects_as_its_closed_form_under_a_force_at_its_tip():
     assert np.isclose(found["strain"], -force * 0.5 / (2e11 * 1e-10) * 0.005, rtol=5e-3)
 
 
+@pytest.mark.filterwarnings("ignore:.*the angular speed of body:uqmbd.StudyWarning")
 @pytest.mark.thorough
 def test_a_spatial_beam_moves_as_a_planar_one():
     """A pendulum about the y axis in space, whose plane is x and z, and the same in the plane."""

@@ -299,7 +299,7 @@ def test_where_all_may_be_loosened_they_are_as_loose_as_allowed():
     found = allocate(study, "sum", 0.2, loosest=2, verify=500)
     assert found.probability_before == 0
     assert found.factors == pytest.approx([2, 2])
-    assert found.notes == ("All tolerances can be 2 times their present width.",)
+    assert found.notes == ("All tolerances can be widened to 2 times their present width.",)
     inputs = study.problem(_method()).inputs
     drawn = 10 + 2 * (inputs.from_uniform(np.random.default_rng(1).random((200_000, 2))) - 10)
     share = np.mean(drawn.sum(axis=1) > 20.25)

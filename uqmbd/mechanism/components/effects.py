@@ -50,7 +50,7 @@ def known_effects(component: Component, space: Space, known: dict[Hashable, froz
 def effective_parameters(
     component: Component, space: Space, options: Mapping[str, Any] | None = None
 ) -> frozenset[str]:
-    """Return the names of the parameters that enter a term, a reaction, a motion quantity or a drawing.
+    """Return the names of the parameters that enter a term, a reaction, a motion quantity, a drawing or a bound.
 
     Symbols replace all numbers, so that a zero cannot hide the effect of another parameter.  `options` replace options
     of the component.  If its method `terms` raises an error, the function returns all parameters; the derivation of the
@@ -67,6 +67,7 @@ def effective_parameters(
         terms, point = component.stated(local)
         component.motion()
         component.coordinates()
+        component.largest_speeds()
         accessed = component.read | local.accessed
         read_alone = component.read & set(declared)
     except Exception:  # the derivation of the equations reports errors in the code of a component
