@@ -242,7 +242,7 @@ def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("uqmbd.cli.compare.compare.console", lambda: wide)
     with contextlib.redirect_stdout(io.StringIO()):
         show_comparison([path])
-    own = assessment.error_sentences(tree["pce"])[0]
+    own = assessment.own_statements(tree["pce"])[0]
     assert own.startswith("stated error of the surrogate above 1 % of the standard deviation from 0 s on, 3.0 % at 0 s")
     assert f"{own}; agrees with A mc" in wide.file.getvalue()
     assert tree["comparison"]["verdict"].sel({"method": "pce"}).values[0].startswith(f"{own}; agrees with mc")

@@ -80,7 +80,7 @@ def test_attributes_say_what_is_of_samples(dear, tmp_path):
     statistics = made([0, 1], 2, 3, 1).statistics()
     for name in ("skewness", "kurtosis"):
         assert statistics[name].attrs["samples"] == 8192
-        assert "of 8192 samples of the surrogate" in statistics[name].attrs["comment"]
+        assert "estimated from 8192 samples of the surrogate" in statistics[name].attrs["comment"]
     assert "samples" not in statistics["mean"].attrs and "samples" not in statistics["quantile"].attrs
     tree = xr.DataTree.from_dict({"statistics": statistics})
     assert load(save(tree, tmp_path / "r.nc"))["statistics/skewness"].attrs["samples"] == 8192
