@@ -345,15 +345,20 @@ class Reliability(uqmbd.extend.Propagator):
         how = "OpenTURNS's subset simulation" if self.method == "subset" else f"{points}, {counted} importance samples"
         how = "subset simulation on sampled paths" if runs.on_paths else how
         text = [f"{how}, {runs.count} realisations in total"]
-        missed = [
-            f"{name} ({one.cov:.2g})"
+        missed = {
+            name: one.cov
             for name, one in zip(names, found.estimates, strict=True)
             if one.probability > 0 and one.cov > 1.1 * self.target_cov
-        ]
+        }
         if missed and self.method != "subset":
+            # the variance of an estimate is proportional to the inverse of the number of realisations
+            needed = runs.count * (max(missed.values()) / self.target_cov) ** 2
+            about = f" to about {float(f'{needed:.2g}'):,.0f}" if needed < 1e8 else ""
             warnings.warn(
-                f"{problem.label}: the analysis did not reach target_cov={self.target_cov:g} for {', '.join(missed)} "
-                f"with {runs.count} realisations, so the confidence intervals are wider. Increase max_realisations.",
+                f"{problem.label}: the analysis did not reach target_cov={self.target_cov:g} for "
+                f"{', '.join(f'{name} ({cov:.2g})' for name, cov in missed.items())} with {runs.count} of at most "
+                f"{self.max_realisations} realisations, so the confidence intervals are wider. Increase "
+                f"max_realisations{about}, or increase target_cov.",
                 stacklevel=3,
             )
         return {"reliability_summary": "; ".join([*text, *found.notes])}

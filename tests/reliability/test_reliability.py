@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections import Counter
 
@@ -185,9 +186,14 @@ def test_what_cannot_be_done_is_reported(monkeypatch):
 def test_a_target_that_is_not_reached_is_reported():
     x = normals()
     mechanism = spring({"low": sum(x) <= 37}, x, lambda *v: sum(v))
-    with pytest.warns(UserWarning, match="did not reach target_cov=0.02 for low"):
+    with pytest.warns(UserWarning, match="did not reach target_cov=0.02 for low") as caught:
         node = answer(mechanism, target_cov=0.02, max_realisations=700)
     assert node.attrs["realisations"] <= 700
+    # the advised number suffices: with it, there is no warning
+    advised = re.search(r"of at most 700 .* max_realisations to about ([\d,]+)", str(caught[0].message))
+    enough = int(advised.group(1).replace(",", ""))
+    assert 700 < enough < 10_000
+    assert answer(mechanism, target_cov=0.02, max_realisations=enough).attrs["realisations"] <= enough
 
 
 @pytest.mark.thorough
