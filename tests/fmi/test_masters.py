@@ -54,7 +54,8 @@ def test_values_do_not_depend_on_the_order_of_calls(unit, fmi, tmp_path):
             begin(fmu, values, outputs)
             found = ORDERS[order](fmu, stop, size, outputs, inputs)
             if fmi == 3:
-                assert fmu.get(["time"])[0] == found[-1, 0]
+                rounding = 2 * np.spacing(stop) if order == "products" else 0.0
+                assert abs(fmu.get(["time"])[0] - found[-1, 0]) <= rounding
             times = np.unique(found[:, 0])
             times = times[np.append(True, np.diff(times) > 1e-12)]  # `simulate` has no times that differ by rounding
             expected = uqmbd.simulate(mechanism, times, values=values, rtol=1e-9)
