@@ -9,6 +9,7 @@ import re
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -65,6 +66,21 @@ def driver_sources() -> dict[str, str]:
     return {**found, "vectors.h": vectors, "driver.c": f"/* One translation unit. */\n{unit}"}
 
 
+@dataclass
+class _KernelBody:
+    """Operations of kernels that differ in the places of some arguments only.
+
+    `reads`: places of the arguments of the first kernel, in the order of the text; `moved`: indices in `reads` of those
+    that the other kernels read elsewhere, at the same distance; none until there is another kernel.
+    """
+
+    name: str
+    part: int
+    text: str
+    reads: tuple[int, ...]
+    moved: frozenset[int] = frozenset()
+
+
 class SourceWriter:
     """C source that grows by kernels, tables and structures of the driver; equal contents are written once."""
 
@@ -72,6 +88,7 @@ class SourceWriter:
         self.parts = [HELPERS]
         self._names: dict[tuple[str, str], str] = {}
         self._kernels: dict[str, str] = {}
+        self._bodies: dict[str, _KernelBody] = {}
 
     def integers(self, values: Any) -> str:
         """Return the name of a table of integers; NULL if it is empty."""
@@ -102,9 +119,26 @@ class SourceWriter:
         if kernel.name not in self._kernels:
             name = f"k{len(self._kernels)}"
             source = zlib.decompress(kernel.source).decode()
-            self.parts.append(_function(name, source, self._constants(source)))
-            self._kernels[kernel.name] = name
+            self._kernels[kernel.name] = self._add(name, _operations(source, self._constants(source)))
         return self._kernels[kernel.name]
+
+    def _add(self, name: str, text: str) -> str:
+        """Add a kernel and return its function; projections of positions and velocities share operations."""
+        reads = tuple(map(int, _READ.findall(text)))
+        form = _READ.sub("x[]", text)
+        body = self._bodies.setdefault(form, _KernelBody(name, len(self.parts), text, reads))
+        apart = {k: b - a for k, (a, b) in enumerate(zip(body.reads, reads, strict=True)) if a != b}
+        if not apart and body.name != name:
+            return body.name
+        if len(set(apart.values())) != 1 or body.moved not in (frozenset(), frozenset(apart)):
+            self.parts.append(_function(name, text))
+            return name
+        if not body.moved:
+            body.moved = frozenset(apart)
+            self.parts[body.part] = _shared(body) + _function(body.name, f"    shared_{body.name}(x, x, y);")
+        distance = next(iter(apart.values()))
+        self.parts.append(_function(name, f"    shared_{body.name}(x, x + {distance}, y);"))
+        return name
 
     def _constants(self, source: str) -> dict[str, str]:
         """Return the names of the tables in C by their names in the source of a kernel."""
@@ -206,8 +240,35 @@ def _real(text: str) -> str:
     return _number(number)
 
 
-def _function(name: str, source: str, constants: Mapping[str, str]) -> str:
-    """Translate the LLVM IR of a kernel to a function in C; `constants` are the names of its tables in C."""
+_READ = re.compile(r"\bx\[(\d+)\]")
+"""Place of an argument that a kernel reads."""
+
+
+def _function(name: str, text: str) -> str:
+    """Return the function of a kernel with these operations."""
+    return "\n".join(
+        [
+            f"static void {name}(const V *arguments, V *results) {{",
+            "    const double *x = (const double *)arguments;",
+            "    double *y = (double *)results;",
+            "    (void)x;",
+            text,
+            "}",
+            "",
+        ]
+    )
+
+
+def _shared(body: _KernelBody) -> str:
+    """Return the function that several kernels call: it reads some arguments from an address of their own."""
+    places = iter(range(len(body.reads)))
+    text = _READ.sub(lambda found: f"{'z' if next(places) in body.moved else 'x'}[{found[1]}]", body.text)
+    head = f"static void shared_{body.name}(const double *x, const double *z, double *y)"
+    return f"{head} {{\n    (void)x;\n{text}\n}}\n\n"
+
+
+def _operations(source: str, constants: Mapping[str, str]) -> str:
+    """Translate the LLVM IR of a kernel to operations in C; `constants` are the names of its tables in C."""
     if "@look_up_path" in source:
         raise StudyError("an expression looks up a sampled path")
     room = 0
@@ -245,14 +306,8 @@ def _function(name: str, source: str, constants: Mapping[str, str]) -> str:
             body.append((f"const {kind} ", result, text))
     return "\n".join(
         [
-            f"static void {name}(const V *arguments, V *results) {{",
-            "    const double *x = (const double *)arguments;",
-            "    double *y = (double *)results;",
-            "    (void)x;",
             *([f"    double asked[{room}], answered[{room}];"] if room else []),
             *(f"    {kind}{result}{' = ' if result else ''}{text};" for kind, result, text in _used(body)),
-            "}",
-            "",
         ]
     )
 
