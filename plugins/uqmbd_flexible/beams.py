@@ -143,6 +143,7 @@ def Beam(
         **{**found, "modal_mass": modal_mass, "inertia": (found["inertia"] + found["inertia"].T) / 2},
         stiffness=sympy.diag(*(modulus * float(m * x) for m, x in zip(np.diag(modal_mass), values, strict=True))),
         nodes={**dict(enumerate(known)), "start": known[0], "end": known[-1]},
+        lines=(range(count),),
         length=length,
         stresses=strains,
         stress_units="1",

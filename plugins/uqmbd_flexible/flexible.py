@@ -11,6 +11,7 @@ import sympy
 
 import uqmbd
 from uqmbd.extend import typechecked
+from uqmbd_flexible.drawn_nodes import NodeLines
 from uqmbd_flexible.modal_model import ModalModel, NodeShape
 from uqmbd_flexible.modes import FlexibleModes
 from uqmbd_flexible.validity import SLOW, SMALL, largest_speed, relative_deflections
@@ -403,4 +404,5 @@ def flexible_body(
     given["largest"] = tuple((SMALL * model.length / relative_deflections(model)).tolist())
     given["fastest"] = (largest_speed(model, SLOW),)
     modes = mechanism.add(FlexibleModes(f"{name} modes", body, **given))
+    modes.lines = NodeLines.of(model)
     return FlexibleBody(body, modes, model)

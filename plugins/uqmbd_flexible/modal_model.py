@@ -90,12 +90,14 @@ class ModalModel:
         Recovery of stresses or strains: value for a unit of each coordinate, by name, with `stress_units`.
     stress_units : str
         Units of the recovered values, such as ``"Pa"``, for a coordinate in metres.
+    lines : sequence of sequence of nodes, optional
+        Lines along which drawings show the body. Default: drawings show the nodes as dots.
 
     Raises
     ------
     uqmbd.StudyError
-        If shapes do not fit, a matrix is not symmetric, the mass matrix is not positive definite, or the stiffness
-        matrix is not positive.
+        If shapes do not fit, a matrix is not symmetric, the mass matrix is not positive definite, the stiffness matrix
+        is not positive, or a line contains an unknown node.
 
     Examples
     --------
@@ -126,6 +128,7 @@ class ModalModel:
     length: float = 1.0
     stresses: Mapping[str, Any] = field(default_factory=dict)
     stress_units: str = "Pa"
+    lines: Sequence[Sequence[Any]] = ()
 
     def __post_init__(self) -> None:
         where = "ModalModel"
@@ -185,6 +188,9 @@ class ModalModel:
             if id(node) not in checked:
                 checked[id(node)] = _node(where, key, node, d, m)
         object.__setattr__(self, "nodes", {key: checked[id(node)] for key, node in self.nodes.items()})
+        for name in (x for line in self.lines for x in line):
+            if name not in self.nodes:
+                raise uqmbd.StudyError(f"{where}: lines contains {name!r:.80}, which is not a node.")
         stresses = {name: _array(where, f"stresses[{name!r}]", x) for name, x in self.stresses.items()}
         for name, row in stresses.items():
             if row.shape != (m,):

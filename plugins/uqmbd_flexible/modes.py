@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -10,6 +10,7 @@ import sympy
 import uqmbd
 from uqmbd.extend import NamedFrame
 from uqmbd.typing import Vector
+from uqmbd_flexible.drawn_nodes import NodeLines
 
 __all__ = ["FlexibleModes"]
 
@@ -59,6 +60,8 @@ class FlexibleModes(uqmbd.Component):
     rates = _numbers("m/s", "rates of the coordinates at the start")
     largest = _numbers("m", "largest valid values of the coordinates")
     fastest = _numbers("rad/s", "largest valid angular speed of the body")
+    lines: NodeLines | None = None
+    """Nodes in drawings. They are no parameter, because equal bodies with other nodes share their equations."""
 
     if TYPE_CHECKING:
 
@@ -95,6 +98,14 @@ class FlexibleModes(uqmbd.Component):
     def largest_speeds(self) -> Mapping[str, float]:
         """Return the angular speed of the body above which rotation stiffens the modes."""
         return {"body": float(self.fastest[0])} if self.fastest else {}
+
+    def drawn_lines(self) -> Sequence[Sequence[Sequence[Any]]]:
+        """Return the nodes as expressions in the coordinates."""
+        if self.lines is None:
+            return ()
+        count = _rows(len(self.modal_mass))
+        found: Sequence[Any] = self.lines.points([self.coordinate(f"mode {k + 1}") for k in range(count)])
+        return found
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[Any]:
         """Yield the terms of deformation: kinetic energy, weight, elastic energy and damping forces."""

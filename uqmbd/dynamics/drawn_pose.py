@@ -58,7 +58,7 @@ def drawn_points(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
     frames: dict[str, Frame] = {}
     found: dict[str, list[tuple[Mark, Array]]] = {}
     for mark in collect_skeleton(mechanism):
-        if mark.kind == "direction":
+        if mark.kind in ("direction", "node"):
             continue
         try:
             if mark.body not in frames:  # convert to numbers first, because SymPy rotates expressions slowly

@@ -8,8 +8,9 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism.bodies import Body, carrier_name, local_in_body
-from uqmbd.mechanism.components import Component, StateSymbol
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.bodies import AttachedFrame, Body, carrier_name, local_in_body
+from uqmbd.mechanism.components import Component, CoordinateSet, StateSymbol
 from uqmbd.mechanism.expressions import as_symbolic, t
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.randomness import RandomVariable
@@ -24,13 +25,17 @@ QUARTER_TURNS = {2: ((1, 0), (1, 1)), 3: ((1, 0, 0, 0), (1, 1, 0, 0), (1, 0, 1, 
 class Mark:
     """Point or direction fixed in a body."""
 
-    kind: str  # "point", "direction", "com" (centre of mass), "corner" (of a shape), "observed" (a point of an output)
+    # "point", "direction", "com" (centre of mass), "corner" (of a shape), "observed" (a point of an output), "node" (of
+    # a line of a deformable body)
+    kind: str
     body: str  # name of the body, or "ground"
     component: str  # name of the owning component, or empty
     role: str  # name of the component's parameter, or of the output
     # coordinates in the frame of the body, m, as expressions in random variables; a direction has any length
     local: tuple[sympy.Expr, ...]
     radius: sympy.Expr = sympy.S.Zero  # radius of the sphere or wheel about a point, m; 0 for most points
+    # for a point that moves in its body: its coordinates as expressions in coordinates of components as well
+    moving: tuple[sympy.Expr, ...] = ()
 
 
 def collect_skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
@@ -49,6 +54,7 @@ def collect_skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
     bare = set(mechanism.bodies) - {m.body for m in found if m.kind != "direction" and m.local}
     origin = (sympy.S.Zero,) * mechanism.space.dimension
     found += [Mark("point", body, "", "origin", origin) for body in mechanism.bodies if body in bare]
+    found += [mark for component in mechanism.components.values() for mark in _nodes(component)]
     return [mark for mark in found if mark.local]
 
 
@@ -75,7 +81,8 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
         if parameter.kind == "point":
             local = _points(list(local_in_body(frame, value)), time)
             if local:
-                yield Mark("point", body, component.name, key, local, _radius(component, key))
+                moving = _moving(frame, value, time)
+                yield Mark("point", body, component.name, key, local, _radius(component, key), moving)
         elif parameter.kind in ("axis", "turning_axis", "vector") or (parameter.kind == "moment" and dimension == 3):
             turned = body if parameter.kind in ("axis", "turning_axis") or parameter.axes == "body" else "ground"
             local = tuple(_still(x, time) for x in value)
@@ -83,6 +90,46 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
                 local = local_in_body(frame, local, direction=True)
             if any(x != 0 for x in local):
                 yield Mark("direction", turned, component.name, key, local)
+
+
+def _moving(frame: Any, value: Any, time: float) -> tuple[sympy.Expr, ...]:
+    """Return a point of a frame as expressions in coordinates of components, or () if it is fixed in its body."""
+    if not isinstance(frame, AttachedFrame):
+        return ()
+    local = frame.space.rotation(frame.turned) * sympy.Matrix(list(value)) + sympy.Matrix(frame.offset)
+    entries = tuple(as_symbolic(x).xreplace({t: sympy.Float(time)}) for x in local)
+    return entries if _known(entries) and not all(map(_settled, entries)) else ()
+
+
+def _nodes(component: Component) -> Iterator[Mark]:
+    """Yield the points of the lines that a component draws, at zero values of its coordinates."""
+    lines = component.drawn_lines()
+    if not lines:
+        return
+    carrier = component.attached[component.bodies[0]]
+    body, dimension = carrier_name(carrier), carrier.space.dimension
+    for k, line in enumerate(lines):
+        for point in line:
+            entries = tuple(map(as_symbolic, point))
+            if len(entries) != dimension or not _known(entries):
+                raise StudyError(
+                    f"{type(component).__name__} {component.name!r}: drawn_lines() contains the point {point!r:.80}; "
+                    f"expected {dimension} expressions in coordinates of components and random variables."
+                )
+            still = tuple(x.xreplace(dict.fromkeys(_coordinates((x,)), sympy.S.Zero)) for x in entries)
+            yield Mark("node", body, "", f"{component.name} line {k + 1}", still, moving=entries)
+
+
+def _coordinates(entries: tuple[sympy.Expr, ...]) -> set[StateSymbol]:
+    """Return the coordinates of components in expressions, without rates."""
+    symbols = {s for x in entries for s in x.free_symbols if isinstance(s, StateSymbol)}
+    return {s for s in symbols if isinstance(s.owner, CoordinateSet) and s.quantity == "q"}
+
+
+def _known(entries: tuple[sympy.Expr, ...]) -> bool:
+    """Return whether expressions contain only random variables and coordinates of components."""
+    symbols = {s for x in entries for s in x.free_symbols if not isinstance(s, RandomVariable)}
+    return symbols == _coordinates(entries)
 
 
 def _radius(component: Component, point: str) -> sympy.Expr:

@@ -6,7 +6,7 @@ Length: the class documents parameters and return values of its public methods, 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy
@@ -269,6 +269,17 @@ class Component(AttachedBodies):
             Angular speeds by body argument, rad/s.
         """
         return {}
+
+    def drawn_lines(self) -> Sequence[Sequence[Sequence[Any]]]:
+        """Return lines along which drawings show the first body argument; default: none, and drawings show a hull.
+
+        Returns
+        -------
+        sequence of sequence of sequence of numbers or expressions
+            Points of each line in the frame of the body, m. They may contain coordinates of the component
+            (`Component.coordinate`), so that drawings show deformations. A line of one point is drawn as a dot.
+        """
+        return ()
 
     def terms(self, p: Local) -> Iterable[Term]:
         """Yield the terms as expressions in attributes of `p` (never of `self`)."""

@@ -28,6 +28,13 @@ export class Mechanism {
     // bodies that are drawn as a point; how they move is seen by their tracks
     this.pointlike = data.bodies.flatMap((_, b) => (this.own[b].length && this.reaches[b] < 1e-9 * (size || 1) ? [b] : []));
     this.solids = data.solids ? new Solids(data.solids, data.owners) : null;
+    // points that move in their bodies, by how much, and by what their displacement is magnified
+    this.displaced = data.displaced && { ...data.displaced, values: unpackArray(data.displaced.values).values };
+    this.magnified = 1;
+    if (this.displaced) {
+      const all = this.displaced.points.map((_, n) => n);
+      this.resolved &&= all.every((n) => resolvedBy(this.times, (frame) => this.displacementOf(0, frame, n), data.dimension, size));
+    }
     const listed = (name, stroke) => (name in stroke ? { [name]: data.lists[stroke[name]] } : {});
     this.strokes = data.symbols.map((one) => ({ ...one, ...listed("points", one), ...listed("metres", one), ...listed("tips", one) }));
   }
@@ -41,6 +48,13 @@ export class Mechanism {
       const turned = turnedBy(poses[owner].slice(dimension), local(k));
       return placed[k] ? plus(turned, poses[owner]) : turned;
     });
+  }
+
+  /** Displacement of a point, by its number among those that move in their bodies, m. */
+  displacementOf(realisation, frame, n) {
+    const { values, points } = this.displaced;
+    const start = ((realisation * this.times.length + frame) * points.length + n) * this.dimension;
+    return Array.from(values.subarray(start, start + this.dimension));
   }
 
   /** What returns the pose of a body at a frame, from those of all frames and bodies; the first frame is at `from`. */
@@ -61,11 +75,14 @@ export class Mechanism {
   storedAt(realisation, time) {
     const { stored, local, dimension, owners, times } = this;
     const weights = this.framesAt(time);
+    const moved = new Map(this.displaced?.points.map((k, n) => [k, n]));
     return this.place(
       (b) => poseAt(this.reader(stored, realisation * times.length, b), weights, dimension),
       (k) => {
         const from = (realisation * owners.length + k) * dimension;
-        return Array.from(local.subarray(from, from + dimension));
+        const still = Array.from(local.subarray(from, from + dimension));
+        if (!moved.has(k)) return still;
+        return plus(still, poseAt((frame) => this.displacementOf(realisation, frame, moved.get(k)), weights, dimension), this.magnified);
       },
     );
   }
@@ -110,6 +127,8 @@ export class Mechanism {
       order.sort((a, b) => depths[b] - depths[a]);
     }
     const shapes = order.flatMap((b, place) => {
+      const lines = this.lines?.[b] ?? [];
+      if (lines.length) return lines.flatMap((line) => bodyShapes(line.map((k) => view.project(points[k])), this.colours[b], 2 + (0.5 * place) / order.length, true));
       const page = this.own[b].map((k) => view.project(points[k]));
       if (this.boxed.includes(b) && page.every((p) => lengthOf(minus(p, page[0])) < 1e-3)) return [];
       return bodyShapes(page, this.colours[b], 2 + (0.5 * place) / order.length);
@@ -156,7 +175,7 @@ export class Mechanism {
     if (!points.every(isKnown)) return [];
     const outlines = this.corners.flatMap((corners, b) => {
       const looks = { edge: this.clouds[b][palette.dark ? 1 : 0], alpha };
-      return corners.length ? [ghostShape(corners.map((k) => view.project(points[k])), view.spatial, looks)] : [];
+      return corners.length ? [ghostShape(corners.map((k) => view.project(points[k])), view.spatial, looks, this.lines?.[b].length > 0)] : [];
     });
     return this.painted(outlines, palette);
   }

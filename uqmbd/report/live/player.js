@@ -63,6 +63,18 @@ export function makePlayer(figure, data) {
   pose.append(...poseNames.map((name, k) => element("option", { value: k }, name)));
   pose.addEventListener("change", () => showNamed(Number(pose.value) - 1));
   if (data.named.length && !small) controls.append(element("label", {}, "Pose ", pose));
+  const deformed = mechanism.displaced;
+  if (deformed && !small) {
+    const scale = element("select", { title: "Scale of the deformation in the drawing" });
+    const scales = deformed.factor > 1 ? [1, deformed.factor, 0] : [1, 0];
+    scale.append(...scales.map((x) => element("option", { value: x }, x === 0 ? "none" : x === 1 ? "true scale" : `× ${formatNumber(x)}`)));
+    scale.addEventListener("change", () => {
+      mechanism.magnified = Number(scale.value);
+      say();
+      repaint();
+    });
+    controls.append(element("label", {}, "Deformation ", scale));
+  }
   if (view.spatial) {
     stage.tabIndex = 0;
     stage.classList.add("turns");
@@ -152,7 +164,16 @@ export function makePlayer(figure, data) {
   function say() {
     tellInputs();
     const flat = mechanism.solids && view.spatial && !mechanism.surfacesHere();
-    status.textContent += held + (flat ? " WebGL is not available: bodies are drawn as outlines." : "");
+    status.textContent += tellScale() + held + (flat ? " WebGL is not available: bodies are drawn as outlines." : "");
+  }
+
+  /** State the scale of deformations in the drawing. */
+  function tellScale() {
+    if (!deformed) return "";
+    if (found && named === null) return " Flexible bodies are undeformed: the surrogate does not contain their deformation.";
+    if (mechanism.magnified === 0) return " Flexible bodies are undeformed.";
+    if (mechanism.magnified === 1) return " Deformations are at true scale.";
+    return ` Deformations are magnified by ${formatNumber(mechanism.magnified)}; joints of flexible bodies are therefore open.`;
   }
 
   function tellInputs() {

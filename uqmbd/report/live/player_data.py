@@ -11,7 +11,7 @@ import numpy as np
 
 from uqmbd.report.charts import packed, packed_within
 from uqmbd.report.drawing import ROLES, mixed
-from uqmbd.report.mechanisms import Film
+from uqmbd.report.mechanisms import Film, Sketch, magnification
 from uqmbd.report.stored_motion import named_poses, without_named
 from uqmbd.typing import Array
 
@@ -41,10 +41,12 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     ground. ``symbols``: strokes, whose points are indices in ``lists``, the lists of points. ``roles``: colours on a
     light and on a dark page. ``corners``: points that outline each body. ``bounds``: bounds of the drawing. ``start``:
     index of the time with the largest distance between realisations. ``solids``: surfaces of shapes, only if bodies
-    have shapes.
+    have shapes. ``displaced``: displacements of points that move in their bodies, and the factor that magnifies them;
+    ``lines``: lines through points that show each body. Both are present only if points move.
     """
     named, others = named_poses(motion), without_named(motion)
-    room = most // max(motion["pose"][0].size, 1) - len(named)
+    size = motion["pose"][0].size + (motion["displacement"][0].size if "displacement" in motion else 0)
+    room = most // max(size, 1) - len(named)
     count = int(np.clip(room, 1, others.sizes["realisation"]))
     data = others.isel(realisation=slice(0, count))
     rows = [one.realisation for one in named]
@@ -83,7 +85,29 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
         "moving": film.moving,
         "start": film.widest,
     }
-    return found | ({"solids": _solids(data)} if sketch.shaped else {})
+    return found | ({"solids": _solids(data)} if sketch.shaped else {}) | _deformation(shown, sketch, bounds)
+
+
+def _deformation(data: xr.Dataset, sketch: Sketch, bounds: Array) -> dict[str, Any]:
+    """Return points that move in their bodies: displacements, lines through them, and a factor that makes them visible.
+
+    The result is empty if no point moves.
+    """
+    if "displacement" not in data:
+        return {}
+    size, values = float(np.ptp(bounds, axis=0).max(initial=0.0)) or 1.0, data["displacement"].values
+    factor = magnification(data, size)
+    flat = packed_within(
+        values.reshape(*values.shape[:2], -1), RESOLVED * size / factor, "float32", lags=[values[0, 0].size]
+    )
+    return {
+        "displaced": {
+            "points": data["moved_point"].values.tolist(),
+            "values": flat | {"shape": list(values.shape)},
+            "factor": factor,
+        },
+        "lines": [sketch.lines.get(body, []) for body in sketch.bodies],
+    }
 
 
 def _solids(data: xr.Dataset) -> dict[str, Any]:

@@ -66,11 +66,11 @@ export function strokeShape(view, stroke, points, radii) {
   return laid.length ? shapeOf(laid, stroke) : null;
 }
 
-/** A body as the rounded link or plate that its points on the page span. */
-export function bodyShapes(page, role, order) {
+/** A body as the rounded link or plate that its points on the page span; `along`: as a line through the points. */
+export function bodyShapes(page, role, order, along = false) {
   const rounded = page.map((p) => p.map((x) => Math.round(1e3 * x) / 1e3));
-  const corners = hullOf(rounded.filter((p, k) => rounded.findIndex((q) => q[0] === p[0] && q[1] === p[1]) === k));
-  const closed = corners.length > 2;
+  const corners = along ? page : hullOf(rounded.filter((p, k) => rounded.findIndex((q) => q[0] === p[0] && q[1] === p[1]) === k));
+  const closed = corners.length > 2 && !along;
   const shown = corners.length > 1 ? corners : [plus(corners[0], [-1e-3, 0]), plus(corners[0], [1e-3, 0])];
   const width = corners.length > 1 ? THICK : POINT;
   return [
@@ -79,8 +79,9 @@ export function bodyShapes(page, role, order) {
   ];
 }
 
-/** A body of another realisation: its outline only. */
-export function ghostShape(page, spatial, looks) {
+/** A body of another realisation: its outline only; `along`: a line through the points. */
+export function ghostShape(page, spatial, looks, along = false) {
+  if (along) return shapeOf(page, { width: 0.8, order: 1.9, ...looks });
   const corners = spatial && page.length > 3 ? hullOf(page) : page;
   if (corners.length === 1) return shapeOf([corners[0], plus(corners[0], [1e-3, 0])], { width: 0.6 * POINT, order: 1.9, ...looks });
   return shapeOf(corners, { width: 0.8, closed: corners.length > 2, order: 1.9, ...looks });

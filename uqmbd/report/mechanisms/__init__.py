@@ -16,6 +16,7 @@ from uqmbd.report.mechanisms.animation import (
     with_motion,
 )
 from uqmbd.report.mechanisms.body_poses import drawn_pose, motion_at, stated_pose
+from uqmbd.report.mechanisms.deformation import magnification
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.sketch import CLOSED, Sketch, world
 from uqmbd.report.mechanisms.still_picture import draw_named, draw_pose, mechanism, still
@@ -33,6 +34,7 @@ __all__ = [
     "drawn_pose",
     "gif",
     "integrated_bodies",
+    "magnification",
     "marked_points",
     "mechanism",
     "motion",

@@ -312,7 +312,8 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
         begin = clock.perf_counter()
         alone = compute(study, samples=0, named=named)
         spent = clock.perf_counter() - begin
-        most = min(20.0, BUDGET / max(spent, 1e-3), STORED / max(alone["pose"].size, 1))
+        size = alone["pose"].size + (alone["displacement"].size if "displacement" in alone else 0)
+        most = min(20.0, BUDGET / max(spent, 1e-3), STORED / max(size, 1))
         data = compute(study, samples=int(most), named=named) if most >= 1 and "input" in alone.coords else alone
     except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must remain
         reason = f"{type(error).__name__}: {error}"

@@ -5,6 +5,7 @@ mechanism::
 
     pose (realisation, time, body, coordinate)   positions (m) and unit quaternions; realisation 0: at the means
     local (realisation, point, axis)             points in the frames of their bodies, m, and directions
+    displacement (realisation, time, moved, axis)  of points that move in their bodies, m; moved_point (moved): indices
     inputs (realisation, input)                  values of the random variables
     point_kind, point_body, point_component, point_role (point)
     component_type, component_symbol, component_bodies (component)
@@ -23,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation import build_observed_model, input_point
+from uqmbd.report.mechanisms.deformation import coordinate_sets, displaced_points, in_the_plane
 from uqmbd.report.mechanisms.named_realisations import NamedRealisation
 from uqmbd.report.mechanisms.solids import collect_solids
 from uqmbd.status import Status
@@ -103,6 +105,7 @@ def _stated(mechanism: Mechanism, point: Array) -> Array:
     from uqmbd.dynamics import ParameterMap
 
     drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
+    drawn += [x for one in coordinate_sets(mechanism) for x in one.initial]
     return ParameterMap.of(drawn, mechanism.inputs.variables)(point)
 
 
@@ -168,6 +171,7 @@ def motion(
             q, message = integrated(study, times, values)
         else:
             at_means, message = integrated(study, times, means)
+            at_means = at_means[..., : len(study.mechanism.bodies) * study.mechanism.space.size]
             values, q = _of_method(study, times, samples, seed, method)
             values, q = np.concatenate([means, values]), np.concatenate([at_means, q])
     good: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=(1, 2)))
@@ -267,15 +271,6 @@ def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Arr
     return in_the_plane(mechanism, local), radii.reshape(len(values), len(marks))
 
 
-def in_the_plane(mechanism: Mechanism, positions: Array) -> Array:
-    """Map positions (..., axes) on a line into the plane: upwards with gravity, otherwise to the right."""
-    space = mechanism.space
-    if space.dimension > 1:
-        return positions
-    x = positions[..., :1]
-    return np.concatenate([x, 0 * x] if space.gravity[0].is_zero else [0 * x, x], axis=-1)
-
-
 def _dataset(
     mechanism: Mechanism,
     q: Array,
@@ -298,6 +293,7 @@ def _dataset(
         pose[..., d:] /= np.linalg.norm(pose[..., d:], axis=-1, keepdims=True)
     marks = collect_skeleton(mechanism, float(np.asarray(times)[0]))
     local, radii = marked_points(mechanism, values, float(np.asarray(times)[0]))
+    moved = displaced_points(mechanism, marks, q, values, local)
     components = list(mechanism.components.values())
     if d == 1:
         d, coordinates, pose = 2, ["x", "y"], in_the_plane(mechanism, pose)
@@ -323,7 +319,7 @@ def _dataset(
     if any(mark.radius != 0 for mark in marks):
         data["point_radius"] = (("realisation", "point"), radii, {"units": "m"})
     data |= {name: ("point", fixed_width(texts)) for name, texts in roles.items()}
-    data |= collect_solids(mechanism, marks)
+    data |= collect_solids(mechanism, marks) | moved
     if components:
         data |= {name: ("component", fixed_width(texts)) for name, texts in kinds.items()}
     coords: dict[str, Any] = {

@@ -105,10 +105,13 @@ class Film:
 
     @cached_property
     def corners(self) -> list[tuple[str, list[int]]]:
-        """Return each body with the indices of its corner points."""
+        """Return each body with the indices of its corner points; of a body with lines, the points of the longest."""
         local = self.data["local"].values[0]
         found = []
         for body in self.sketch.bodies:
+            if body in self.sketch.lines:
+                found.append((body, max(self.sketch.lines[body], key=len)))
+                continue
             mine = self.sketch.points_of(body)
             _, first = np.unique(np.round(local[mine], 9), axis=0, return_index=True)
             mine = [mine[k] for k in sorted(first)]
@@ -155,10 +158,13 @@ class Film:
     def outlines(self, sheet: Sheet, frame: int) -> Iterator[list[Array]]:
         """Yield the lines of the cloud, inches, for each body in the order of `corners`."""
         places = sheet.project(self.points[1:, frame])
-        for _, corners in self.corners:
+        for body, corners in self.corners:
             outlines = []
             for page in places[:, corners]:
                 if not np.isfinite(page).all():
+                    continue
+                if body in self.sketch.lines:
+                    outlines.append(page)
                     continue
                 shown = hull(page) if sheet.spatial and len(page) > 3 else page
                 shown = np.concatenate([shown, shown[:1]]) if len(shown) != 2 else shown

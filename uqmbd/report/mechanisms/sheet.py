@@ -169,9 +169,14 @@ def outline_of(sheet: Sheet, points: Array) -> Array:
     return hull(np.unique(np.round(sheet.project(points), 3), axis=0))
 
 
-def link_shapes(corners: Array, role: str, light: str, thick: float, order: float) -> list[Shape]:
-    """Return a rounded link or plate around the corners of a body, as a rim and a face in a lighter colour."""
-    closed = len(corners) > 2
+def link_shapes(
+    corners: Array, role: str, light: str, thick: float, order: float, *, along: bool = False
+) -> list[Shape]:
+    """Return a rounded link or plate around the corners of a body, as a rim and a face in a lighter colour.
+
+    `along`: the corners are points of a line, not of an area.
+    """
+    closed = len(corners) > 2 and not along
     vertices = corners if len(corners) > 1 else np.repeat(corners, 2, axis=0) + [[-1e-3, 0], [1e-3, 0]]
     return [
         Shape(vertices, paint, paint if closed else None, width, closed, order=place)

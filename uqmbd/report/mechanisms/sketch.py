@@ -33,18 +33,23 @@ def world(data: xr.Dataset) -> Array:
     """Return all points and directions in world axes.
 
     `data` is the result of `uqmbd.report.motion`. Return an array (realisation, time, point, axis). Points are
-    in m; directions rotate with their bodies, but are not translated.
+    in m; directions rotate with their bodies, but are not translated. Points that move in their bodies are displaced at
+    true scale.
     """
-    pose, local = data["pose"].values.astype(float), data["local"].values
+    pose = data["pose"].values.astype(float)
+    local = np.broadcast_to(data["local"].values[:, None], (*pose.shape[:2], *data["local"].shape[1:]))
+    if "displacement" in data:
+        local = local.copy()
+        local[:, :, data["moved_point"].values] += data["displacement"].values
     d = local.shape[-1]
     bodies = [str(name) for name in data["body"].values]
-    result = np.empty((*pose.shape[:2], *local.shape[1:]))
+    result = np.empty(local.shape)
     for k, body in enumerate(data["point_body"].values.astype(str)):
         if body not in bodies:
-            result[:, :, k] = local[:, None, k]
+            result[:, :, k] = local[:, :, k]
             continue
         q = pose[:, :, bodies.index(body)]
-        result[:, :, k] = _turned(q[..., d:], np.broadcast_to(local[:, None, k], (*q.shape[:2], d)))
+        result[:, :, k] = _turned(q[..., d:], local[:, :, k])
         if data["point_kind"].values[k] != "direction":
             result[:, :, k] += q[..., :d]
     return result
@@ -108,6 +113,16 @@ class Sketch:
     def points_of(self, body: str) -> list[int]:
         """Return the indices of the points of a body."""
         return [k for k, owner in enumerate(self.owners) if owner == body and self.placed[k]]
+
+    @cached_property
+    def lines(self) -> dict[str, list[list[int]]]:
+        """Return the lines of at least two points that show a deformable body, as indices of points."""
+        found: dict[str, dict[str, list[int]]] = {}
+        for k, kind in enumerate(self.kinds):
+            if kind == "node":
+                found.setdefault(self.owners[k], {}).setdefault(str(self.data["point_role"].values[k]), []).append(k)
+        long = {body: [line for line in lines.values() if len(line) > 1] for body, lines in found.items()}
+        return {body: lines for body, lines in long.items() if lines}
 
     def colour(self, body: str) -> str:
         """Return the colour role of a body."""
@@ -225,7 +240,8 @@ class Sketch:
         for part in self.parts:
             found += self._component(make, part, points[0], reaches, unit)
         for k, kind in enumerate(self.kinds):
-            found += make.centre_of_mass(k) if kind == "com" else [make.dot(k, clear=True)] * (kind == "observed")
+            dotted = kind == "observed" or (kind == "node" and self.owners[k] not in self.lines)
+            found += make.centre_of_mass(k) if kind == "com" else [make.dot(k, clear=True)] * dotted
         return found
 
     def draw(
@@ -245,7 +261,11 @@ class Sketch:
         for order, k in enumerate(behind):
             body = self.bodies[k]
             outline = outline_of(sheet, points[self.points_of(body)])
-            if body not in self.shaped and (body not in self.boxed or len(outline) > 1):
+            if body in self.lines:
+                role, place = self.colour(body), 2 + 0.5 * order / len(self.bodies)
+                for line in self.lines[body]:
+                    shapes += link_shapes(sheet.project(points[line]), role, self.light(body), thick, place, along=True)
+            elif body not in self.shaped and (body not in self.boxed or len(outline) > 1):
                 role, place = self.colour(body), 2 + 0.5 * order / len(self.bodies)
                 shapes += link_shapes(outline, role, self.light(body), thick, place)
         if self.shaped:

@@ -46,7 +46,9 @@ def mechanism_picture(result: StudyResult) -> Content | None:
             f"Picture of the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs"
             f"{others}, at the time of the largest distance between realisations."
         )
-        return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
+        # the player states the chosen scale
+        scale = " Deformations of flexible bodies are at true scale." if "displacement" in data else ""
+        return still_image(lambda: still(data), alt, caption + scale, "motion", lambda: poses(data)) | {
             "player": json_script({**live.collect_player_data(stored), **_live(result), "caption": caption}),
             "surfaces": "solid_face" in data and data.sizes["axis"] == 3,
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
