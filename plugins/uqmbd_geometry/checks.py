@@ -8,27 +8,28 @@ from typing import Any
 import sympy
 
 import uqmbd
-from uqmbd_geometry.clearances import is_clearance
+from uqmbd_geometry.clearances import instant_of
 
-__all__ = ["ClearanceMethods"]
+__all__ = ["ClearanceTimes"]
 
 
-class ClearanceMethods:
-    """Find methods that approximate a clearance by a polynomial."""
+class ClearanceTimes:
+    """Find clearances at times that the study does not simulate."""
 
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
-        """Yield a finding for each method that is not a sampling method, if an output is a clearance."""
-        names = [
-            output.name
-            for output in study.mechanism.observed()
-            if any(is_clearance(part) for part in sympy.preorder_traversal(output.expression))
-        ]
-        methods = [one.node_name for one in study.propagators if not one.accepts_keys]
-        if names and methods:
-            yield uqmbd.extend.Finding(
-                uqmbd.extend.Severity.WARNING,
-                f"output {names[0]!r}",
-                f"the clearance {names[0]!r} is zero in contact and has kinks, but the methods {', '.join(methods)} "
-                "approximate clearances by polynomials",
-                "Use a sampling method, such as MonteCarlo, for clearances",
-            )
+        """Yield a finding for the first output with a time before the first or after the last output time."""
+        if not len(study.times):
+            return
+        begin, end = float(study.times[0]), float(study.times[-1])
+        for output in study.mechanism.observed():
+            for part in sympy.preorder_traversal(output.expression):
+                time = instant_of(part)
+                if time is not None and not begin <= time <= end:
+                    yield uqmbd.extend.Finding(
+                        uqmbd.extend.Severity.WARNING,
+                        f"output {output.name!r}",
+                        f"the clearance {output.name!r} is at {time:g} s, but the study simulates {begin:g} to {end:g} "
+                        "s, so that every realisation fails",
+                        "Use times of the study in clearance_over_time",
+                    )
+                    return

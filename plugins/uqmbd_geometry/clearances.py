@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,11 @@ import numpy as np
 import sympy
 
 import uqmbd
-from uqmbd.shapes import BodyShape
 from uqmbd.typing import Array
 from uqmbd_geometry.distances import Solid, contains, distance, solid_of
+from uqmbd_geometry.pairs import Pair, Side, pair_of
 
-__all__ = ["clearance", "is_clearance"]
+__all__ = ["clearance", "clearance_over_time", "instant_of"]
 
 RESOLVED = 1e-4
 """Distance, relative to the size of the shapes, by which another minimum may be below the returned one."""
@@ -35,33 +35,12 @@ ROUNDS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
-    """One body in a clearance: its shapes, and the expressions that the motion contains."""
+class Instants:
+    """The two bodies of a series of distances, and its times, s."""
 
-    shapes: tuple[BodyShape, ...]
-    dimension: int  # dimension of the space; 0: fixed in the world
-    turns: bool
-    # parameters of the shapes; NaN: a random parameter, whose value is in the motion
-    fixed: tuple[tuple[float, ...], ...]
-
-    @property
-    def coordinates(self) -> int:
-        """Number of coordinates among the expressions."""
-        turning = {2: 2, 3: 4}.get(self.dimension, 0) if self.turns else 0
-        return self.dimension + turning
-
-    @property
-    def random(self) -> int:
-        """Number of random parameters of the shapes."""
-        return int(np.isnan(np.concatenate(self.fixed)).sum())
-
-
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """The two bodies of a clearance."""
-
-    sides: tuple[Side, Side]
-    digest: str  # of the shapes, and of the form of the expressions
+    pair: Pair
+    times: tuple[float, ...]
+    digest: str  # of the bodies and the times
 
 
 def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
@@ -87,8 +66,8 @@ def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
 
     Notes
     -----
-    Use sampling methods: the quantity is not a smooth function of the inputs. The check of a study warns about methods
-    with polynomials. A minimum is found within 1e-4 of the size of the shapes, and then refined. The surface of a mesh
+    Only methods that sample the inputs compute the quantity, because it is not a smooth function of the inputs; other
+    methods refuse it. A minimum is found within 1e-4 of the size of the shapes, and then refined. The surface of a mesh
     counts, not the curved surface that it approximates. The distance of a cylinder from a mesh is accurate to about
     1e-5 of their size, and all other distances to rounding errors.
 
@@ -103,65 +82,76 @@ def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
     >>> float(uqmbd.simulate(mechanism, [0, 2])["gap"].round(9))
     0.3
     """
-    try:
-        import fcl  # noqa: F401
-    except ImportError:
-        raise uqmbd.StudyError("clearance: python-fcl is not installed; install uqmbd[geometry].") from None
-    expressions: list[sympy.Expr] = []
-    sides = (_side(body_a, "body_a", expressions), _side(body_b, "body_b", expressions))
-    if not sides[0].dimension:
-        raise uqmbd.StudyError("clearance: body_a is fixed in the world; expected a body with shapes.")
-    names = [getattr(body, "name", repr(body)) for body in (body_a, body_b)]
-    digest = _digest(sides)
-    label = f"clearance({', '.join(names)})"
-    units = ["" if k else "m" for k in range(len(expressions))]
-    declared = _clearance.with_data(uqmbd.extend.SummaryData(Pair(sides, digest), digest, label), units[1:])
-    found: sympy.Expr = declared(*expressions)
+    expressions, pair, label = pair_of("clearance", body_a, body_b)
+    found: sympy.Expr = _declared(_clearance, pair, pair.digest, label, len(expressions))(*expressions)
     return found
 
 
-def is_clearance(part: Any) -> bool:
-    """Return whether a part of an expression is a clearance."""
-    return getattr(getattr(part, "declared", None), "__name__", "") == _clearance.__name__
+def clearance_over_time(body_a: Any, body_b: Any, times: Any) -> uqmbd.extend.OutputSeries:
+    """Return the distance of two bodies at given times, for outputs: reports draw it over time.
+
+    Parameters
+    ----------
+    body_a, body_b : Body, or uqmbd.shapes.BodyShape for `body_b`
+        Bodies with shapes, as for `clearance`.
+    times : sequence of float
+        Increasing times, s. A realisation that does not reach a time has no value there.
+
+    Returns
+    -------
+    uqmbd.extend.OutputSeries
+        Distances, m, over the axis ``instant``, s. A distance is 0 if the bodies touch, or if one encloses the other.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a body has no shape, the times do not increase, or python-fcl is not installed.
+
+    Notes
+    -----
+    Only methods that sample the inputs compute distances, as for `clearance`. The smallest of these distances may
+    exceed `clearance`, which also includes the times between them.
+
+    Examples
+    --------
+    >>> import numpy as np, uqmbd, uqmbd_geometry
+    >>> from uqmbd.shapes import Sphere
+    >>> mechanism = uqmbd.Mechanism("balls", uqmbd.Translational())
+    >>> one = mechanism.body("one", mass=1, velocity=(1, 0), shape=Sphere(0.1))
+    >>> series = uqmbd_geometry.clearance_over_time(one, Sphere(0.1, position=(3, 0, 0)), [0, 1, 2])
+    >>> mechanism.output("gap", series, units="m")
+    >>> found = uqmbd.simulate(mechanism, [0, 2])
+    >>> [round(float(found[f"gap at {t} s"]), 9) for t in (0, 1, 2)]
+    [2.8, 1.8, 0.8]
+    """
+    where = "clearance_over_time"
+    expressions, pair, label = pair_of(where, body_a, body_b)
+    try:
+        instants = tuple(np.asarray(times, dtype=float).ravel().tolist())
+    except (TypeError, ValueError):
+        raise uqmbd.StudyError(f"{where}: times is {times!r:.80}; expected a sequence of times in s.") from None
+    if not instants or not np.isfinite(instants).all() or not (np.diff(instants) > 0).all():
+        raise uqmbd.StudyError(f"{where}: times is {times!r:.80}; expected at least one finite time, increasing, in s.")
+    digest = pair.digest + hashlib.sha256(repr(instants).encode()).hexdigest()
+    data = Instants(pair, instants, digest)
+    quantities = [
+        _declared(_at_instant, data, digest, f"{label} at {one:g} s", len(expressions))(*expressions, k)
+        for k, one in enumerate(instants)
+    ]
+    return uqmbd.extend.OutputSeries(quantities, instants, "instant", "s")
 
 
-def _side(body: Any, name: str, expressions: list[sympy.Expr]) -> Side:
-    """Return one side, and add its coordinates and random numbers to the expressions."""
-    shapes = (body,) if isinstance(body, BodyShape) else getattr(body, "shapes", ())
-    if not shapes or not all(isinstance(one, BodyShape) for one in shapes):
-        shown = getattr(body, "name", repr(body))
-        raise uqmbd.StudyError(
-            f"clearance: {name} is {shown!r}, which has no shape; give shape= in mechanism.body, such as "
-            "uqmbd.shapes.Box((0.1, 0.2, 0.3))."
-        )
-    dimension, turns = 0, False
-    if not isinstance(body, BodyShape):
-        dimension, turns = body.space.dimension, body.space.turns
-        expressions += [body.position[k] for k in range(dimension)]
-        expressions += list(body.quaternion) if turns and dimension > 1 else []
-    fixed = []
-    for shape in shapes:
-        numbers = []
-        for value in shape.expressions:
-            if value.is_number:
-                numbers.append(float(value))
-            else:
-                numbers.append(float("nan"))
-                expressions.append(value)
-        fixed.append(tuple(numbers))
-    return Side(tuple(shapes), dimension, turns and dimension > 1, tuple(fixed))
+def instant_of(part: Any) -> float | None:
+    """Return the time of a distance at a time, s; None for other parts of expressions."""
+    data = getattr(getattr(part, "declared", None), "data", ())
+    numbers = getattr(part, "numbers", ())
+    return data[0].times[int(numbers[0])] if numbers and data and isinstance(data[0], Instants) else None
 
 
-def _digest(sides: Sequence[Side]) -> str:
-    """Return a hash of the shapes and of the form of the expressions."""
-    found = hashlib.sha256()
-    for side in sides:
-        found.update(repr((side.dimension, side.turns, side.fixed)).encode())
-        for shape in side.shapes:
-            found.update(type(shape).__name__.encode() + np.asarray(shape.rotation, dtype=float).tobytes())
-            for name in ("vertices", "faces"):
-                found.update(np.ascontiguousarray(getattr(shape, name, np.zeros(0))).tobytes())
-    return found.hexdigest()
+def _declared(function: Any, data: Any, digest: str, label: str, count: int) -> Any:
+    """Return a summary with data, of lengths in m and of numbers without units."""
+    units = ["" if k else "m" for k in range(count)]
+    return function.with_data(uqmbd.extend.SummaryData(data, digest, label), units[1:])
 
 
 class _Motion:
@@ -204,9 +194,9 @@ class _Motion:
             ]
         )
 
-    def enclosed(self) -> bool:
-        """Return whether a solid encloses another solid at the start."""
-        (one, p), (two, q) = self.poses(self.motion.begin[:1])
+    def enclosed(self, time: float) -> bool:
+        """Return whether a solid encloses another solid at a time, s."""
+        (one, p), (two, q) = self.poses(np.array([time]))
         return any(contains(a, b, (one[0], p[0]), (two[0], q[0])) for a in self.solids[0] for b in self.solids[1])
 
     def speeds(self, low: Array, high: Array) -> Array:
@@ -248,22 +238,54 @@ def _pose(side: Side, values: Array) -> tuple[Array, Array]:
     return rotation, position
 
 
-@uqmbd.extend.summary(polynomials=True, power=1)
+@uqmbd.extend.summary(polynomials=True, power=1, smooth=False)
 def _clearance(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str:
     """Return the smallest distance over a motion, or the reason why there is none."""
-    key = (pair.digest, motion.begin.tobytes(), motion.coefficients.tobytes())
+    found: float | str = _remembered(pair.digest, motion, lambda: _smallest(motion, pair))
+    return found
+
+
+@uqmbd.extend.summary(polynomials=True, power=1, smooth=False)
+def _at_instant(motion: uqmbd.extend.MotionPolynomials, data: Instants, number: float) -> float | str:
+    """Return the distance at a time of the series, by the number of the time; or the reason why there is none."""
+    found: Array | str = _remembered(data.digest, motion, lambda: _distances(motion, data))
+    if isinstance(found, str):
+        return found
+    distance = float(found[int(number)])
+    return distance if np.isfinite(distance) else f"the motion does not include {data.times[int(number)]:g} s"
+
+
+def _remembered(digest: str, motion: uqmbd.extend.MotionPolynomials, compute: Callable[[], Any]) -> Any:
+    """Return a result of the cache, or compute it."""
+    key = (digest, motion.begin.tobytes(), motion.coefficients.tobytes())
     if key not in _LATEST:
         if len(_LATEST) >= REMEMBERED:
             _LATEST.clear()
-        _LATEST[key] = _smallest(motion, pair)
+        _LATEST[key] = compute()
     return _LATEST[key]
 
 
-_LATEST: dict[tuple[str, bytes, bytes], float | str] = {}
-"""Cache of the latest results: an output and a requirement may compute the same clearance in sequence."""
+_LATEST: dict[tuple[str, bytes, bytes], Any] = {}
+"""Cache of the latest results: outputs and requirements may compute the same distances in sequence."""
 
 REMEMBERED = 8
 """Largest number of results in the cache."""
+
+
+def _distances(motion: uqmbd.extend.MotionPolynomials, data: Instants) -> Array | str:
+    """Return the distances at the times of a series, NaN outside the motion; or the reason why there are none."""
+    moving = _Motion(motion, data.pair)
+    if reason := moving.invalid():
+        return reason
+    times = np.array(data.times)
+    slack = 1e-9 * float(motion.end[-1] - motion.begin[0])
+    inside = (times >= motion.begin[0] - slack) & (times <= motion.end[-1] + slack)
+    found = np.full(len(times), np.nan)
+    seen = np.clip(times[inside], motion.begin[0], motion.end[-1])
+    values = moving.distances(seen)
+    # a surface may be inside another surface without touching it
+    found[inside] = [0.0 if moving.enclosed(float(t)) else x for t, x in zip(seen, values, strict=True)]
+    return found
 
 
 def _smallest(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str:
@@ -271,7 +293,7 @@ def _smallest(motion: uqmbd.extend.MotionPolynomials, pair: Pair) -> float | str
     moving = _Motion(motion, pair)
     if reason := moving.invalid():
         return reason
-    if moving.enclosed():
+    if moving.enclosed(float(motion.begin[0])):
         return 0.0
     low, high = motion.begin.copy(), motion.end.copy()
     times = np.append(motion.begin, motion.end[-1])

@@ -7,10 +7,14 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 import uqmbd
+from uqmbd.errors import MethodFailedWarning
+from uqmbd.propagation import obstacle_of
+from uqmbd.results import output
 from uqmbd.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from uqmbd_collocation import Collocation
-from uqmbd_geometry import clearance
-from uqmbd_geometry.checks import ClearanceMethods
+from uqmbd_galerkin import Galerkin
+from uqmbd_geometry import clearance, clearance_over_time
+from uqmbd_geometry.checks import ClearanceTimes
 from uqmbd_geometry.distances import contains, distance, solid_of
 from uqmbd_montecarlo import MonteCarlo
 
@@ -192,10 +196,83 @@ def test_the_probability_of_a_requirement_on_clearance():
     assert np.count_nonzero(mine == 0) > 5
 
 
-def test_methods_with_polynomials_are_named():
-    (finding,) = ClearanceMethods().find(thrown([MonteCarlo(samples=10), Collocation(order=2)]))
-    assert "collocation" in finding.message and "monte-carlo" not in finding.message
-    assert not list(ClearanceMethods().find(thrown([MonteCarlo(samples=10)])))
+@pytest.mark.parametrize("method", [Collocation(order=2), Galerkin(order=2)], ids=lambda one: one.name)
+@pytest.mark.parametrize("kind", ["output", "requirement", "series"])
+def test_methods_with_surrogates_refuse_clearances(method, kind):
+    """The message names the quantity, the method and the methods that compute it; other methods of a study run."""
+    radius = uqmbd.RandomVariable("radius", chaospy.Uniform(0.1, 0.3), units="m")
+    mechanism = uqmbd.Mechanism("thrown", uqmbd.Translational())
+    ball = mechanism.body("ball", mass=1, position=(-1, 1), velocity=(1, 0), shape=Sphere(radius))
+    mechanism.output("x", ball.position[0], units="m")
+    if kind == "output":
+        mechanism.output("gap", clearance(ball, Sphere(0.2)), units="m")
+    elif kind == "requirement":
+        mechanism.require("gap", clearance(ball, Sphere(0.2)) >= 0.05)
+    else:
+        mechanism.output("gap", clearance_over_time(ball, Sphere(0.2), [0, 1]), units="m")
+    study = uqmbd.Study("thrown", mechanism, [0, 2], [MonteCarlo(samples=4, seed=1), method])
+    text = rf"gap.* contains clearance\(ball, .*not a smooth function.*{method.name}.*'monte-carlo'.*remove 'gap"
+    with pytest.raises(uqmbd.StudyError, match=text):
+        study.propagate(method)
+    assert "not a smooth function" in obstacle_of(method, study)
+    with pytest.warns(MethodFailedWarning, match="not a smooth function"):
+        tree = study.run()
+    assert "monte-carlo" in tree.children and method.name not in tree.children
+
+
+def test_clearance_over_time_has_closed_forms():
+    """A ball passes a sphere, and a small ball flies through a hollow box: inside and on its surface, the gap is 0."""
+    mechanism = uqmbd.Mechanism("flight", uqmbd.Translational())
+    radius = uqmbd.RandomVariable("radius", chaospy.Uniform(0.1, 0.2), units="m")
+    ball = mechanism.body("ball", mass=1, position=(-1, 0), velocity=(1, 0), shape=Sphere(radius))
+    times = np.linspace(0, 2, 9)
+    other, hollow = Sphere(0.1, position=(0, 0.5, 0)), Mesh(*box((1, 1, 1)))
+    mechanism.output("past", clearance_over_time(ball, other, times), units="m")
+    mechanism.output("through", clearance_over_time(ball, hollow, times), units="m")
+    tree = uqmbd.Study("flight", mechanism, [0, 2], [MonteCarlo(samples=5, seed=1)]).run()
+    samples = tree["monte-carlo/scalars/samples"].to_dataset()
+    x, radii = times - 1, samples["inputs"].values[:, 0]
+    past = np.hypot(x, 0.5)[None, :] - 0.1 - radii[:, None]
+    through = np.maximum(abs(x) - 0.5 - radii[:, None], 0)
+    for name, expected in (("past", past), ("through", through)):
+        names = [f"{name} at {t:.6g} s" for t in times]
+        np.testing.assert_allclose(samples["response"].sel(output=names).values, expected, atol=1e-10)
+    series = output(tree["monte-carlo"], "past")
+    assert series.sizes["instant"] == 9 and series["mean"].values == pytest.approx(past.mean(axis=0), abs=1e-10)
+
+
+def test_the_smallest_distance_over_time_is_the_clearance():
+    """With enough times, the minimum over the series is the clearance; the series never is below it."""
+    rod = Capsule(0.05, 2.0, rotation=Rotation.from_euler("y", np.pi / 2).as_matrix())
+    mechanism = uqmbd.Mechanism("turning", uqmbd.Planar())
+    body = mechanism.body("rod", mass=1, inertia=1, angle=0.8, angular_velocity=-1.0, shape=rod)
+    wall, times = Box((0.4, 4, 4), position=(1.4, 0, 0)), np.linspace(0, 2, 101)
+    mechanism.output("gap", clearance(body, wall), units="m")
+    mechanism.output("gaps", clearance_over_time(body, wall, times), units="m")
+    found = uqmbd.simulate(mechanism, [0, 2])
+    values = np.array([float(found[f"gaps at {t:.6g} s"]) for t in times])
+    np.testing.assert_allclose(values, 1.2 - 0.05 - abs(np.cos(0.8 - times)), atol=1e-9)
+    assert 0 <= values.min() - float(found["gap"]) < 1e-3
+
+
+@pytest.mark.parametrize("times", [[], [1, 0], [0, np.nan], "soon", [0, 0]])
+def test_wrong_times_have_a_message(times):
+    mechanism = uqmbd.Mechanism("m", uqmbd.Translational())
+    ball = mechanism.body("ball", mass=1, shape=Sphere(0.1))
+    with pytest.raises(uqmbd.StudyError, match=r"clearance_over_time: times is .* expected"):
+        clearance_over_time(ball, Sphere(0.1), times)
+
+
+def test_times_after_the_motion_have_no_value():
+    """The reason states the time, and the check of the study states it before a run."""
+    mechanism = uqmbd.Mechanism("m", uqmbd.Translational())
+    ball = mechanism.body("ball", mass=1, velocity=(1, 0), shape=Sphere(0.1))
+    mechanism.output("gap", clearance_over_time(ball, Sphere(0.1, position=(0, 1, 0)), [0, 3]), units="m")
+    with pytest.raises(uqmbd.AssemblyError, match="the motion does not include 3 s"):
+        uqmbd.simulate(mechanism, [0, 2])
+    (finding,) = ClearanceTimes().find(uqmbd.Study("m", mechanism, [0, 2]))
+    assert "is at 3 s, but the study simulates 0 to 2 s" in finding.message
+    assert not list(ClearanceTimes().find(uqmbd.Study("m", mechanism, [0, 3])))
 
 
 def test_bodies_without_a_shape_are_refused():

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, describe_foreign_part, foreign_part
 from uqmbd.mechanism.expressions.cubic_spline import Spline, spline
-from uqmbd.mechanism.expressions.custom_summaries import CustomSummary, DeclaredSummary, SummaryData, summary
+from uqmbd.mechanism.expressions.custom_summaries import (
+    CustomSummary,
+    DeclaredSummary,
+    SummaryData,
+    not_smooth,
+    summary,
+)
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
 from uqmbd.mechanism.expressions.excitations import (
@@ -128,6 +134,7 @@ __all__ = [
     "maximum",
     "minimum",
     "mismatches",
+    "not_smooth",
     "numbers",
     "polynomial",
     "random_variables",

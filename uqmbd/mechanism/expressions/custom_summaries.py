@@ -21,7 +21,7 @@ from uqmbd.mechanism.expressions.timeless import single
 from uqmbd.mechanism.expressions.user_values import shown
 from uqmbd.units import Unit, read_units
 
-__all__ = ["CustomSummary", "DeclaredSummary", "SummaryData", "function_digest", "summary"]
+__all__ = ["CustomSummary", "DeclaredSummary", "SummaryData", "function_digest", "not_smooth", "summary"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,10 @@ class DeclaredSummary:
         unit: Unit | None = None,
         *,
         polynomials: bool = False,
+        smooth: bool = True,
         bound: tuple[DeclaredSummary, SummaryData] | None = None,
     ) -> None:
-        self.function, self.polynomials, self.bound = function, polynomials, bound
+        self.function, self.polynomials, self.smooth, self.bound = function, polynomials, smooth, bound
         self.further, self.power, self.unit = further, power, unit
         self.__name__, self.__qualname__ = function.__name__, function.__qualname__
         self.__module__, self.__doc__ = function.__module__, function.__doc__
@@ -81,9 +82,8 @@ class DeclaredSummary:
     def with_data(self, data: SummaryData, further: Sequence[str]) -> DeclaredSummary:
         """Return the same summary with data, which its function receives after the motion."""
         bound = (self, data)
-        return DeclaredSummary(
-            self.function, tuple(further), self.power, self.unit, polynomials=self.polynomials, bound=bound
-        )
+        looks = {"polynomials": self.polynomials, "smooth": self.smooth}
+        return DeclaredSummary(self.function, tuple(further), self.power, self.unit, **looks, bound=bound)
 
     def __call__(self, expression: Any, *others: Any) -> sympy.Expr:
         """Return the summary of an expression; `others` are further expressions, then numbers."""
@@ -109,6 +109,12 @@ class DeclaredSummary:
             declared, data = self.bound
             return DeclaredSummary.with_data, (declared, data, self.further)
         return self.__qualname__  # workers import the function by this name
+
+
+def not_smooth(expression: sympy.Expr) -> str:
+    """Return the text of a summary in an expression that polynomials cannot approximate; empty without one."""
+    found = (one for one in sympy.preorder_traversal(expression) if isinstance(one, CustomSummary))
+    return next((str(one) for one in found if not one.declared.smooth), "")
 
 
 class SummaryFunction(FunctionData):
@@ -170,12 +176,18 @@ def summary(
     further: Sequence[str] = (),
     power: int | None = None,
     units: str = "",
+    smooth: bool = True,
 ) -> DeclaredSummary: ...
 
 
 @overload
 def summary(
-    *, polynomials: bool = False, further: Sequence[str] = (), power: int | None = None, units: str = ""
+    *,
+    polynomials: bool = False,
+    further: Sequence[str] = (),
+    power: int | None = None,
+    units: str = "",
+    smooth: bool = True,
 ) -> Callable[[Callable[..., float | str]], DeclaredSummary]: ...
 
 
@@ -187,8 +199,9 @@ def summary(
     further: Sequence[str] = (),
     power: int | None = None,
     units: str = "",
+    smooth: bool = True,
 ) -> Any:
-    """Declare a summary of a motion, such as a percentile over time; every method can propagate the summary.
+    """Declare a summary of a motion, such as a percentile over time; every method can propagate a smooth summary.
 
     Parameters
     ----------
@@ -208,6 +221,9 @@ def summary(
         0 for a number of cycles. Default: uqmbd does not check the units of the quantity.
     units : str
         Further factor of the units, such as ``"s"``.
+    smooth : bool
+        Whether the quantity is a piecewise smooth function of the inputs, which polynomials can approximate. Otherwise
+        only methods that sample the inputs compute it, and other methods refuse it with a message.
 
     Returns
     -------
@@ -258,7 +274,7 @@ def summary(
     def declare(written: Any) -> DeclaredSummary:
         if not isinstance(written, types.FunctionType):
             raise StudyError(f"summary: the argument is {shown(written)}; expected a function written in Python.")
-        return DeclaredSummary(written, tuple(further), power, unit, polynomials=polynomials)
+        return DeclaredSummary(written, tuple(further), power, unit, polynomials=polynomials, smooth=smooth)
 
     return declare if function is None else declare(function)
 

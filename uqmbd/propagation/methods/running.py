@@ -26,7 +26,7 @@ from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_a
 from uqmbd.propagation.inputs import input_info
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.methods.estimate import readable
-from uqmbd.propagation.methods.keys import refused_key, require_keys_accepted
+from uqmbd.propagation.methods.keys import refused_key, refused_output, require_keys_accepted
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.methods.studied import Studied
 from uqmbd.propagation.observed_model import several_motions
@@ -63,7 +63,7 @@ def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
     """Return the reason why a method cannot compute a study, in one sentence, or None; check the memory first."""
     if not len(study.mechanism.inputs):
         return propagator.obstacle(study)
-    if refused := refused_key(propagator, study.mechanism.inputs):
+    if refused := refused_key(propagator, study.mechanism.inputs) or refused_output(propagator, study.mechanism):
         return refused
     try:
         found = propagator.estimate(study)

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Self
 from numpy.typing import ArrayLike
 
 from uqmbd.display import html_of
-from uqmbd.propagation.methods import Propagator, Studied, check_propagators, require_keys_accepted
+from uqmbd.propagation.methods import (
+    Propagator,
+    Studied,
+    check_propagators,
+    require_keys_accepted,
+    require_smooth_outputs,
+)
 from uqmbd.propagation.observed_model import build_observed_model, refuse_jumps
 from uqmbd.propagation.options import check_timeless, check_times
 from uqmbd.propagation.studies.checks import Ranges
@@ -110,6 +116,7 @@ class StudyData(Studied):
     def _watched(self, propagator: Propagator) -> Model | None:
         """Return the model with the expressions that a method observes, after the outputs of the mechanism."""
         require_keys_accepted(propagator, self.mechanism.inputs)
+        require_smooth_outputs(propagator, self.mechanism)
         if not (watched_expressions := propagator.watches(self.mechanism)):
             return None
 
