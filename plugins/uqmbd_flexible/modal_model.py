@@ -96,8 +96,8 @@ class ModalModel:
     Raises
     ------
     uqmbd.StudyError
-        If shapes do not fit, a matrix is not symmetric, the mass matrix is not positive definite, the stiffness matrix
-        is not positive, or a line contains an unknown node.
+        If shapes do not fit, a matrix is not symmetric, the mass matrix is not positive definite, or the stiffness
+        matrix is not positive. Also if a line contains an unknown node.
 
     Examples
     --------

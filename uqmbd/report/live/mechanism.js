@@ -173,7 +173,8 @@ export class Mechanism {
   /** Return the outlines of the bodies of another realisation. */
   ghosts(view, points, palette, alpha) {
     if (!points.every(isKnown)) return [];
-    const outlines = this.corners.flatMap((corners, b) => {
+    const outlines = this.corners.flatMap((corners, n) => {
+      const b = this.outlined[n];
       const looks = { edge: this.clouds[b][palette.dark ? 1 : 0], alpha };
       return corners.length ? [ghostShape(corners.map((k) => view.project(points[k])), view.spatial, looks, this.lines?.[b].length > 0)] : [];
     });

@@ -39,10 +39,10 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
     unnamed realisations come the named realisations. ``named``: names of these, with their times, s. ``local``: points
     (realisation, point, axis) in the frames of the bodies. ``owners``: index of the body of each point; -1 is the
     ground. ``symbols``: strokes, whose points are indices in ``lists``, the lists of points. ``roles``: colours on a
-    light and on a dark page. ``corners``: points that outline each body. ``bounds``: bounds of the drawing. ``start``:
-    index of the time with the largest distance between realisations. ``solids``: surfaces of shapes, only if bodies
-    have shapes. ``displaced``: displacements of points that move in their bodies, and the factor that magnifies them;
-    ``lines``: lines through points that show each body. Both are present only if points move.
+    light and on a dark page. ``corners``: points of each outline; ``outlined``: its body. ``bounds``: bounds of the
+    drawing. ``start``: index of the time with the largest distance between realisations. ``solids``: surfaces of
+    shapes, only if bodies have shapes. ``displaced``: displacements of points that move in their bodies, and the factor
+    that magnifies them; ``lines``: lines through points that show each body. Both are present only if points move.
     """
     named, others = named_poses(motion), without_named(motion)
     size = motion["pose"][0].size + (motion["displacement"][0].size if "displacement" in motion else 0)
@@ -80,6 +80,7 @@ def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[st
         "joints": sketch.joints,
         "boxed": [number[body] for body in sorted(sketch.boxed & set(number))],
         "corners": [list(map(int, corners)) for _, corners in film.corners],
+        "outlined": [number[body] for body, _ in film.corners],
         "bounds": [bounds.min(axis=0).tolist(), bounds.max(axis=0).tolist()],
         "followed": film.followed,
         "moving": film.moving,

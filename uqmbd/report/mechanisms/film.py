@@ -105,21 +105,28 @@ class Film:
 
     @cached_property
     def corners(self) -> list[tuple[str, list[int]]]:
-        """Return each body with the indices of its corner points; of a body with lines, the points of the longest."""
-        local = self.data["local"].values[0]
-        found = []
-        for body in self.sketch.bodies:
-            if body in self.sketch.lines:
-                found.append((body, max(self.sketch.lines[body], key=len)))
-                continue
-            mine = self.sketch.points_of(body)
-            _, first = np.unique(np.round(local[mine], 9), axis=0, return_index=True)
-            mine = [mine[k] for k in sorted(first)]
-            if local.shape[-1] == 2 and len(mine) > 2:
-                corners = hull(1e3 * local[mine])
-                mine = [mine[int(np.argmin(np.hypot(*(1e3 * local[mine] - c).T)))] for c in corners]
-            found.append((body, mine))
+        """Return the outlines of bodies as indices of points.
+
+        A body has one outline for each line or shape; otherwise its outline contains all its points.
+        """
+        sketch, found = self.sketch, []
+        for body in sketch.bodies:
+            boxes = sketch.boxes.get(body, [])
+            if body in sketch.lines:
+                found += [(body, line) for line in sketch.lines[body]]
+            else:
+                found += [(body, self._corners_of(points)) for points in boxes or [sketch.points_of(body)]]
         return found
+
+    def _corners_of(self, mine: list[int]) -> list[int]:
+        """Return the distinct points of a body, and in the plane the corners of their hull."""
+        local = self.data["local"].values[0]
+        _, first = np.unique(np.round(local[mine], 9), axis=0, return_index=True)
+        mine = [mine[k] for k in sorted(first)]
+        if local.shape[-1] == 2 and len(mine) > 2:
+            corners = hull(1e3 * local[mine])
+            mine = [mine[int(np.argmin(np.hypot(*(1e3 * local[mine] - c).T)))] for c in corners]
+        return mine
 
     @property
     def widest(self) -> int:

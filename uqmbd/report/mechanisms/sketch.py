@@ -124,6 +124,15 @@ class Sketch:
         long = {body: [line for line in lines.values() if len(line) > 1] for body, lines in found.items()}
         return {body: lines for body, lines in long.items() if lines}
 
+    @cached_property
+    def boxes(self) -> dict[str, list[list[int]]]:
+        """Return the corners of the box around each shape, as indices of points."""
+        found: dict[str, list[list[int]]] = {}
+        corners = [k for k, kind in enumerate(self.kinds) if kind == "corner"]
+        for first in range(0, len(corners), 8):
+            found.setdefault(self.owners[corners[first]], []).append(corners[first : first + 8])
+        return found
+
     def colour(self, body: str) -> str:
         """Return the colour role of a body."""
         return f"c{self.bodies.index(body) % 5}" if body in self.bodies else "ground"
