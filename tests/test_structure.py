@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.progress": 416,
     "uqmbd.propagation": 6_710,
     "uqmbd.randomness": 5_590,
-    "uqmbd.report": 8_630,
+    "uqmbd.report": 8_640,
     "uqmbd.results": 9_750,
     "uqmbd.testing": 2_800,
     "uqmbd.units": 285,
