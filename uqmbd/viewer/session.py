@@ -33,7 +33,10 @@ class Session:
 
     def opening(self) -> Iterator[Answer]:
         """Yield the scene at the means, then the findings, which take longer."""
-        yield {"kind": "scene", **structure(self.mechanism, self.study), **self._pose({})}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the findings contain these warnings
+            parts = structure(self.mechanism, self.study)
+        yield {"kind": "scene", **parts, **self._pose({})}
         yield {"kind": "findings", **self._findings()}
 
     def answer(self, request: Mapping[str, Any]) -> Answer:

@@ -34,6 +34,7 @@ from uqmbd.typing import Array
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqmbd.dynamics import Model
     from uqmbd.mechanism import Component, Mechanism, Space
     from uqmbd.propagation import Study
 
@@ -65,19 +66,20 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     >>> [round(float(x), 6) for x in drawn_pose(mechanism)["pose"].sel(body="rod").squeeze()]
     [0.5, 0.0, 1.0, 0.0]
     """
-    from uqmbd.dynamics import constraining, kinematic_model, positions
+    from uqmbd.dynamics import positions
 
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies to draw; add one with mechanism.body(...).")
     point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
-    note = ""
-    try:
-        model = mechanism.remembered(("kinematics", time), lambda: kinematic_model(mechanism, time))
-        parameters = model.parameters(point)
-        q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
-        note, owners = messages[0], model.owners
-    except AssemblyError as error:
-        q, note, owners = _stated(mechanism, point), str(error), constraining(mechanism)
+    model, owners = _kinematics(mechanism, time)
+    q, note = _stated(mechanism, point), model if isinstance(model, str) else ""
+    if not isinstance(model, str):
+        parameters, equations = model.parameters(point), model.layout.independent_holonomic
+        try:
+            q, messages = positions(model, parameters[:, model.drawn], time, parameters, equations)
+            note = messages[0]
+        except AssemblyError as error:
+            note = str(error)
     return _dataset(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
 
 
@@ -93,11 +95,26 @@ def stated_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None,
     >>> round(float(pose.squeeze()), 6)
     0.6
     """
-    from uqmbd.dynamics import constraining
-
     point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
-    known = {"method": "", "note": "given pose"}
-    return _dataset(mechanism, _stated(mechanism, point)[:, None, :], point, [time], constraining(mechanism), known)
+    known, (_, owners) = {"method": "", "note": "given pose"}, _kinematics(mechanism, time)
+    return _dataset(mechanism, _stated(mechanism, point)[:, None, :], point, [time], owners, known)
+
+
+def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model | str, tuple[str, ...]]:
+    """Return the model for assembly, or the reason why there is none, and the components with constraints.
+
+    Poses of a mechanism share them, because their derivation takes half of the time of a pose.
+    """
+    from uqmbd.dynamics import constraining, kinematic_model
+
+    def make() -> tuple[Model | str, tuple[str, ...]]:
+        try:
+            model = mechanism.remembered(("kinematics", time), lambda: kinematic_model(mechanism, time))
+        except AssemblyError as error:
+            return str(error), constraining(mechanism)
+        return model, model.owners
+
+    return mechanism.remembered(("drawn kinematics", time), make)
 
 
 def _stated(mechanism: Mechanism, point: Array) -> Array:
