@@ -147,16 +147,15 @@ def test_the_command_ends_with_its_page(browser, tmp_path):
 
     file = tmp_path / "chain_study.py"
     file.write_text(CHAIN.replace("WRONG", "0"))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "uqmbd", "view", str(file), "--no-open"], stdout=subprocess.PIPE, text=True
-    )
-    address = process.stdout.readline().strip()
-    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", address)
-    page = browser.new_page()
-    page.goto(address)
-    page.wait_for_selector("#tree li", timeout=90_000)
-    page.close()
-    assert process.wait(20) == 0
+    command = [sys.executable, "-m", "uqmbd", "view", str(file), "--no-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        address = process.stdout.readline().strip()
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", address)
+        page = browser.new_page()
+        page.goto(address)
+        page.wait_for_selector("#tree li", timeout=90_000)
+        page.close()
+        assert process.wait(20) == 0
 
 
 def test_shapes_are_drawn_and_exported(browser):

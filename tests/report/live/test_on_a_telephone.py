@@ -1,8 +1,12 @@
 """Pages of 390 pixels, in a browser: what is said is read whole, and only tables of numbers scroll."""
 
+import chaospy
 import pytest
 
+import uqmbd
 from uqmbd import report, results
+from uqmbd.shapes import Box
+from uqmbd_montecarlo import MonteCarlo
 
 pytestmark = pytest.mark.slow
 
@@ -51,3 +55,19 @@ def test_charts_of_one_figure_have_one_legend_on_paper(opened, study, tmp_path):
     drawn = figure.locator(".view > .paper svg").all()
     assert names and len(drawn) > 1
     assert not any(names & set(one.locator("text").all_text_contents()) for one in drawn)
+
+
+def test_long_names_of_poses_fit_on_the_page(opened, tmp_path):
+    """The list of poses contains the names of requirements; it is as wide as the page at most."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2), units="m/s")
+    mechanism = uqmbd.Mechanism("crate", uqmbd.Spatial())
+    crate = mechanism.body("crate", mass=1, inertia=(1, 1, 1), velocity=(speed, 0, 0), shape=Box((1, 1, 1)))
+    mechanism.output("way", crate.position[0], units="m")
+    mechanism.require("distance of the crate from the wall at the end of the hall " * 2, crate.position[0] <= 1.5)
+    study = uqmbd.Study("crate", mechanism, [0, 0.5, 1], [MonteCarlo(samples=20, seed=1)])
+    tree, note = report.with_motion(study.run(), study)
+    assert not note
+    page = opened(report.write_report(tree, tmp_path / "report.html"), width=390, height=844)
+    page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    page.locator(".player:not(.small) select[title^=Realisation]").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
