@@ -51,19 +51,21 @@ class _Grid:
                 total[term] = total[term] + sign * value if term in total else sign * value
         return total
 
-    def add(self, level: Level) -> tuple[Array, Array]:
-        """Add a level, and return the resulting changes of mean and variance, each (O, T)."""
+    def add(self, level: Level) -> tuple[Array, Array, Array]:
+        """Add a level, and return the changes of mean and variance, and the mean square of the surplus, each (O, T)."""
         mean: Array | float = 0.0
         variance: Array | float = 0.0
+        energy: Array | float = 0.0
         for term, value in self.surplus(level).items():
             before = self.total.get(term, np.zeros_like(value))
             self.total[term] = before + value
+            energy = energy + value**2
             if any(term):
                 variance = variance + value * (2 * before + value)
             else:
                 mean = value
         shape = next(iter(self.total.values())).shape
-        return np.broadcast_to(mean, shape), np.broadcast_to(variance, shape)
+        return np.broadcast_to(mean, shape), np.broadcast_to(variance, shape), np.broadcast_to(energy, shape)
 
     def chaos(self) -> tuple[Array, Index]:
         """Return coefficients (P, O, T) and degrees (P, d) of the terms; the first term is the constant."""
@@ -94,6 +96,10 @@ class _Scale:
     std: Array
     largest: Array
 
+    def root_mean_square(self, energy: Array) -> float:
+        """Convert a mean square (O, T) to the largest root mean square over the largest standard deviation."""
+        return float((np.sqrt(energy.max(axis=-1)) / self.largest).max())
+
     def measure(self, mean: Array, variance: Array) -> tuple[float, float]:
         """Convert changes of mean and variance (O, T) to relative changes of mean and standard deviation."""
         less = np.sqrt(np.maximum(self.std**2 - np.abs(variance), 0.0))
@@ -108,7 +114,9 @@ def refine_dimensions(
 
     The criterion compares the tolerance with the sum of the changes of all levels without successors (Gerstner and
     Griebel, Computing 71 (2003) 65-87). The refinement also continues while the error at the verification points
-    exceeds the tolerance. Raise StudyError if the first levels need more than the allowed realisations.
+    exceeds the tolerance. If `limits` contains an error, only the error at the verification points ends the refinement,
+    and the level with the largest root mean square is refined. Raise StudyError if the first levels need more than the
+    allowed realisations.
     """
     grid, dimension = _Grid(runs), runs.space.dimension
     root = (0,) * dimension
@@ -125,8 +133,8 @@ def refine_dimensions(
     done, reason = {root}, ""
     helpful: Literal["realisations", "samples", "neither"] = "realisations"
     steps: list[RefinementStep] = []
-    waiting: dict[Level, tuple[Array, Array]] = {}
-    ended: list[tuple[Array, Array]] = []
+    waiting: dict[Level, tuple[Array, Array, Array]] = {}
+    ended: list[tuple[Array, Array, Array]] = []
     new = [root, *new]
     while True:
         where = runs.at(grid.nodes(new)) if new else np.zeros(0, dtype=np.int64)
@@ -142,7 +150,7 @@ def refine_dimensions(
         missed = missed_share(runs, coefficients, multi_index, points)
         steps.append(RefinementStep(len(runs), len(multi_index), *changes, missed))
         steps[-1].log(label, limits)
-        if settled and missed < limits.tolerance:
+        if steps[-1].met(limits, settled=settled):
             break
         if not waiting:
             reason = (
@@ -150,8 +158,11 @@ def refine_dimensions(
             )
             helpful = "samples" if ended else "neither"
             break
-        # changes far below the tolerance count as equal; small levels then come first
-        size = {w: max(1e-3 * limits.tolerance, *scale.measure(*change)) for w, change in waiting.items()}
+        # sizes far below the limit count as equal; small levels then come first
+        if limits.error is None:
+            size = {w: max(1e-3 * limits.tolerance, *scale.measure(*change[:2])) for w, change in waiting.items()}
+        else:  # a mean square of new terms is linear in the variance, but not in the mean
+            size = {w: max(1e-3 * limits.error, scale.root_mean_square(change[2])) for w, change in waiting.items()}
         worst = max(waiting, key=lambda level: (size[level], -sum(level), level))
         done.add(worst)
         new, cut = grid.children(worst, done)
@@ -174,7 +185,7 @@ def _scale(runs: CollocationRuns, coefficients: Array) -> _Scale:
     return _Scale(np.sqrt(variance), scale_of(runs, coefficients[0], variance))
 
 
-def _sum(which: int, changes: list[tuple[Array, Array]], like: Array) -> Array:
+def _sum(which: int, changes: list[tuple[Array, Array, Array]], like: Array) -> Array:
     """Return the sum (O, T) of absolute changes of the mean (`which` = 0) or of the variance (`which` = 1)."""
     return sum((np.abs(change[which]) for change in changes), np.zeros_like(like))
 

@@ -33,7 +33,8 @@ def raise_order(
     """Raise the order from `first` until mean and standard deviation change by less than the tolerance.
 
     `plan`: function that returns nodes and fit for an order. The order also rises while the error at the verification
-    points exceeds the tolerance. Raise StudyError if the first order is impossible.
+    points exceeds the tolerance. If `limits` contains an error, only the error at the verification points ends the
+    refinement. Raise StudyError if the first order is impossible.
     """
     steps: list[RefinementStep] = []
     fit: Fit | None = None
@@ -63,7 +64,7 @@ def raise_order(
         steps.append(RefinementStep(len(runs), len(fit.multi_index), *changes, missed))
         steps[-1].log(label, limits)
         complete = terms == _most_terms(runs.space)
-        if missed < limits.tolerance and (complete or steps[-1].change < limits.tolerance):
+        if steps[-1].met(limits, settled=complete or steps[-1].change < limits.tolerance):
             return Refinement(fit, tuple(steps), met=not fit.failed)
         if fit.failed:
             warn_unmet(

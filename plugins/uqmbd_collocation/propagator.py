@@ -32,8 +32,13 @@ FEW = 40
 """Number of stored values for each output and time in addition to coefficients: statistics and errors."""
 
 BOUND = 10.0
-"""Ratio of a requested accuracy to the tolerance of the refinement that has to reach it. The ratio exceeds 1, because
-the error bound from few verification realisations is larger than the change that ends the refinement."""
+"""Ratio of a requested accuracy to the tolerance of the refinement with an alignment that has to reach it. The ratio
+exceeds 1, because the error bound from few verification realisations is larger than the change that ends the
+refinement."""
+
+ROOM = 0.9
+"""Ratio of the error at the verification realisations, at which a refinement ends, to the requested accuracy. The ratio
+is below 1, because the further realisations at extremes may increase the stated error."""
 
 SPLIT_BOUND = 1.25
 """Ratio of a requested accuracy to the threshold of the elements that have to reach it."""
@@ -87,6 +92,11 @@ class Collocation(uqmbd.extend.Propagator):
         different orders share only middle nodes.
     tolerance : float
         Tolerance of a refinement, relative to the largest standard deviation of each output over time.
+    max_error : float, optional
+        Root mean square error at the verification realisations at which a refinement ends, relative to the largest
+        standard deviation of each output over time. If given, the refinement ends at this error, and `tolerance` has no
+        effect. ``dimension`` then refines the level whose terms have the largest root mean square. Runs with an
+        accuracy set this option. Default: None. Not with an `alignment`.
     max_realisations : int
         Largest number of different realisations for each alignment, including verification. A realisation may be
         integrated again, for longer or at more times. This limit counts it once, but ``realisations`` of the results
@@ -205,6 +215,7 @@ class Collocation(uqmbd.extend.Propagator):
     samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] | None = None
     adaptive: Adaptive = "no"
     tolerance: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] = 1e-3
+    max_error: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] | None = None
     max_realisations: Annotated[int, uqmbd.extend.Bounds(1, 10**9)] = 5000
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
@@ -239,6 +250,12 @@ class Collocation(uqmbd.extend.Propagator):
                 f"Collocation: clock={self.clock!r} requires alignment='phase'; omit clock or set alignment."
             )
         self._check_families()
+        if self.max_error is not None and (self.adaptive == "no" or self.alignment is not None or not self.verify):
+            raise uqmbd.StudyError(
+                f"Collocation: max_error={self.max_error:g} ends a refinement by the error of realisations. "
+                "It requires adaptive='order' or 'dimension', no alignment, and verify of 1 or more. Omit max_error, "
+                "or change these options."
+            )
         split, aligned = self.elements is not None, self.alignment not in (None, "two-frequency")
         for name, used, what in (
             ("tolerance", self.adaptive != "no", "adaptive='no'"),
@@ -372,14 +389,16 @@ class Collocation(uqmbd.extend.Propagator):
             return found
 
         if self.adaptive != "no":
-            tolerance = self.tolerance if accuracy is None else accuracy / BOUND
+            plain = self.alignment is None and self.verify > 0
+            tolerance = self.tolerance if accuracy is None or plain else accuracy / BOUND
+            error = self.max_error if accuracy is None or not plain else ROOM * accuracy
             space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
             return uqmbd.extend.Sizing(
                 option="max_realisations",
-                at=lambda most: replace(self, max_realisations=most, tolerance=tolerance),
+                at=lambda most: replace(self, max_realisations=most, tolerance=tolerance, max_error=error),
                 least=self._first_nodes(space) + self.verify,
                 falls="itself",
-                also=("tolerance",),
+                also=("max_error",) if plain else ("tolerance",),
                 bound=self.max_realisations,
                 tighten=None if accuracy is None else tighter,
             )
@@ -467,7 +486,7 @@ class Collocation(uqmbd.extend.Propagator):
             If failures leave too few realisations.
         """
         space, plans = problem.germ_space(self.transform), self._plans(problem.label)
-        limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
+        limits = Limits(self.tolerance, self.max_realisations, problem.rtol, error=self.max_error)
         begin = problem.clock()
         if self.families:
             uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")

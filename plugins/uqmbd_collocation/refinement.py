@@ -48,6 +48,9 @@ class Limits:
     most: int  # largest number of realisations, including verification
     rtol: float  # relative tolerance of the integration, a lower bound of any achievable tolerance
     reserved: int = 0  # number of realisations for verification after the refinement
+    # root mean square error at the verification points that ends the refinement, relative to the largest standard
+    # deviation of each output over time; None: the tolerance ends it
+    error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,12 @@ class RefinementStep:
         return float(np.nanmax([self.change_mean, self.change_std]))
 
     @property
+    def error(self) -> float:
+        """Root mean square error at the verification points, relative to the largest standard deviation over time."""
+        share = 2 * self.missed_std  # of the sum of variance and mean square error
+        return float(np.sqrt(share / (1 - share))) if share < 1 else np.inf
+
+    @property
     def change(self) -> float:
         """Largest one of both changes and of the missed part of the standard deviation."""
         return float(np.nanmax([self.change_mean, self.change_std, self.missed_std]))
@@ -79,6 +88,12 @@ class RefinementStep:
             "%.2g"
         )
         logging.getLogger("uqmbd.refinement").info(text, *about, limits.tolerance)
+
+    def met(self, limits: Limits, *, settled: bool) -> bool:
+        """Return whether the limits are met; `settled`: whether mean and standard deviation have converged."""
+        if limits.error is not None:
+            return self.error <= limits.error
+        return settled and self.missed_std < limits.tolerance
 
 
 @dataclass(frozen=True)
@@ -134,6 +149,9 @@ def warn_unmet(
     helpful: Literal["realisations", "samples", "neither"],
 ) -> None:
     """Warn that a refinement ended before its tolerance was met; `helpful`: more realisations, or another method."""
+    if limits.error is not None and steps:
+        _warn_error_unmet(label, limits.error, steps, reason, helpful)
+        return
     last, missed = "", steps[-1].missed_std if steps else np.nan
     if steps and np.isfinite(steps[-1].settled):
         last = f"; mean and standard deviation still changed by {steps[-1].settled:.2g} in the last step"
@@ -152,6 +170,18 @@ def warn_unmet(
         f"{more}",
         UnmetWarning,
         stacklevel=3,
+    )
+
+
+def _warn_error_unmet(label: str, error: float, steps: list[RefinementStep], reason: str, helpful: str) -> None:
+    """Warn that a refinement ended before the error at the verification realisations was small enough."""
+    errors = [RefinementStep(one.realisations, one.terms, one.error, one.error) for one in steps]
+    more = prospect(errors, error, more=helpful == "realisations") if helpful != "neither" else ""
+    warnings.warn(
+        f"{label}: max_error {error:g} was not met with {steps[-1].realisations} realisations: the error at the "
+        f"verification realisations is {steps[-1].error:.2g} of the largest standard deviation. Reason: {reason}{more}",
+        UnmetWarning,
+        stacklevel=4,
     )
 
 

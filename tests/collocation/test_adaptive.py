@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import sympy
 
+import uqmbd
+from uqmbd.results import surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_collocation.refinement import Limits, RefinementStep, UnmetWarning, warn_unmet
 
@@ -62,6 +64,39 @@ def test_tolerance_is_met_against_the_truth(resting, options, tolerance):
     assert steps["terms"].values[-1] == node.attrs["terms"]
     last = {name: float(steps[name][-1]) for name in ("change_mean", "change_std", "missed_std")}
     assert max(last.values()) < tolerance
+
+
+@pytest.mark.parametrize("adaptive", ["order", "dimension"])
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of 18 %, at the larger error
+def test_a_refinement_with_a_maximum_error_ends_at_the_first_step_with_a_smaller_error(resting, adaptive):
+    """The error of the surrogate by 4,096 points of the closed form; a smaller error needs more realisations."""
+    study, costs = resting(runge, UNIFORM, UNIFORM), []
+    points = 2 * chaospy.create_sobol_samples(4096, 2) - 1
+    true = runge(*points, sqrt=np.sqrt)
+    for error in (0.2, 0.02, 0.002):
+        node = study.propagate(Collocation(adaptive=adaptive, order=1, max_error=error))
+        found = surrogate(node).evaluate(points.T)[:, 0, 0]
+        assert np.sqrt(np.mean((found - true) ** 2)) < 2 * error * true.std()
+        steps = node["refinement"]["missed_std"].values
+        errors = np.sqrt(2 * steps / (1 - 2 * steps))
+        assert errors[-1] <= error and (errors[:-1] > error).all()
+        costs.append(node.attrs["realisations"])
+        assert node.attrs["tolerance_met"] == "True" and distinct(node)
+    assert costs == sorted(set(costs))
+
+
+def test_a_maximum_error_that_is_not_reached_is_reported(resting):
+    study = resting(runge, UNIFORM, UNIFORM)
+    with pytest.warns(UnmetWarning, match="max_error 1e-09 was not met with .* realisations: the error at the"):
+        study.propagate(Collocation(adaptive="dimension", max_error=1e-9, max_realisations=60))
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"adaptive": "order", "verify": 0}, {"adaptive": "order", "alignment": "phase"}], ids=str
+)
+def test_a_maximum_error_without_a_refinement_or_verification_is_refused(options):
+    with pytest.raises(uqmbd.StudyError, match="max_error=0.01 ends a refinement by the error of realisations"):
+        Collocation(max_error=0.01, **options)
 
 
 @pytest.mark.thorough

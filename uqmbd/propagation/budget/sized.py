@@ -200,13 +200,17 @@ class Sized:
         return last.accuracy <= self.accuracy
 
     def _step(self) -> float:
-        """Return the order at which the error reaches the accuracy, extrapolated from the last orders."""
+        """Return the order at which the error reaches the accuracy, extrapolated from the last orders.
+
+        The rate is the mean over the last three orders: terms of one parity may be zero, so that every second order
+        hardly reduces the error.
+        """
         one, *others = reversed([s for s in self.stages if 0 < s.accuracy < math.inf][-3:] or [self.stages[-1]])
         rates = [math.log(o.accuracy / one.accuracy) / (one.size - o.size) for o in others if o.accuracy > one.accuracy]
         assert self.accuracy is not None
         if not rates or not math.isfinite(one.accuracy):
             return self.stages[-1].size + 1
-        return max(self.stages[-1].size + 1, one.size + math.ceil(math.log(one.accuracy / self.accuracy) / min(rates)))
+        return max(self.stages[-1].size + 1, one.size + math.ceil(math.log(one.accuracy / self.accuracy) / rates[-1]))
 
     def following(self, left: RemainingBudget) -> int | None:
         """Return the next size; None if the method is accurate enough or no further size is affordable."""
