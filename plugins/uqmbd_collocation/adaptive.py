@@ -114,9 +114,9 @@ def refine_dimensions(
 
     The criterion compares the tolerance with the sum of the changes of all levels without successors (Gerstner and
     Griebel, Computing 71 (2003) 65-87). The refinement also continues while the error at the verification points
-    exceeds the tolerance. If `limits` contains an error, only the error at the verification points ends the refinement,
-    and the level with the largest root mean square is refined. Raise StudyError if the first levels need more than the
-    allowed realisations.
+    exceeds the tolerance. If `limits` contains an error, only the error at the verification points ends the refinement.
+    Each step then refines the level with the largest root mean square. Raise StudyError if the first levels need more
+    than the allowed realisations.
     """
     grid, dimension = _Grid(runs), runs.space.dimension
     root = (0,) * dimension

@@ -202,8 +202,8 @@ class Sized:
     def _step(self) -> float:
         """Return the order at which the error reaches the accuracy, extrapolated from the last orders.
 
-        The rate is the mean over the last three orders: terms of one parity may be zero, so that every second order
-        hardly reduces the error.
+        The rate is the mean over the last three orders. If terms of one parity are zero, every second order hardly
+        reduces the error.
         """
         one, *others = reversed([s for s in self.stages if 0 < s.accuracy < math.inf][-3:] or [self.stages[-1]])
         rates = [math.log(o.accuracy / one.accuracy) / (one.size - o.size) for o in others if o.accuracy > one.accuracy]
