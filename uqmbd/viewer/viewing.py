@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FileViewer", "MechanismView", "view_mechanism", "view_study"]
 
-POLL = 0.1
+POLL = 0.05
 """Interval at which the viewer checks the files of the study for changes, s."""
 
 MOTION = 6.0

@@ -1,9 +1,10 @@
 // Vectors of two or three numbers, in metres or on a page, as plain arrays.
 
-export const plus = (a, b, s = 1) => a.map((x, k) => x + s * b[k]);
+// without a loop, because drawings add thousands of them in a frame
+export const plus = (a, b, s = 1) => (a.length === 3 ? [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]] : [a[0] + s * b[0], a[1] + s * b[1]]);
 export const minus = (a, b) => plus(a, b, -1);
 export const scaled = (a, s) => a.map((x) => s * x);
-export const dot = (a, b) => a.reduce((sum, x, k) => sum + x * b[k], 0);
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + (a.length === 3 ? a[2] * b[2] : 0);
 export const lengthOf = (a) => Math.sqrt(dot(a, a));
 export const unitOf = (a) => scaled(a, 1 / (lengthOf(a) || 1));
 export const isKnown = (a) => a.every(Number.isFinite);

@@ -3,7 +3,12 @@
 import { poseAt } from "./between.js";
 import { dot, isKnown, lengthOf, minus, plus, scaled, turnedBy, unitOf } from "./geometry.js";
 
-const ROUND = Array.from({ length: 97 }, (_, k) => (2 * Math.PI * k) / 96);
+// cosines and sines of a turn
+const ROUND = Array.from({ length: 97 }, (_, k) => [Math.cos((2 * Math.PI * k) / 96), Math.sin((2 * Math.PI * k) / 96)]);
+
+/** Points of an ellipse on the page about a middle, from two conjugate semi-axes; many are drawn in every frame. */
+const ellipse = ([x, y], [ax, ay], [bx, by]) => ROUND.map(([c, s]) => [x + ax * c + bx * s, y + ay * c + by * s]);
+const circle = (middle, radius) => ellipse(middle, [radius, 0], [0, radius]);
 
 const lineOf = (points, edge, looks = {}) => ({ points, edge, face: null, width: 1.2, closed: false, dashes: null, order: 6, alpha: 1, ...looks });
 
@@ -21,11 +26,11 @@ function ellipsoidLines(view, centre, axes, edge, looks) {
   const first = Math.sqrt(xx);
   const across = first > 0 ? xy / first : 0;
   const rest = Math.sqrt(Math.max(yy - across * across, 0));
-  const outline = ROUND.map((t) => plus(middle, [first * Math.cos(t), across * Math.cos(t) + rest * Math.sin(t)]));
+  const outline = ellipse(middle, [first, across], [0, rest]);
   const lines = [lineOf(outline, edge, { face: edge, closed: true, alpha: 0.12, width: 0, order: 5.5, ...looks }), lineOf(outline, edge, { closed: true, ...looks })];
   if (axes.length < 3) return lines;
   for (const [i, j] of [[0, 1], [0, 2], [1, 2]])
-    lines.push(lineOf(ROUND.map((t) => plus(middle, plus(scaled(page[i], Math.cos(t)), page[j], Math.sin(t)))), edge, { width: 0.6, closed: true, alpha: 0.6 }));
+    lines.push(lineOf(ellipse(middle, page[i], page[j]), edge, { width: 0.6, closed: true, alpha: 0.6 }));
   return lines;
 }
 
@@ -57,7 +62,7 @@ export function jointAxes(view, points, components, palette) {
 export function gapMarks(view, points, gap, component, palette) {
   const [first, last] = [component.points[0], component.points[component.points.length - 1]].map((k) => points[k]);
   if (!first || !last || !isKnown(first) || !isKnown(last)) return [];
-  const ring = (at) => lineOf(ROUND.map((t) => plus(view.project(at), [0.12 * Math.cos(t), 0.12 * Math.sin(t)])), palette.limit, { width: 2, closed: true, order: 8 });
+  const ring = (at) => lineOf(circle(view.project(at), 0.12), palette.limit, { width: 2, closed: true, order: 8 });
   const line = lineOf([view.project(first), view.project(last)], palette.limit, { width: 2, dashes: [4, 2.5], order: 8 });
   return [line, ring(first), ring(last)];
 }
@@ -65,7 +70,7 @@ export function gapMarks(view, points, gap, component, palette) {
 /** Rings about the points of a part that the pointer or the tree names. */
 export function highlight(view, places, palette) {
   return places.filter(isKnown).map((at) =>
-    lineOf(ROUND.map((t) => plus(view.project(at), [0.1 * Math.cos(t), 0.1 * Math.sin(t)])), palette.ink, { width: 2.4, closed: true, order: 9, alpha: 0.8 }));
+    lineOf(circle(view.project(at), 0.1), palette.ink, { width: 2.4, closed: true, order: 9, alpha: 0.8 }));
 }
 
 /** Distance of a place on the page from a line between two others, inches. */
