@@ -66,12 +66,22 @@ Polynomial = list[Bounded]
 
 def balancing_scales(a: Array) -> Array:
     """Return factors of states (K, n) that balance the rows and columns of matrices (K, n, n), as powers of two."""
-    scale = np.ones(a.shape[:2])
+    return np.ascontiguousarray(_balancing_scales(_last(a)).T)
+
+
+def _last(matrices: Array) -> Array:
+    """Copy matrices with the realisations (K, ...) on the last axis, along which loops over small matrices are fast."""
+    return np.array(np.moveaxis(matrices, 0, -1), order="C")
+
+
+def _balancing_scales(a: Array) -> Array:
+    """Return factors of states (n, K) for matrices (n, n, K), as `balancing_scales`."""
+    scale = np.ones(a.shape[1:])
     size = np.abs(a)
-    size[:, np.arange(a.shape[1]), np.arange(a.shape[1])] = 0.0
+    size[np.arange(len(a)), np.arange(len(a))] = 0.0
     for _ in range(12):
-        row = scale * (size @ (1 / scale)[:, :, None])[:, :, 0]
-        column = (scale[:, None, :] @ size)[:, 0] / scale
+        row = scale * np.einsum("ijk,jk->ik", size, 1 / scale)
+        column = np.einsum("ik,ijk->jk", scale, size) / scale
         usable = (row > 0) & (column > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.exp2(np.round(np.log2(np.where(usable, column / row, 1.0)) / 4))
@@ -85,9 +95,9 @@ def balancing_scales(a: Array) -> Array:
 class CharacteristicPolynomials:
     """Characteristic polynomials of K systems (K, n, n), in units of their rates, and the scaled systems."""
 
-    scale: Array  # (K, n): factors of the states
+    scale: Array  # (n, K): factors of the states
     rate: Array  # (K,): unit of the frequency
-    scaled: Array  # (K, n, n)
+    scaled: Array  # (n, n, K)
     coefficients: Polynomial
     stable: NDArray[np.bool_]  # (K,): whether all roots decay, by more than rounding
 
@@ -95,25 +105,26 @@ class CharacteristicPolynomials:
     def of(cls, a: Array) -> CharacteristicPolynomials:
         """Compute the polynomials of systems by the algorithm of Faddeev and Le Verrier."""
         count, n = a.shape[:2]
-        scale = balancing_scales(a)
-        scaled = a * scale[:, :, None] / scale[:, None, :]
+        scaled = _last(a)
+        scale = _balancing_scales(scaled)
+        scaled *= scale[:, None]
+        scaled /= scale
         norm = _norm(scaled)
         rate = np.where(norm > 0, norm, 1.0)
-        scaled /= rate[:, None, None]
-        eye, one = np.eye(n), np.ones(count)
-        coefficients = [_exact(one)]
-        matrix, error = np.broadcast_to(eye, a.shape), np.zeros(count)
-        size = np.full(count, np.sqrt(n))
+        scaled /= rate
+        own, coefficients = np.arange(n), [_exact(np.ones(count))]
+        matrix, error, size = scaled, np.zeros(count), np.full(count, np.sqrt(n))
         # norms bound errors: the norm of a system is 1, up to its rounding
         for k in range(1, n + 1):
-            product = scaled @ matrix if k > 1 else scaled
+            product = np.einsum("ijk,jmk->imk", scaled, matrix) if k > 1 else scaled
             wrong = error + (n + 2) * EPS * size
-            trace = -np.einsum("kii->k", product) / k
+            trace = -np.einsum("iik->k", product) / k
             size = _norm(product)
             wrong_trace = np.sqrt(n) / k * (wrong + (n + 2) * EPS * size)
             coefficients.append(Bounded(trace, wrong_trace))
             if k < n:
-                matrix = product + trace[:, None, None] * eye
+                matrix = product.copy()
+                matrix[own, own] += trace
                 error = wrong + np.sqrt(n) * (wrong_trace + EPS * np.abs(trace)) + EPS * size
                 size = _norm(matrix)
         with np.errstate(all="ignore"):
@@ -126,29 +137,26 @@ class CharacteristicPolynomials:
             return self
         chosen = [Bounded(x.value[members], x.error[members]) for x in self.coefficients]
         return CharacteristicPolynomials(
-            self.scale[members], self.rate[members], self.scaled[members], chosen, self.stable[members]
+            self.scale[:, members], self.rate[members], self.scaled[..., members], chosen, self.stable[members]
         )
 
     def numerator(self, c: Array, b: Array) -> Polynomial:
         """Return the numerators of ``c (s - a)^-1 b``, times the rates, for vectors (K, n) and (K, n)."""
-        n = self.scaled.shape[1]
-        seen, driven = c / self.scale, b * self.scale
+        n = len(self.scaled)
+        seen, driven = c.T / self.scale, b.T * self.scale
         weight, size = np.abs(seen), np.abs(self.scaled)
         vector, error, drive = driven, np.zeros_like(driven), np.abs(driven)
         found = []
         for k in range(1, n + 1):
-            terms = np.einsum("kn,kn->k", weight, np.abs(vector))
-            found.append(
-                Bounded(
-                    np.einsum("kn,kn->k", seen, vector), np.einsum("kn,kn->k", weight, error) + (n + 2) * EPS * terms
-                )
-            )
+            terms = (weight * np.abs(vector)).sum(axis=0)
+            value, bound = (seen * vector).sum(axis=0), (weight * error).sum(axis=0)
+            found.append(Bounded(value, bound + (n + 2) * EPS * terms))
             if k < n:
                 factor = self.coefficients[k]
                 more = error + (n + 4) * EPS * np.abs(vector)
-                bound = (np.abs(factor.value) * (4 * EPS) + factor.error)[:, None] * drive
-                error = (size @ more[:, :, None])[:, :, 0] + bound
-                vector = (self.scaled @ vector[:, :, None])[:, :, 0] + factor.value[:, None] * driven
+                bound = (np.abs(factor.value) * (4 * EPS) + factor.error) * drive
+                error = np.einsum("ijk,jk->ik", size, more) + bound
+                vector = np.einsum("ijk,jk->ik", self.scaled, vector) + factor.value * driven
         return found
 
 
@@ -157,7 +165,8 @@ def _exact(values: Array) -> Bounded:
 
 
 def _norm(matrices: Array) -> Array:
-    return np.asarray(np.sqrt(np.einsum("kij,kij->k", matrices, matrices)))
+    """Return the Frobenius norms (K,) of matrices (n, n, K)."""
+    return np.asarray(np.sqrt(np.einsum("ijk,ijk->k", matrices, matrices)))
 
 
 def rational_variance(

@@ -46,8 +46,7 @@ def density(system: LinearSystem, frequency: float) -> tuple[Array, list[str]]:
     """Return the two-sided density per rad/s of the response (K,) at one angular frequency, and reasons for NaN."""
     total, reasons = np.zeros(len(system)), [""] * len(system)
     for members, part, faults, _ in _decaying(system):
-        for k, fault in zip(members.tolist(), faults, strict=True):
-            reasons[k] = fault
+        _note(reasons, members, faults)
         if all(faults):
             continue
         at = np.full((len(part), 1), frequency)
@@ -62,18 +61,24 @@ def moments(system: LinearSystem, orders: Sequence[int]) -> Found:
     result = {k: np.zeros(len(system)) for k in orders}
     reasons = [""] * len(system)
     for members, part, faults, polynomials in _decaying(system):
-        for k, fault in zip(members.tolist(), faults, strict=True):
-            reasons[k] = fault
+        _note(reasons, members, faults)
         if all(faults):
             continue
         found, lost = _moments(part, polynomials, orders)
-        for k, reason in zip(members.tolist(), lost, strict=True):
-            reasons[k] = reason
+        _note(reasons, members, lost)
         for order in orders:
             result[order][members] = found[order]
-    for order in orders:
-        result[order][[bool(reason) for reason in reasons]] = np.nan
+    if any(reasons):
+        for order in orders:
+            result[order][[bool(reason) for reason in reasons]] = np.nan
     return result, reasons
+
+
+def _note(reasons: list[str], members: NDArray[np.int64], more: list[str]) -> None:
+    """Write the reasons of members into the list of all reasons; there are seldom any."""
+    if any(more):
+        for k, reason in zip(members.tolist(), more, strict=True):
+            reasons[k] = reason
 
 
 def _processes(system: LinearSystem) -> list[tuple[Any, list[int]]]:
@@ -132,7 +137,8 @@ def _moments(system: LinearSystem, polynomials: CharacteristicPolynomials | None
         found, lost = _of_process(system, polynomials, source, channels, orders)
         for order in orders:
             total[order] += found[order]
-        reasons = [one or other for one, other in zip(reasons, lost, strict=True)]
+        if any(lost):
+            reasons = [one or other for one, other in zip(reasons, lost, strict=True)]
     return total, reasons
 
 

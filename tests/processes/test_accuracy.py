@@ -169,3 +169,10 @@ def test_variances_by_polynomials_are_those_of_lyapunov_with_a_direct_response()
             row = np.append(c[k], one.e[k, 0, 0] * cf)
             expected = row @ scipy.linalg.solve_continuous_lyapunov(whole, -np.outer(noise, noise)) @ row
             assert value[k] == pytest.approx(expected, rel=1e-5)
+
+
+def test_polynomials_do_not_change_their_systems():
+    """A matrix with one state has equal memory with and without a changed order of its axes."""
+    systems = np.full((3, 1, 1), -2.0)
+    found = CharacteristicPolynomials.of(systems)
+    assert (systems == -2.0).all() and found.stable.all()

@@ -28,7 +28,7 @@ import numpy as np
 from uqmbd.dynamics.assembly import Start, named, velocities
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import accelerations
-from uqmbd.dynamics.statics.rest_equations import Forces, RestEquations, apply, tangents
+from uqmbd.dynamics.statics.rest_equations import Forces, RestEquations, apply, solve_definite, tangents
 from uqmbd.dynamics.statics.unilateral import has_dry_friction, overlaps
 from uqmbd.typing import Array, Index, Mask
 
@@ -36,7 +36,7 @@ __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
 
 
 ITERATIONS = 200
-BLOCK, LARGEST_BLOCK, NUMBERS = 256, 4096, 1 << 21
+BLOCK, LARGEST_BLOCK, NUMBERS = 256, 8192, 1 << 21
 """Least and largest number of realisations in a group; entries of matrices that limit groups above the least."""
 
 TURN = 0.15
@@ -207,7 +207,7 @@ class _EquilibriumSearch:
         step, done = np.empty_like(now.force), np.zeros(len(active), dtype=bool)
         stable = _is_definite(stiffness, FLAT * scale)
         good, others = np.flatnonzero(stable), np.flatnonzero(~stable)
-        newton = np.asarray(np.linalg.solve(stiffness[good], now.force[good, :, None])[:, :, 0], dtype=float)
+        newton = solve_definite(stiffness[good], now.force[good, :, None])[:, :, 0]
         step[good] = self._bounded(active[good], newton)
         self.stable[active[good]] = True
         small = np.abs(step[good]).max(axis=1, initial=0.0) <= 1e-9 * self.size[active[good]]

@@ -26,7 +26,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Instance, Model, OutputMap, ParameterMap, excitations_of, state_arguments
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.linear_system import Channel, LinearSystem
-from uqmbd.dynamics.statics.rest_equations import tangents
+from uqmbd.dynamics.statics.rest_equations import solve_definite, tangents
 from uqmbd.dynamics.statics.screws import Screws
 from uqmbd.dynamics.statics.steady_modes import CHANGING, CONSTANT, SteadyFrames, steady_frames
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions
@@ -38,7 +38,7 @@ from uqmbd.typing import Array
 
 __all__ = ["LinearMap", "linear_map"]
 
-LEAST_CHUNK, LARGEST_CHUNK, NUMBERS = 256, 4096, 1 << 21
+LEAST_CHUNK, LARGEST_CHUNK, NUMBERS = 256, 8192, 1 << 21
 """Least and largest number of realisations that are linearised at once; entries of matrices in between."""
 
 ROUNDING = 1e-11
@@ -199,9 +199,9 @@ class LinearMap:
             rates = found["s_q"] @ dq + found["s_v"] @ dv + found["s_s"] @ ds
         else:  # the coordinates are independent of each other
             force, rates = np.concatenate([found["v_q"], found["v_v"], blank(n)[:, :, size:]], axis=2), blank(0)
-        for k, part in enumerate(w):
-            force[:, :, part] += of_time(found["v_c"])[k]
-            rates[:, :, part] += of_time(found["s_c"])[k]
+        for part, of_force, of_rate in zip(w, of_time(found["v_c"]), of_time(found["s_c"]), strict=True):
+            force[:, :, part] += of_force
+            rates[:, :, part] += of_rate
         dl = blank(layout.constraints)
         if d.shape[1] or points.frames is not None:
             across = basis.transpose(0, 2, 1)
@@ -224,8 +224,8 @@ class LinearMap:
         def system(number: int) -> LinearSystem:
             gradient = gradients[:, number]
             row = (gradient[:, None, : motion.shape[1]] @ motion)[:, 0]
-            for k, part in enumerate(w):
-                row[:, part] += of_time(gradient[:, None, motion.shape[1] :])[k][:, 0]
+            for part, of_row in zip(w, of_time(gradient[:, None, motion.shape[1] :]), strict=True):
+                row[:, part] += of_row[:, 0]
             c = row[:, :size]
             b = b0 + a @ carried
             e = np.stack([row[:, part] for part in w], axis=1)
@@ -302,9 +302,9 @@ def _constant(system: LinearSystem) -> LinearSystem | str:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solve systems (K, m, m) for right-hand sides (K, m, columns)."""
+    """Solve symmetric systems (K, m, m), usually definite, for right-hand sides (K, m, columns)."""
     try:
-        return np.asarray(np.linalg.solve(matrix, right))
+        return solve_definite(matrix, right)
     except np.linalg.LinAlgError:  # a singular system must not affect the others
         return np.asarray(np.linalg.pinv(np.nan_to_num(matrix)) @ right)
 

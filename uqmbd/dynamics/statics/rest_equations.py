@@ -22,13 +22,48 @@ from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE
 from uqmbd.typing import Array, Index
 
-__all__ = ["Forces", "RestEquations", "apply", "tangents"]
+__all__ = ["Forces", "RestEquations", "apply", "solve_definite", "tangents"]
+
+
+DEFINITE = 1e-12
+"""Pivot, relative to its diagonal entry, below which a system is not eliminated without pivots."""
+
+FEW = 4
+"""Largest number of unknowns for which systems are eliminated together, faster than LAPACK solves them one by one."""
 
 
 def apply(matrices: Array, vectors: Array) -> Array:
     """Multiply matrices (K, m, n) with vectors (K, n)."""
     product: Array = (matrices @ vectors[:, :, None])[:, :, 0]
     return product
+
+
+def solve_definite(matrices: Array, right: Array) -> Array:
+    """Solve symmetric positive definite systems (K, n, n) for right-hand sides (K, n, columns), without pivots.
+
+    Systems that are not definite are solved with pivots; a singular one raises LinAlgError.
+    """
+    n = matrices.shape[1]
+    if n > FEW:
+        return np.asarray(np.linalg.solve(matrices, right), dtype=float)
+    a, x = (np.array(np.moveaxis(y, 0, -1), order="C") for y in (matrices, right))
+    definite = np.ones(len(matrices), dtype=bool)
+    with np.errstate(all="ignore"):
+        for k in range(n):
+            definite &= a[k, k] > DEFINITE * matrices[:, k, k]
+            for i in range(k + 1, n):
+                factor = a[i, k] / a[k, k]
+                a[i, k + 1 :] -= factor * a[k, k + 1 :]
+                x[i] -= factor * x[k]
+        for k in reversed(range(n)):
+            for i in range(k + 1, n):
+                x[k] -= a[k, i] * x[i]
+            x[k] /= a[k, k]
+    solution = np.ascontiguousarray(np.moveaxis(x, -1, 0))
+    others = np.flatnonzero(~definite)
+    if len(others):
+        solution[others] = np.linalg.solve(matrices[others], right[others])
+    return solution
 
 
 def tangents(gradient: Array) -> Array:

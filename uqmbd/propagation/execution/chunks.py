@@ -44,7 +44,7 @@ __all__ = [
 ]
 
 
-CHUNK, LARGEST, LARGEST_AT_REST = 64, 512, 4096
+CHUNK, LARGEST, LARGEST_AT_REST = 64, 512, 8192
 """Minimum and maximum number of realisations in a chunk, and maximum without a motion, for small mechanisms."""
 
 CHUNKS = 16
