@@ -1,11 +1,11 @@
-"""Scripts of pages: JavaScript modules joined into one."""
+"""Scripts of pages: JavaScript modules joined into one, and libraries."""
 
 from __future__ import annotations
 
 import re
 from importlib.resources import files
 
-__all__ = ["joined_modules"]
+__all__ = ["joined_modules", "library", "surface_library", "vendor_file"]
 
 _IMPORT = re.compile(r'^import \{[^}]*\} from "\./([\w.-]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?function\b|const\b|class\b)", re.MULTILINE)
@@ -43,6 +43,21 @@ def joined_modules(*names: str) -> str:
     for name in names:
         add(name)
     return "\n".join(map(_without_comments, texts.values()))
+
+
+def surface_library() -> str:
+    """Return the script of three.js, which draws surfaces in space."""
+    return library("three", "three.min.js")
+
+
+def library(name: str, file: str) -> str:
+    """Return the script of a library, with its licence as a comment."""
+    return f"/*\n{name}\n{vendor_file(f'LICENSE-{name}.txt')}\n*/\n{vendor_file(file)}"
+
+
+def vendor_file(name: str) -> str:
+    """Return the text of a file of a library."""
+    return (files("uqmbd") / "report" / "live" / "vendor" / name).read_text(encoding="utf-8")
 
 
 def _without_comments(source: str) -> str:

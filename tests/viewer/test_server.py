@@ -4,6 +4,8 @@ import http.client
 import json
 import queue
 import socket
+import subprocess
+import sys
 import time
 
 import psutil
@@ -140,3 +142,18 @@ def test_the_first_script_sees_no_arguments_of_the_viewer(tmp_path):
     finally:
         child.end()
     assert kinds == ["scene", "findings"]
+
+
+@pytest.mark.thorough
+def test_the_server_imports_no_numerical_package():
+    """The imports of the process of the page would delay the process that draws."""
+    text = """
+import sys
+import uqmbd.cli.app
+import uqmbd.viewer
+from uqmbd.viewer.page import viewer_page
+viewer_page("study.py")
+print(sorted({"numpy", "scipy", "sympy", "xarray"} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

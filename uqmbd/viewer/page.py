@@ -6,8 +6,8 @@ import secrets
 from html import escape
 from importlib.resources import files
 
-from uqmbd.javascript import joined_modules
-from uqmbd.report.live import surface_library
+# the report would import NumPy and SciPy here, which delays the first picture
+from uqmbd.javascript import joined_modules, surface_library
 
 __all__ = ["viewer_page"]
 

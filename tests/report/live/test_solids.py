@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.report.live import collect_player_data, surface_library
+from uqmbd.javascript import surface_library
+from uqmbd.report.live import collect_player_data
 from uqmbd.report.mechanisms import Sketch, drawn_pose, world
 from uqmbd.report.mechanisms.sheet import sheet_for
 from uqmbd.shapes import Box, Cylinder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.report.live.explorer_data import collect_explorer_data, collect_nearest_data
-from uqmbd.report.live.page import PageScripts, cell_html, joined_modules, page_scripts, surface_library
+from uqmbd.report.live.page import PageScripts, cell_html, joined_modules, page_scripts
 from uqmbd.report.live.player_data import collect_player_data
 from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses
 from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate, packed_surrogate, shipped
@@ -21,7 +21,6 @@ __all__ = [
     "packed_poses",
     "packed_surrogate",
     "page_scripts",
-    "surface_library",
     "collect_player_data",
     "pose_surrogate",
     "shipped",

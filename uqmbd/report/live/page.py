@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 import hashlib
 from dataclasses import dataclass
-from importlib.resources import files
 
-from uqmbd.javascript import joined_modules
+from uqmbd.javascript import joined_modules, library, surface_library, vendor_file
 from uqmbd.report.charts import json_script
 
-__all__ = ["PageScripts", "cell_html", "joined_modules", "page_scripts", "surface_library"]
+__all__ = ["PageScripts", "cell_html", "joined_modules", "page_scripts"]
 
 
 START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\nstartFolds();\nstartSearch();\n"
@@ -31,20 +30,9 @@ class PageScripts:
 def page_scripts() -> PageScripts:
     """Return the scripts of a page with charts."""
     own = joined_modules("charts.js", "player.js", "explorer.js", "folds.js", "search.js")
-    return PageScripts(_vendor("uPlot.min.css"), _library("uPlot", "uPlot.iife.min.js"), surface_library(), own + START)
-
-
-def surface_library() -> str:
-    """Return the script of three.js, which draws surfaces in space."""
-    return _library("three", "three.min.js")
-
-
-def _library(name: str, file: str) -> str:
-    return f"/*\n{name}\n{_vendor(f'LICENSE-{name}.txt')}\n*/\n{_vendor(file)}"
-
-
-def _vendor(name: str) -> str:
-    return (files(__package__) / "vendor" / name).read_text(encoding="utf-8")
+    return PageScripts(
+        vendor_file("uPlot.min.css"), library("uPlot", "uPlot.iife.min.js"), surface_library(), own + START
+    )
 
 
 def cell_html(fragment: str, style: str) -> str:
