@@ -22,7 +22,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 940,
+    "uqmbd": 950,
     "uqmbd.arguments": 550,
     "uqmbd.cli": 1_830,
     "uqmbd.clusters": 275,
