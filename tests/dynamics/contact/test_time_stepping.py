@@ -1,5 +1,8 @@
 """Bodies with one or two rough feet move as by Moreau's time stepping with Newton's and Coulomb's laws [1]_.
 
+Three feet in a line are no test: they close at the same instant, and the order in which a time step finds them closed
+changes the impact.  Steps of other sizes, and feet that count as closed at small gaps, lead to other motions.
+
 .. [1] J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, Nonsmooth Mechanics and
    Applications, Springer 1988.
 """
