@@ -82,7 +82,8 @@ def find_compiler(name: str | None = None) -> Compiler | None:
     if name is not None:
         found = zig() if name == "zig" else _program(name)
         if found is None:
-            hint = "install the package ziglang" if name == "zig" else "use the name or path of a program"
+            hint = "use the name or path of a program, 'zig' (package ziglang), or 'none' for an FMU of sources"
+            hint = "install the package ziglang" if name == "zig" else hint
             raise uqmbd.StudyError(f"The C compiler {name!r} was not found; {hint}.")
         return found
     given = os.environ.get("CC", "").strip()

@@ -32,9 +32,9 @@ ABOUT = (
 )
 
 
-def distributions_text(space: GermSpace, parameters: Sequence[Variable]) -> str:
-    """Return the joint distribution as text in JSON, with the description of each input."""
-    inputs = [{"name": v.name, "units": v.units, "mean": v.start, "distribution": v.description} for v in parameters]
+def distributions_text(space: GermSpace, random: Sequence[Variable]) -> str:
+    """Return the joint distribution as text in JSON, with the description of each random variable."""
+    inputs = [{"name": v.name, "units": v.units, "mean": v.start, "distribution": v.description} for v in random]
     stored = {"about": ABOUT, "format": 1, "inputs": inputs, "germ_space": _plain(space.to_dataset().to_dict())}
     return json.dumps(stored, indent=1, allow_nan=False) + "\n"
 
@@ -90,13 +90,13 @@ def read_distributions(path: str | Path) -> GermSpace:
         return GermSpace.from_dataset(xr.Dataset.from_dict(_arrays(stored["germ_space"])))
     except (KeyError, ValueError, TypeError, UnicodeDecodeError, Xml.ParseError) as error:
         raise StudyError(
-            f"read_distributions: {file} contains no distributions of an export by uqmbd ({type(error).__name__}: "
-            f"{error}); expected an FMU, or the file with the ending .ssv next to it."
+            f"read_distributions: {file} contains no distributions of an export by uqmbd; expected an FMU of a "
+            "mechanism or surrogate with random variables, or the file with the ending .ssv next to it."
         ) from error
 
 
-def parameter_set(name: str, space: GermSpace, parameters: Sequence[Variable]) -> str:
-    """Return a parameter set of SSP 1.0 with the means of the inputs, and the joint distribution as an annotation."""
+def parameter_set(name: str, space: GermSpace, parameters: Sequence[Variable], random: Sequence[Variable]) -> str:
+    """Return a parameter set of SSP 1.0 with the means of parameters, and the joint distribution as an annotation."""
     Xml.register_namespace("ssv", VALUES)
     Xml.register_namespace("ssc", COMMON)
     root = Xml.Element(f"{{{VALUES}}}ParameterSet", {"version": "1.0", "name": name})
@@ -111,7 +111,7 @@ def parameter_set(name: str, space: GermSpace, parameters: Sequence[Variable]) -
             Xml.SubElement(Xml.SubElement(defined, f"{{{COMMON}}}Unit", {"name": unit}), f"{{{COMMON}}}BaseUnit")
     notes = Xml.SubElement(root, f"{{{VALUES}}}Annotations")
     note = Xml.SubElement(notes, f"{{{COMMON}}}Annotation", {"type": TYPE})
-    Xml.SubElement(note, "distributions").text = distributions_text(space, parameters)
+    Xml.SubElement(note, "distributions").text = distributions_text(space, random)
     Xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + Xml.tostring(root, encoding="unicode") + "\n"
 

@@ -24,19 +24,24 @@ class FmuExporter:
 
     fmi: Literal[2, 3] = 2
     quantiles: tuple[float, ...] = QUANTILES
-    compiler: str | None = None
+    compiler: str = "auto"
     windows: bool = False
     inputs: tuple[str, ...] = ()
 
     def refusal(self, what: str, study: Any) -> str:
         """Return why an object of a study cannot be exported."""
         try:
-            check_compilers(self.compiler, self.windows)
+            check_compilers(self._compiler, self.windows)
         except uqmbd.StudyError as error:
-            return str(error)
+            return f"--compiler {self.compiler}: {error}" if self._compiler else str(error)
         if what == "surrogate":
             return refusal(study) if not self.inputs else "--inputs belongs to a mechanism; add --what mechanism."
         return uqmbd.extend.motion_refusal(study.mechanism, study.times, held=self.inputs)
+
+    @property
+    def _compiler(self) -> str | None:
+        """The argument `compiler` of `export_fmu`: the text "none" is a choice, and no option is None."""
+        return None if self.compiler == "auto" else self.compiler
 
     def remark(self, what: str, study: Any) -> str:
         """Return which random variables can be inputs of a mechanism, and its contacts if there are several."""
@@ -50,6 +55,8 @@ class FmuExporter:
             found.append(f"parameters only, because they change the start alone: {', '.join(motion.fixed)}")
         if len(motion.contacts) > 1:
             found.append(f"at most one contact may be closed at a time, of {', '.join(motion.contacts)}")
+        if omitted := ", ".join(study.mechanism.scalars):
+            found.append(f"without the outputs {omitted}, each one number of a whole motion")
         return "; ".join(found)
 
     def export(self, source: Any, path: Path, study: Any) -> str:
@@ -59,7 +66,7 @@ class FmuExporter:
             path,
             fmi=self.fmi,
             quantiles=self.quantiles,
-            compiler=self.compiler,
+            compiler=self._compiler,
             windows=self.windows,
             times=tuple(study.times.tolist()),
             inputs=self.inputs,
@@ -68,6 +75,9 @@ class FmuExporter:
         lines = [f"FMU        {done.path} (FMI {self.fmi}.0, {done.size / 1000:.0f} kB)"]
         if done.parameters is not None:
             lines.append(f"inputs     {done.parameters} (means and joint distribution)")
+        if isinstance(source, uqmbd.Mechanism) and source.scalars:
+            omitted = ", ".join(source.scalars)
+            lines.append(f"omitted    {omitted}: each is one number of a whole motion; a surrogate contains them")
         if done.platforms:
             lines.append(f"binaries   {', '.join(done.platforms)}, compiled by {done.compiler}")
             if self.windows:

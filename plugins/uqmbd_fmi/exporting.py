@@ -53,7 +53,7 @@ class Exported:
     path : pathlib.Path
         The FMU.
     parameters : pathlib.Path or None
-        Parameter set (SSV) with the joint distribution of the inputs; None without inputs.
+        Parameter set (SSV) with the joint distribution of the random variables; None without random variables.
     platforms : tuple of str
         Platforms of the binaries in the FMU; empty for an FMU of sources.
     compiler : str
@@ -195,6 +195,7 @@ def _written(
         if name not in files:
             files[name] = (folder / name).read_text(encoding="utf-8")
     parameters = [v for v in variables if v.causality == "parameter"]
+    random = [v for v in variables if v.name in model.space.inputs]
     with tempfile.TemporaryDirectory(prefix="uqmbd_fmi_") as work:
         root = Path(work)
         (root / "sources").mkdir()
@@ -203,15 +204,15 @@ def _written(
         if fmi == 3:
             (root / "sources/buildDescription.xml").write_text(build_description(of), encoding="utf-8")
         (root / "modelDescription.xml").write_text(model_description(of, variables, fmi), encoding="utf-8")
-        if parameters:
+        if random:
             (root / PLACE).parent.mkdir(parents=True)
-            (root / PLACE).write_text(distributions_text(model.space, parameters), encoding="utf-8")
+            (root / PLACE).write_text(distributions_text(model.space, random), encoding="utf-8")
         platforms, used, warnings = _binaries(root, identifier, compiled, fmi, compiler, windows)
         _pack(root, target)
     settings = None
-    if parameters:
+    if random:
         settings = target.with_suffix(".ssv")
-        settings.write_text(parameter_set(target.stem, model.space, parameters), encoding="utf-8")
+        settings.write_text(parameter_set(target.stem, model.space, parameters, random), encoding="utf-8")
     return Exported(target, settings, platforms, used, warnings, target.stat().st_size)
 
 

@@ -87,8 +87,8 @@ def fmu_controller(
 
     Examples
     --------
-    >>> import uqmbd, uqmbd_fmi
-    >>> gain = uqmbd.RandomVariable("gain", uqmbd.Uniform(2, 4))  # doctest: +SKIP
+    >>> import chaospy, uqmbd, uqmbd_fmi
+    >>> gain = uqmbd.RandomVariable("gain", chaospy.Uniform(2, 4))
     >>> controller = uqmbd_fmi.fmu_controller(  # doctest: +SKIP
     ...     "loop", "pi.fmu", inputs={"y": "speed"}, outputs={"u": "N m"}, rate=50, parameters={"gain": gain}
     ... )

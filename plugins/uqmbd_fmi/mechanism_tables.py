@@ -33,7 +33,7 @@ def mechanism_model(
             Variable(
                 name,
                 "input" if name in held else "parameter",
-                f"Random input, {known.description}" if name not in held else "Input, constant in each step",
+                f"{'Input, constant in each step' if name in held else 'Random input'}, {known.description}",
                 known.units,
                 start=float(means[k]),
                 content=f"{{INPUT_VALUE, {k}}}",

@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqmbd import StudyError
 from uqmbd.extend import GermBox, GermSpace, stored_as
-from uqmbd.results import ComposedChaos, PiecewiseChaos, surrogate
+from uqmbd.results import ComposedChaos, PiecewiseChaos, methods, surrogate
 from uqmbd.typing import Array
 from uqmbd_fmi.tables import SourceTables, number, text
 from uqmbd_fmi.variables import Variable, check_names, variable_table
@@ -50,8 +50,10 @@ def read_surrogates(node: xr.DataTree) -> list[Any]:
         except StudyError as error:
             reasons.append(str(error))
     if not found:
+        if labels := [label for label in methods(node) if label in node.children]:
+            raise StudyError(f"A tree of results was given; expected the node of a method: {', '.join(labels)}.")
         hint = "Add such a method to the study, or export the mechanism."
-        raise StudyError(f"There is no surrogate to export: {' '.join(reasons)} {hint}")
+        raise StudyError(f"{' '.join(dict.fromkeys(reasons))} {hint}")
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes as c
 import shutil
+import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,6 +14,7 @@ import pytest
 import sympy
 
 import uqmbd
+from uqmbd.cli import main
 from uqmbd.extend import GermSpace, motion_refusal, motion_source
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import RotationDriver, SpeedDriver
@@ -591,7 +593,7 @@ REFUSED = {
         {},
         "a table over time whose argument depends on random variables",
     ),
-    "force of an impact": (lambda: bouncing(force=True), {}, "outputs that contain accelerations or reactions"),
+    "force of an impact": (lambda: bouncing(force=True), {}, "an output contains an acceleration or a reaction"),
     "state of a controller": (
         lambda: controlled(state=True),
         {},
@@ -603,7 +605,11 @@ REFUSED = {
         "initial value of the command 'torque' depends on random variables",
     ),
     "commanded speed": (lambda: controlled(speed=True), {}, "commands the speed of a driver"),
-    "unknown input": (rotor, {"held": ("force",)}, "'force' is not an input; the inputs are"),
+    "unknown input": (
+        rotor,
+        {"held": ("force",)},
+        "the inputs 'force' do not exist; expected names of random variables: ",
+    ),
     "input of the start": (thrown, {"held": ("speed",)}, "the input 'speed' changes the start of the motion only"),
     "speed that jumps": (lambda: driven(jumping), {}, "'drive' prescribes jumps at 0.5 s"),
 }
@@ -629,7 +635,7 @@ def test_tables_with_many_knots_are_refused_beforehand():
 
 def test_the_refusal_is_known_beforehand():
     assert (
-        "outputs that contain accelerations" in motion_refusal(bouncing(force=True)) and motion_refusal(rotor()) == ""
+        "an output contains an acceleration" in motion_refusal(bouncing(force=True)) and motion_refusal(rotor()) == ""
     )
 
 
@@ -728,3 +734,32 @@ def test_compilers_have_no_warnings(compiler, make, tmp_path):
     done = export_fmu(make(), tmp_path / "one.fmu", compiler=compiler, windows=compiler == "zig")
     assert done.warnings == "" and done.size < 500_000
     assert ("x86_64-windows" in done.platforms) == (compiler == "zig")
+
+
+def test_the_distributions_of_random_variables_that_are_inputs_are_exported(tmp_path):
+    mechanism = rotor()
+    names = list(mechanism.inputs.names)
+    done = export_fmu(mechanism, tmp_path / "one.fmu", compiler="none", inputs=names)
+    for path in (done.path, done.parameters):
+        assert list(read_distributions(path).inputs) == names
+
+
+def test_the_command_writes_sources_only_and_lists_omitted_outputs(tmp_path, capsys):
+    """The text "none" is a compiler, and not the default."""
+    script, target = tmp_path / "study.py", tmp_path / "one.fmu"
+    script.write_text(
+        "import chaospy, uqmbd\n"
+        "from uqmbd_montecarlo import MonteCarlo\n"
+        'speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")\n'
+        'mechanism = uqmbd.Mechanism("stone", uqmbd.Line())\n'
+        'stone = mechanism.body("stone", mass=1, velocity=speed)\n'
+        'mechanism.output("height", stone.position[0], units="m")\n'
+        'mechanism.output("highest", uqmbd.maximum(stone.position[0]), units="m")\n'
+        'study = uqmbd.Study("throw", mechanism, [0, 1, 2], [MonteCarlo(samples=4)])\n'
+    )
+    with pytest.raises(SystemExit, match="^0$"):
+        main(["export", str(script), "--to", str(target), "--what", "mechanism", "--compiler", "none"])
+    printed = capsys.readouterr().out
+    assert "binaries   none" in printed and "omitted    highest" in printed
+    with zipfile.ZipFile(target) as archive:
+        assert not any(name.startswith("binaries") for name in archive.namelist())

@@ -29,10 +29,12 @@ def refusal(name: str, value: Any, annotation: Any) -> str:
     >>> from uqmbd.arguments import Bounds
     >>> refusal("order", -1, Annotated[int, Bounds(0)])
     'order is -1; expected a whole number, 0 or more.'
+    >>> refusal("fmi", 1, Literal[2, 3])
+    'fmi is 1; expected one of 2, 3.'
     """
     words = [x for x in _literals(annotation) if isinstance(x, str)]
     near = did_you_mean(value, words) if isinstance(value, str) else ""
-    expected = _describe_annotation(annotation, [repr(x) for x in words])
+    expected = _describe_annotation(annotation, [repr(x) for x in _literals(annotation)])
     if not _finite(value):
         expected = expected.replace("a number", "a finite number").replace("of numbers", "of finite numbers")
     if most := _passed(value, annotation):

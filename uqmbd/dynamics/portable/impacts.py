@@ -27,7 +27,8 @@ def impact_obstacle(model: Model) -> str:
             return f"component {component!r} {why}"
     maps = [model.outputs, *(loop.measure for loop in model.controls)]
     if _touches(model) and any(one.accelerates for one in maps):
-        return "it has impacts, and outputs that contain accelerations or reactions require Python code in this case"
+        names = ", ".join(repr(component) for component, *_, directions in model.events if directions)
+        return f"it has impacts ({names}), and an output contains an acceleration or a reaction; remove such outputs"
     return ""
 
 

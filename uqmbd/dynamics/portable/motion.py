@@ -126,7 +126,10 @@ def motion_source(
         try:
             unknown = sorted(set(held) - set(model.inputs))
             if unknown:
-                raise StudyError(f"{unknown[0]!r} is not an input; the inputs are {', '.join(model.inputs) or 'none'}")
+                raise StudyError(
+                    f"the inputs {', '.join(map(repr, unknown))} do not exist; expected names of random variables: "
+                    f"{', '.join(model.inputs) or 'none exist'}"
+                )
             fixed = without_effect(mechanism, ensemble)
             if starting := sorted(set(held) & set(fixed)):
                 why = "changes the start of the motion only, or nothing; leave it a parameter"

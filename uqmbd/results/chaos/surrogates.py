@@ -99,7 +99,7 @@ def surrogate(
     if why := absent_surrogate(node):
         raise StudyError(f"The propagator {node.name!r}: {why}")
     if not parts:
-        raise StudyError(f"The propagator {node.name!r} contains no surrogate; collocation and Galerkin compute one.")
+        raise StudyError(f"The method {node.name!r} contains no surrogate; collocation and Galerkin compute one.")
     found, names = {}, []
     for name, (kind, part) in parts.items():
         data = part.to_dataset()
