@@ -45,7 +45,7 @@ STATEMENTS = {
     "uqmbd_collocation": 4_000,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
-    "uqmbd_fmi": 1_250,
+    "uqmbd_fmi": 1_260,
     "uqmbd_galerkin": 820,
     "uqmbd_geometry": 730,
     "uqmbd_joints": 610,
