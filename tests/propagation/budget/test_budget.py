@@ -16,7 +16,6 @@ import sympy
 
 import uqmbd
 from uqmbd.propagation.budget import Amount, BudgetTerms
-from uqmbd.propagation.budget.sized import Sized, Stage
 from uqmbd.propagation.studies.outcome import run_methods
 from uqmbd.results import stated_accuracy
 from uqmbd_collocation import Collocation
@@ -434,14 +433,6 @@ def test_a_refinement_of_many_inputs_begins_with_three_nodes_of_each(count):
     node = study.run(accuracy=0.01, budget=least + 2, planned=print)["collocation"]
     assert least - 2 <= node.attrs["realisations"] <= least + 2
     assert node["statistics/std"].values[0, -1] == pytest.approx(STD * math.sqrt(count), rel=1e-6)
-
-
-def test_orders_of_one_parity_without_terms_do_not_lead_to_an_order_that_is_too_high():
-    """The chaos of an even function gains only at even orders: errors 0.3, 0.03, 0.003 of orders 2 to 3, 4 to 5, 6."""
-    sized = Sized(Collocation(), Collocation().sizing(fall(Collocation()), 0.01), fall(Collocation()), 0.01)
-    for order, error in ((1, 1.0), (2, 0.3), (3, 0.3), (4, 0.03), (5, 0.029)):
-        sized.add(Stage(order, 4, 4, 1.0, 1.0, error, "mean of x", "mean"), None)
-    assert sized.needed() == 6
 
 
 @pytest.mark.thorough

@@ -200,17 +200,13 @@ class Sized:
         return last.accuracy <= self.accuracy
 
     def _step(self) -> float:
-        """Return the order at which the error reaches the accuracy, extrapolated from the last orders.
-
-        The rate is the mean over the last three orders. If terms of one parity are zero, every second order hardly
-        reduces the error.
-        """
+        """Return the order at which the error reaches the accuracy, extrapolated from the last orders."""
         one, *others = reversed([s for s in self.stages if 0 < s.accuracy < math.inf][-3:] or [self.stages[-1]])
         rates = [math.log(o.accuracy / one.accuracy) / (one.size - o.size) for o in others if o.accuracy > one.accuracy]
         assert self.accuracy is not None
         if not rates or not math.isfinite(one.accuracy):
             return self.stages[-1].size + 1
-        return max(self.stages[-1].size + 1, one.size + math.ceil(math.log(one.accuracy / self.accuracy) / rates[-1]))
+        return max(self.stages[-1].size + 1, one.size + math.ceil(math.log(one.accuracy / self.accuracy) / min(rates)))
 
     def following(self, left: RemainingBudget) -> int | None:
         """Return the next size; None if the method is accurate enough or no further size is affordable."""
