@@ -28,7 +28,11 @@ ACCURACIES = 0.1, 0.01, 0.001
 MOST = 50_000
 """Budget in realisations: 42,258 independent samples state 1 % in most cases, and no budget would suffice for 0.1 %."""
 SEPARATE = 5
-"""Most inputs of a chaos of one order for all; with more, a sparse grid is refined input by input."""
+"""Most inputs of a chaos of one order for all."""
+SPARSE = 3
+"""Fewest inputs of a sparse grid that is refined input by input; with fewer, tensor grids have as few nodes."""
+ELEMENTS = 4
+"""Most inputs of a chaos by elements, which follows if no other chaos reaches the accuracy."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +98,19 @@ RULES = {"now": Rules(), "design": Rules(requested=False), "limits": Rules("rand
 def methods(mechanism: str, sampling: str = "sobol") -> list[Propagator]:
     """Return the methods of a first study: those of the page on the choice of a method."""
     tested = Reference(CASES[mechanism]).mechanism
-    chaos = Collocation(alignment="auto") if tested.outputs else Collocation()
-    if len(tested.inputs) > SEPARATE:
-        chaos = Collocation(adaptive="dimension")
-    return [MonteCarlo(samples=512, sampling=sampling, seed=1), chaos]
+    found: list[Propagator] = [MonteCarlo(samples=512, sampling=sampling, seed=1)]
+    if len(tested.inputs) <= SEPARATE:
+        found.append(Collocation(alignment="auto") if tested.outputs else Collocation())
+    if len(tested.inputs) >= SPARSE:
+        found.append(Collocation(adaptive="dimension", label="sparse-grid"))
+    return found
+
+
+def further(mechanism: str) -> list[Propagator]:
+    """Return the methods of a second study, which follows if no chaos of the first one reaches the accuracy."""
+    if len(Reference(CASES[mechanism]).inputs) > ELEMENTS:
+        return []
+    return [Collocation(order=2, elements="adaptive", max_elements=256, label="elements")]
 
 
 def before_run(mechanism: str, accuracy: float) -> list[tuple[str, str]]:
@@ -121,16 +134,26 @@ def recommendation_of(mechanism: str, accuracy: float, rules: str) -> Recommenda
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             tree = study.run(accuracy=accuracy, budget=MOST, planned=lambda sentence: None)
+            nodes = dict(propagator_nodes(tree))
+            chaoses = [node for node in nodes.values() if node.attrs["propagator"] != MonteCarlo.name]
+            rough = all(stated_accuracy(node, rtol=study.rtol).value > accuracy for node in chaoses)
+            if RULES[rules].requested and rough and (more := further(mechanism)):
+                again = reference.study().with_propagators(more)
+                added = propagator_nodes(again.run(accuracy=accuracy, budget=MOST, planned=lambda sentence: None))
+                # elements that miss the accuracy leave the first recommendation as it is
+                nodes |= {k: x for k, x in added.items() if stated_accuracy(x, rtol=study.rtol).value <= accuracy}
     except UqmbdError as raised:
         return Recommendation(*about, "", np.nan, np.nan, 0, 0, 0, time.process_time() - begin, first_line(raised))
     seconds = time.process_time() - begin
-    nodes = propagator_nodes(tree)
     # outputs that do not occur in all realisations are not compared; the recommendation says which method has them
     censored = tree["comparison"].attrs.get("censored", "").split(", ") if "comparison" in tree.children else ()
     errors = {label: _error(node, truth, censored) for label, node in nodes.items()}
     costs = {label: int(node.attrs["realisations"]) for label, node in nodes.items()}
     whole, least = sum(costs.values()), min((costs[n] for n in nodes if errors[n] <= accuracy), default=0)
     advised = assess(tree).recommended if RULES[rules].requested else by_limits(nodes)
+    if "elements" in nodes:
+        # without a recommendation, as when samples and elements disagree, that of the first study remains
+        advised = recommended(compare(nodes, rtol=study.rtol)) or advised
     if not advised:
         return Recommendation(*about, "", np.nan, np.nan, 0, whole, least, seconds, "no method is recommended")
     label = advised[0]

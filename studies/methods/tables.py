@@ -3,7 +3,8 @@
 ``python -m studies.methods --store`` writes them from the stored rows: ``docs/explanation/methods.nc`` has the least
 cost of each method for each task, ``docs/explanation/methods.csv`` the best method and the recommendations, and
 ``docs/pictures/methods_KIND.png`` error against cost for each class of mechanisms.  ``docs/_static/choose_method.svg``
-is the decision diagram.
+is the decision diagram.  Without stored rows, the recommendations replace those of the stored table, and its best
+methods remain.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from matplotlib.figure import Figure
 
 from .cases import CLASSES, HERE, class_of
 from .diagram import diagram
-from .pages import store_page
+from .pages import best_realisations, store_page
 from .recommendations import ACCURACIES, RULES, Recommendation
-from .regret import costs_of, moments, regrets
+from .regret import Regret, costs_of, moments, regrets
 from .runs import Row
 
-__all__ = ["best_table", "cost_table", "draw", "store_tables"]
+__all__ = ["best_table", "cost_table", "draw", "revised_table", "store_tables"]
 
 DOCS = HERE.parents[1] / "docs"
 DRAWN = {
@@ -76,16 +77,51 @@ def best_table(rows: Sequence[Row], recommended: Sequence[Recommendation]) -> li
     costs, found = costs_of(rows), []
     for one, own in zip(recommended, regrets(rows, recommended), strict=True):
         best = min(moments(costs, one.mechanism, one.accuracy).values(), key=lambda b: b.realisations, default=None)
-        found.append(
-            {
-                "mechanism": one.mechanism, "kind": one.kind, "accuracy": one.accuracy, "rules": one.rules,
-                "best": own.best, "best_realisations": best.realisations if best else "",
-                "recommended": one.method or "none", "reached": "yes" if own.reached else "no",
-                "realisations": one.realisations, "stated": f"{one.stated:.2g}", "error": f"{one.error:.2g}",
-                "regret": f"{own.regret:.3g}",
-            }
-        )  # fmt: skip
+        found.append(_entry(one, own, best.realisations if best else ""))
     return found
+
+
+def revised_table(recommended: Sequence[Recommendation], path: Path) -> list[dict[str, object]]:
+    """Return the stored table with recommendations in place of those for the same task and rules.
+
+    The best methods are those of the table: this needs no rows of errors.  A recommendation without a stored best
+    method has no regret.
+    """
+    with path.open(newline="", encoding="utf-8") as file:
+        table: list[dict[str, object]] = list(csv.DictReader(file))
+    where = {_task(str(one["mechanism"]), float(str(one["accuracy"])), one["rules"]): k for k, one in enumerate(table)}
+    for one in recommended:
+        task = _task(one.mechanism, one.accuracy, one.rules)
+        known = table[where[task]] if task in where else {"best": "", "best_realisations": ""}
+        least, title = best_realisations(known), str(known["best"])
+        if one.least and (not least or one.least < least):
+            least, title = one.least, "a method of the run"
+        ratio = one.realisations / least if least and one.method else np.nan
+        regret = Regret(
+            one.mechanism, one.kind, one.accuracy, one.rules, one.method, title, ratio, one.error,
+            one.stated <= one.accuracy,
+        )  # fmt: skip
+        made = _entry(one, regret, known["best_realisations"])
+        if task in where:
+            table[where[task]] = made
+        else:
+            table.append(made)
+    return table
+
+
+def _task(mechanism: str, accuracy: float, rules: object) -> tuple[str, str, object]:
+    return mechanism, f"{accuracy:g}", rules
+
+
+def _entry(one: Recommendation, own: Regret, best_realisations: object) -> dict[str, object]:
+    """Return a row of the table of recommendations."""
+    return {
+        "mechanism": one.mechanism, "kind": one.kind, "accuracy": one.accuracy, "rules": one.rules,
+        "best": own.best, "best_realisations": best_realisations,
+        "recommended": one.method or "none", "reached": "yes" if own.reached else "no",
+        "realisations": one.realisations, "stated": f"{one.stated:.2g}", "error": f"{one.error:.2g}",
+        "regret": f"{own.regret:.3g}",
+    }  # fmt: skip
 
 
 def draw(rows: Sequence[Row], name: str) -> Figure:
@@ -129,16 +165,19 @@ def _legend(axes: np.ndarray) -> tuple[list[object], list[str]]:
 
 
 def store_tables(rows: Sequence[Row], recommended: Sequence[Recommendation], docs: Path = DOCS) -> None:
-    """Write the tables and figures of the pages."""
-    data = cost_table(rows)
-    encoding = {name: {"zlib": True, "complevel": 9} for name in data.data_vars}
-    data.to_netcdf(docs / "explanation" / "methods.nc", encoding=encoding)
-    table = best_table(rows, [one for one in recommended if one.rules in RULES])
-    with (docs / "explanation" / "methods.csv").open("w", newline="", encoding="utf-8") as file:
+    """Write the tables and figures of the pages; without rows, only the table of recommendations and the page."""
+    path, own = docs / "explanation" / "methods.csv", [one for one in recommended if one.rules in RULES]
+    table = best_table(rows, own) if rows else revised_table(own, path)
+    with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(table)
-    store_page(rows, recommended, docs / "how-to" / "choose_method.md")
+    store_page(rows, table, docs / "how-to" / "choose_method.md")
+    if not rows:
+        return
+    data = cost_table(rows)
+    encoding = {name: {"zlib": True, "complevel": 9} for name in data.data_vars}
+    data.to_netcdf(docs / "explanation" / "methods.nc", encoding=encoding)
     (docs / "_static" / "choose_method.svg").write_text(diagram(data), encoding="utf-8")
     for name in CLASSES:
         if any(class_of(row.kind) == name for row in rows):

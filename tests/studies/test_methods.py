@@ -107,6 +107,25 @@ def test_the_regret_is_that_of_all_sizes_that_reach_the_accuracy(rows, accuracy,
 
 
 @pytest.mark.thorough
+def test_new_recommendations_replace_those_of_the_stored_table(tmp_path):
+    """Their regrets refer to the stored best method, of 20 realisations, or to a better one of a run, of 10."""
+    tables, path = module("tables"), tmp_path / "methods.csv"
+    head = "mechanism,kind,accuracy,rules,best,best_realisations,recommended,reached,realisations,stated,error,regret"
+    first = 'a,smooth,0.1,now,"Galerkin, order=2",20,collocation,yes,100,0.05,0.01,5'
+    path.write_text(f"{head}\n{first}\nb,smooth,0.1,now,a method of the run,,collocation,yes,40,0.05,0.01,2\n")
+
+    def regrets(least):
+        made = [
+            module("recommendations").Recommendation(name, "smooth", 0.1, "now", "grid", 0.01, 0.05, 50, 50, least, 1.0)
+            for name in "ab"
+        ]
+        return [(one["recommended"], one["best"], float(one["regret"])) for one in tables.revised_table(made, path)]
+
+    assert regrets(0) == [("grid", "Galerkin, order=2", 2.5), ("grid", "a method of the run", 2.5)]
+    assert regrets(10) == [("grid", "a method of the run", 5.0)] * 2
+
+
+@pytest.mark.thorough
 @given(st.deferred(rows))
 def test_the_stored_table_has_the_least_costs_and_draws_the_diagram(rows):
     """Each number of the table against a search; the drawing is well-formed, for any rows."""
