@@ -88,7 +88,7 @@ def revised_table(recommended: Sequence[Recommendation], path: Path) -> list[dic
     method has no regret.
     """
     with path.open(newline="", encoding="utf-8") as file:
-        table: list[dict[str, object]] = list(csv.DictReader(file))
+        table: list[dict[str, object]] = [{str(key): x for key, x in row.items()} for row in csv.DictReader(file)]
     where = {_task(str(one["mechanism"]), float(str(one["accuracy"])), one["rules"]): k for k, one in enumerate(table)}
     for one in recommended:
         task = _task(one.mechanism, one.accuracy, one.rules)
