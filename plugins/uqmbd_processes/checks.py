@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd_processes.densities import PowerSpectralDensity
+from uqmbd_processes.paths import KNOTS_PER_WAVE
 from uqmbd_processes.process import RandomProcess
 from uqmbd_processes.spectral_moments import moments
 
@@ -129,6 +130,8 @@ def _percent(share: float) -> str:
 def _rounded(process: RandomProcess, factor: float) -> float:
     """Return a lower cutoff, Hz or cycle/m, rounded up to two digits."""
     value = factor * process.sampled_band[1] / (2 * math.pi)
+    if process.paths == "filter":  # the band ends at half of the frequency of the knots
+        value /= KNOTS_PER_WAVE / 2
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return math.ceil(value / unit - 1e-9) * unit
 
@@ -147,7 +150,7 @@ def _tail(process: RandomProcess, factor: float) -> RandomProcess:
     density = PowerSpectralDensity(
         function, "two", angular, (max(factor * process.sampled_band[1], process.band[0]), process.band[1])
     )
-    return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None)
+    return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None, paths="harmonics")
 
 
 def _expressions_over_time(mechanism: Any) -> list[tuple[str, Any]]:

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import uuid
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-import uqmbd
+import numpy as np
 
-__all__ = ["GIVEN", "check_family", "describe_function", "describe_options", "refuse_arithmetic"]
+import uqmbd
+from uqmbd.laws import distance
+
+__all__ = [
+    "GIVEN",
+    "PATHS",
+    "check_description",
+    "check_family",
+    "check_paths",
+    "check_units_and_mean",
+    "describe_function",
+    "describe_options",
+    "refuse_arithmetic",
+]
 
 GIVEN = ("psd", "covariance", "filter", "record")
 """Descriptions of processes, one of which is given."""
+
+PATHS = ("harmonics", "filter")
+"""Kinds of sampled paths."""
 
 SESSION = uuid.uuid4().hex[:8]
 """Name of this process in the texts of functions with unknown content."""
@@ -45,6 +62,8 @@ def describe_options(process: Any) -> dict[str, str]:
         found["mean"] = repr(process.mean)
     if process.coherence is not None:
         found["coherence"] = coherence
+    if process.paths != PATHS[0]:
+        found["paths"] = repr(process.paths)
     return found | {x: repr(getattr(process, x)) for x in ("length", "cutoff") if getattr(process, x) is not None}
 
 
@@ -59,6 +78,55 @@ def check_family(sources: Sequence[Any]) -> None:
                 f"random process {sources[0].family!r}: {sources[0].name!r} and {other.name!r} differ in {listed}; "
                 "expected points of one process. Give processes with other options different names."
             )
+
+
+def check_description(process: Any) -> tuple[str, str]:
+    """Return the name of a process in messages, and its argument; raise if it has not one description."""
+    if not isinstance(process.name, str) or not process.name.strip() or "/" in process.name:
+        raise uqmbd.StudyError(f"RandomProcess: the name is {process.name!r}; expected a text without '/'.")
+    where = f"random process {process.name!r}"
+    given = [name for name in GIVEN if getattr(process, name) is not None]
+    if len(given) != 1:
+        what = f"{' and '.join(given)} are given" if given else "no description is given"
+        raise uqmbd.StudyError(f"{where}: {what}; expected one of psd=, covariance=, filter= and record=.")
+    over = {distance: "distance", uqmbd.t: "time"}.get(process.over, process.over)
+    if over not in ("distance", "time"):
+        raise uqmbd.StudyError(f"{where}: over={process.over!r}; expected 'distance' or 'time'.")
+    return where, over
+
+
+def check_units_and_mean(where: str, process: Any) -> None:
+    """Raise unless the units, the mean and the coherence have the right kind."""
+    if not isinstance(process.units, str):
+        raise uqmbd.StudyError(f"{where}: units is {process.units!r}; expected a text such as 'm'.")
+    mean = process.mean
+    if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
+        raise uqmbd.StudyError(f"{where}: mean is {mean!r}; expected a finite number.")
+    if process.coherence is not None and not callable(process.coherence):
+        raise uqmbd.StudyError(
+            f"{where}: coherence is {process.coherence!r}; expected a function of the frequency and the separation."
+        )
+
+
+def check_paths(where: str, process: Any) -> None:
+    """Raise unless the process has sampled paths of the requested kind."""
+    if process.paths not in PATHS:
+        raise uqmbd.StudyError(f"{where}: paths is {process.paths!r}; expected 'harmonics' or 'filter'.")
+    if process.paths == PATHS[0]:
+        return
+    reason = ""
+    if process.shape is None:
+        reason = "the process has no shaping filter: give filter=, or covariance=exponential_covariance(...)"
+    elif process.density is not None and process.density.angular_band != (0.0, float("inf")):
+        reason = "the spectrum has a band, which the filter does not have; omit the band"
+    elif process.shape.d:
+        reason = "the process is white noise, which has no paths; use a smoother process"
+    elif process.coherence is not None:
+        reason = "the process has a coherence, which filters do not have; omit paths="
+    elif process.length is not None:
+        reason = "paths of a filter do not repeat; omit length="
+    if reason:
+        raise uqmbd.StudyError(f"{where}: paths='filter' is not possible: {reason}.")
 
 
 def refuse_arithmetic(process: Any, other: Any = None) -> NoReturn:

@@ -1,19 +1,51 @@
-"""Shaping filters of processes with a rational spectrum, and covariances that have one."""
+"""Shaping filters of processes with a rational spectrum, covariances that have one, and their discretised paths.
+
+The states of a filter at equal distances are a Markov chain, ``s[k + 1] = F s[k] + L z[k]`` with normal ``z``, whose
+covariances are exactly those of the process (Van Loan 1978). A path starts at the argument zero with the stationary
+distribution. Before zero it is the chain of the reversed process, whose matrix is ``P A^T P^-1``.
+
+C. F. Van Loan, "Computing integrals involving the matrix exponential", IEEE Transactions on Automatic Control 23 (1978)
+395-404.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd_processes.descriptions import check_family
+from uqmbd_processes.paths import (
+    KNOTS_PER_WAVE,
+    MARGIN,
+    MOST_KNOTS,
+    UNITS,
+    SampledProcess,
+    check_interval,
+    highest_frequency,
+    integral_above,
+    normal_numbers,
+)
 
-__all__ = ["ExponentialCovariance", "ShapingFilter", "check_positive", "exponential_covariance", "shaping_filter"]
+__all__ = [
+    "ExponentialCovariance",
+    "FilterPaths",
+    "ShapingFilter",
+    "check_positive",
+    "exponential_covariance",
+    "shaping_filter",
+]
 
 Array = NDArray[np.float64]
+
+REACH = 28
+"""Number of knots on either side that determine a coefficient of a spline; the weights of others are below 1e-16."""
 
 
 @dataclass(frozen=True)
@@ -167,3 +199,154 @@ def shaping_filter(where: str, given: Any) -> ShapingFilter:
         )
     rows = tuple(tuple(float(x) for x in row) for row in a)
     return ShapingFilter(rows, tuple(b.ravel().tolist()), tuple(c.ravel().tolist()))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Exact discretisation of a filter at a distance of knots: ``y[k + 1] = triangle y[k] + noise z[k]``, ``w = c y``.
+
+    The states are those of the complex Schur form, so that each one is a recursion of first order.
+    """
+
+    triangle: NDArray[np.complex128]  # (n, n)
+    noise: NDArray[np.complex128]  # (n, n)
+    first: NDArray[np.complex128]  # (n, n): from the states of the filter at the first knot
+    seen: NDArray[np.complex128]  # (n,): output
+
+    @classmethod
+    def of(cls, a: Array, b: Array, c: Array, step: float) -> Chain:
+        """Discretise a filter with the matrices (n, n), (n,) and (n,)."""
+        from scipy.linalg import expm, schur
+
+        # covariances over a short interval, which is then doubled: sums of positive definite terms are accurate
+        n, halvings = len(b), max(0, math.ceil(math.log2(max(float(np.linalg.norm(a)) * step, 1e-300))) + 1)
+        short = step / 2.0**halvings
+        block = expm(short * np.block([[-a, np.outer(b, b)], [np.zeros((n, n)), a.T]]))
+        transition = block[n:, n:].T
+        covariance = transition @ block[:n, n:]
+        for _ in range(halvings):
+            covariance = covariance + transition @ covariance @ transition.T
+            transition = transition @ transition
+        triangle, basis = schur(transition, output="complex")
+        back = basis.conj().T
+        return cls(triangle, back @ square_root(covariance), back, c @ basis)
+
+    def values(self, start: Array, normal: Array) -> Array:
+        """Return outputs (N + 1,) from the states of the filter (n,) at the first knot, and normal numbers (N, n)."""
+        from scipy.signal import lfilter
+
+        n = len(self.seen)
+        states = np.zeros((n, len(normal) + 1), dtype=complex)
+        total = np.zeros(len(normal) + 1)
+        for i in reversed(range(n)):
+            # sums of real products: their rounding does not depend on the length
+            driven = np.zeros(len(normal) + 1, dtype=complex)
+            driven[0] = sum(complex(self.first[i, j]) * float(start[j]) for j in range(n))
+            for j in range(n):
+                driven.real[1:] += self.noise[i, j].real * normal[:, j]
+                driven.imag[1:] += self.noise[i, j].imag * normal[:, j]
+            for j in range(i + 1, n):
+                factor, other = self.triangle[i, j], states[j, :-1]
+                driven.real[1:] += factor.real * other.real - factor.imag * other.imag
+                driven.imag[1:] += factor.real * other.imag + factor.imag * other.real
+            states[i] = lfilter([1.0], [1.0, -self.triangle[i, i]], driven)
+            total += self.seen[i].real * states[i].real - self.seen[i].imag * states[i].imag
+        return total
+
+
+def square_root(covariance: Array) -> Array:
+    """Return a matrix whose product with its transpose is a covariance (n, n), which may be singular."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(covariance / scale[:, None] / scale)
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+@dataclass(frozen=True)
+class FilterPaths:
+    """Paths of a filter at knots of a constant distance, with exact covariances; they do not repeat."""
+
+    process: SampledProcess
+    shape: ShapingFilter
+
+    period = math.inf
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        """Highest angular frequency of the cutoff, and the lost fraction of the variance."""
+        high, edges, above = highest_frequency(self.process)
+        return high, integral_above(self.process.two_sided, edges, above, self.band_of(high)) / float(above[0])
+
+    @staticmethod
+    def band_of(high: float) -> float:
+        """Return half of the angular frequency of the knots."""
+        return high * KNOTS_PER_WAVE / 2
+
+    @property
+    def step(self) -> float:
+        """Distance of the knots, m or s."""
+        return math.pi / self.band[1]
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Angular frequencies that the knots resolve."""
+        return 0.0, self.band_of(self._ends[0])
+
+    @property
+    def lost(self) -> float:
+        """Fraction of the variance outside of the band; at the knots it is in the band."""
+        return self._ends[1]
+
+    @cached_property
+    def _chains(self) -> tuple[Chain, Chain, Array]:
+        """Chains forwards and backwards, and the square root of the covariance at each knot."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        a, b, c = self.shape.matrices
+        covariance = solve_continuous_lyapunov(a, -np.outer(b, b))
+        scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+        scale[scale == 0] = 1.0
+        inverse = np.linalg.pinv(covariance / scale[:, None] / scale, rcond=1e-13, hermitian=True)
+        reversed_a = covariance @ a.T @ (inverse / scale[:, None] / scale)
+        return Chain.of(a, b, c, self.step), Chain.of(reversed_a, b, c, self.step), square_root(covariance)
+
+    def draw(
+        self, sources: Sequence[SampledProcess], keys: Array, begin: float, end: float
+    ) -> tuple[float, float, Array]:
+        """Return the first knot, the step and the coefficients (K, sources, n) of paths on an interval."""
+        where, units = f"random process {self.process.family!r}", UNITS[self.process.over]
+        check_interval(where, begin, end)
+        check_family(sources)
+        step = self.step
+        start, stop = math.floor(begin / step) - MARGIN, math.ceil(end / step) + MARGIN
+        low, high = start - 1 - REACH, stop + 1 + REACH
+        if max(high, -low) > MOST_KNOTS:
+            raise uqmbd.StudyError(
+                f"{where}: a path from {begin:g} to {end:g} {units[0]} has {max(high, -low)} knots from zero; at most "
+                f"{MOST_KNOTS} are supported. Give the process a lower cutoff=, {units[1]}."
+            )
+        found = np.empty((len(keys), len(sources), stop - start + 3))
+        for k, key in enumerate(keys.tolist()):
+            found[k] = _coefficients(self._values(key, low, high))
+        return start * step, step, found
+
+    def _values(self, key: float, low: int, high: int) -> Array:
+        """Return the path of a key at the knots from `low` to `high`."""
+        after, before, root = self._chains
+        n, count = len(root), (max(high, 0), max(-low, 0))
+        normal = [normal_numbers(self.process, key, n * (m or 1), k) for k, m in enumerate((1, *count))]
+        # sums of numbers in a fixed order, as everywhere in a path
+        first = np.array([sum(float(root[i, j] * normal[0][j]) for j in range(n)) for i in range(n)])
+        forwards = after.values(first, normal[1].reshape(-1, n)[: count[0]])
+        backwards = before.values(first, normal[2].reshape(-1, n)[: count[1]])
+        return np.concatenate([backwards[:0:-1], forwards])[low + count[1] : high + count[1] + 1]
+
+
+def _coefficients(values: Array) -> Array:
+    """Return the coefficients of the cubic B-spline through values at knots, without `REACH` knots at both ends."""
+    pole, count = math.sqrt(3.0) - 2.0, len(values) - 2 * REACH
+    found = math.sqrt(3.0) * values[REACH : REACH + count]
+    for k in range(1, REACH + 1):
+        both = values[REACH - k : REACH - k + count] + values[REACH + k : REACH + k + count]
+        found += math.sqrt(3.0) * pole**k * both
+    return np.asarray(found)

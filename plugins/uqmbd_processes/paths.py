@@ -23,7 +23,21 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd_processes.descriptions import check_family
 
-__all__ = ["LineSpectrum", "SampledProcess", "draw_splines", "line_powers", "line_spectrum"]
+__all__ = [
+    "KNOTS_PER_WAVE",
+    "MARGIN",
+    "MOST_KNOTS",
+    "UNITS",
+    "LineSpectrum",
+    "SampledProcess",
+    "check_interval",
+    "draw_splines",
+    "highest_frequency",
+    "integral_above",
+    "line_powers",
+    "line_spectrum",
+    "normal_numbers",
+]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -133,10 +147,10 @@ class LineSpectrum:
         return np.arange(max(math.floor(low + 0.5), 0), _last_line(high) + 1)
 
 
-def line_spectrum(process: SampledProcess) -> LineSpectrum:
-    """Return the period, band and knots of sampled paths."""
+def highest_frequency(process: SampledProcess) -> tuple[float, Array, Array]:
+    """Return the highest angular frequency of sampled paths, frequencies in the band, and the power above them."""
     where, units = f"random process {process.family!r}", UNITS[process.over]
-    density, cutoff, length = process.two_sided, process.cutoff, process.length
+    density, cutoff = process.two_sided, process.cutoff
     if not math.isfinite(process.variance):
         raise uqmbd.StudyError(
             f"{where}: the process has no finite variance, like white noise or a road of ISO 8608 without a band, and "
@@ -158,6 +172,14 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
             )
     elif end == math.inf:
         high = 2 * math.pi * _rounded_up(_quantile(density, edges, above, 1 - INSIDE) / (2 * math.pi))
+    return high, edges, above
+
+
+def line_spectrum(process: SampledProcess) -> LineSpectrum:
+    """Return the period, band and knots of sampled paths."""
+    where, units = f"random process {process.family!r}", UNITS[process.over]
+    density, length, (low, end) = process.two_sided, process.length, process.band
+    high, edges, above = highest_frequency(process)
     # paths with different cutoffs have the same lines if the spectrum has an end
     whole = end if end < math.inf else high
     if length is None:
@@ -184,7 +206,7 @@ def line_spectrum(process: SampledProcess) -> LineSpectrum:
             f"Write a shorter period, such as length={_rounded_down(least):g}, or a lower frequency, "
             f"such as cutoff={_rounded_down(most):g}."
         )
-    tail = 0.0 if high >= end else _above(density, edges, above, high)
+    tail = 0.0 if high >= end else integral_above(density, edges, above, high)
     return LineSpectrum(period, (low, high), tail / float(above[0]), int(next_fast_len(max(wanted, 16), real=True)))
 
 
@@ -208,10 +230,7 @@ def draw_splines(
 ) -> tuple[float, float, Array]:
     """Return the first knot, the step and the coefficients (K, sources, n) of paths on an interval."""
     where, units = f"random process {sources[0].family!r}", UNITS[sources[0].over][0]
-    if not (math.isfinite(begin) and math.isfinite(end) and begin <= end):
-        raise uqmbd.StudyError(
-            f"{where}: paths from {begin} to {end} were requested; expected finite numbers that do not decrease."
-        )
+    check_interval(where, begin, end)
     if end - begin > USABLE * spectrum.period:
         raise uqmbd.StudyError(
             f"{where}: a path of {end - begin:g} {units} was requested, but sampled paths repeat after "
@@ -234,7 +253,8 @@ def draw_splines(
     lines = np.zeros(spectrum.knots // 2 + 1, dtype=complex)
     for begins in range(0, len(keys), each):
         block = keys[begins : begins + each]
-        harmonics = np.array([[_normal(x, key, len(numbers)) for _, x in points] for key in block])
+        normal = [[normal_numbers(x, key, 2 * len(numbers)) for _, x in points] for key in block]
+        harmonics = np.array(normal).view(np.complex128)
         if len(points) > 1:
             # the bin of the line at zero ends at half the spacing
             frequency = np.where(numbers == 0, 0.25, numbers) * (2 * math.pi / spectrum.period)
@@ -249,6 +269,14 @@ def draw_splines(
     return start * step, step, found
 
 
+def check_interval(where: str, begin: float, end: float) -> None:
+    """Raise unless the ends of an interval are finite and do not decrease."""
+    if not (math.isfinite(begin) and math.isfinite(end) and begin <= end):
+        raise uqmbd.StudyError(
+            f"{where}: paths from {begin} to {end} were requested; expected finite numbers that do not decrease."
+        )
+
+
 def _amplitudes(spectrum: LineSpectrum, powers: Array) -> Array:
     """Return the factors of complex normal numbers in the transform of the coefficients."""
     numbers = spectrum.lines
@@ -257,12 +285,12 @@ def _amplitudes(spectrum: LineSpectrum, powers: Array) -> Array:
     return np.asarray(np.sqrt(scale) * 6 / (4 + 2 * np.cos(2 * math.pi * numbers / spectrum.knots)))
 
 
-def _normal(source: SampledProcess, key: float, count: int) -> Complex:
-    """Return normal real and imaginary parts, which depend on the key, the family and the point alone."""
+def normal_numbers(source: SampledProcess, key: float, count: int, *parts: int) -> Array:
+    """Return normal numbers, which depend on the key, the family, the point and the part of the path alone."""
     digest = hashlib.sha256(repr((source.family, source.point)).encode()).digest()
     words = np.frombuffer(np.asarray(key, dtype="<f8").tobytes() + digest, dtype="<u4")
-    generator = np.random.Generator(np.random.SFC64(np.random.SeedSequence(words.tolist())))
-    return np.asarray(generator.standard_normal(2 * count).view(np.complex128))
+    generator = np.random.Generator(np.random.SFC64(np.random.SeedSequence([*words.tolist(), *parts])))
+    return np.asarray(generator.standard_normal(count))
 
 
 def _correlate(where: str, harmonics: Complex, points: list[SampledProcess], frequency: Array) -> None:
@@ -342,7 +370,7 @@ def _integrals(density: Density, edges: Array) -> Array:
     return found
 
 
-def _above(density: Density, edges: Array, above: Array, frequency: float) -> float:
+def integral_above(density: Density, edges: Array, above: Array, frequency: float) -> float:
     """Return the integral of a density above a frequency."""
     after = int(np.searchsorted(edges, frequency))
     if after >= len(edges):
@@ -357,7 +385,7 @@ def _quantile(density: Density, edges: Array, above: Array, share: float) -> flo
     target = share * float(above[0])
     bin_ = int(np.flatnonzero(above >= target)[-1])
     bounds = edges[bin_], edges[min(bin_ + 1, len(edges) - 1)]
-    return float(brentq(lambda x: _above(density, edges, above, x) - target, *bounds, rtol=1e-9))
+    return float(brentq(lambda x: integral_above(density, edges, above, x) - target, *bounds, rtol=1e-9))
 
 
 def _largest(density: Density, edges: Array, low: float) -> float:

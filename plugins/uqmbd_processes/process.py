@@ -13,11 +13,17 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.laws import distance
 from uqmbd_processes.densities import PowerSpectralDensity, check_density, common_units, largest_power
-from uqmbd_processes.descriptions import GIVEN, describe_function, describe_options, refuse_arithmetic
+from uqmbd_processes.descriptions import (
+    check_description,
+    check_paths,
+    check_units_and_mean,
+    describe_function,
+    describe_options,
+    refuse_arithmetic,
+)
 from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
-from uqmbd_processes.filters import ExponentialCovariance, ShapingFilter, check_positive, shaping_filter
+from uqmbd_processes.filters import ExponentialCovariance, FilterPaths, ShapingFilter, check_positive, shaping_filter
 from uqmbd_processes.paths import LineSpectrum, draw_splines, line_powers, line_spectrum
 
 __all__ = ["RandomProcess"]
@@ -69,6 +75,9 @@ class RandomProcess:
         ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest wavelengths
         of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The band of the spectrum
         determines the shortest wavelength, or `cutoff` if the spectrum has no upper end.
+    paths : {"harmonics", "filter"}
+        Sampled paths are sums of harmonics, or the exact discretisation of the shaping filter at knots at a distance
+        of ``1 / (8 cutoff)``. The latter have the exact covariance at the knots and do not repeat.
     cutoff : float, optional
         Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths with different cutoffs are
         correlated if their `length` is equal. Default: the end of the band;
@@ -101,29 +110,13 @@ class RandomProcess:
     field: str = ""
     length: float | None = None
     cutoff: float | None = None
+    paths: Literal["harmonics", "filter"] = "harmonics"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.strip() or "/" in self.name:
-            raise uqmbd.StudyError(f"RandomProcess: the name is {self.name!r}; expected a text without '/'.")
-        where = f"random process {self.name!r}"
-        given = [name for name in GIVEN if getattr(self, name) is not None]
-        if len(given) != 1:
-            what = f"{' and '.join(given)} are given" if given else "no description is given"
-            raise uqmbd.StudyError(f"{where}: {what}; expected one of psd=, covariance=, filter= and record=.")
-        over = {distance: "distance", uqmbd.t: "time"}.get(self.over, self.over)
-        if over not in ("distance", "time"):
-            raise uqmbd.StudyError(f"{where}: over={self.over!r}; expected 'distance' or 'time'.")
+        where, over = check_description(self)
         object.__setattr__(self, "over", over)
-        if not isinstance(self.units, str):
-            raise uqmbd.StudyError(f"{where}: units is {self.units!r}; expected a text such as 'm'.")
-        mean = self.mean
-        if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
-            raise uqmbd.StudyError(f"{where}: mean is {mean!r}; expected a finite number.")
-        object.__setattr__(self, "mean", float(mean))
-        if self.coherence is not None and not callable(self.coherence):
-            raise uqmbd.StudyError(
-                f"{where}: coherence is {self.coherence!r}; expected a function of the frequency and the separation."
-            )
+        check_units_and_mean(where, self)
+        object.__setattr__(self, "mean", float(self.mean))
         for key in ("length", "cutoff"):
             if getattr(self, key) is not None:
                 check_positive(where, **{key: getattr(self, key)})
@@ -147,6 +140,7 @@ class RandomProcess:
         object.__setattr__(self, "_texts", tuple(map(describe_function, (self.covariance, self.coherence))))
         object.__setattr__(self, "_density", density)
         object.__setattr__(self, "_shape", shape)
+        check_paths(where, self)
         object.__setattr__(self, "_key", uqmbd.extend.path_key(self.family))
 
     @property
@@ -227,7 +221,7 @@ class RandomProcess:
 
     @property
     def sampled_period(self) -> float:
-        """Period after which sampled paths repeat, m or s."""
+        """Period after which sampled paths repeat, m or s; infinite for paths of a filter."""
         return self._lines.period
 
     @property
@@ -254,11 +248,12 @@ class RandomProcess:
         return tuple(float(x + y * i) for x, y in peaks for i in range(-4, 5) if x + y * i > 0)
 
     @cached_property
-    def _lines(self) -> LineSpectrum:
-        return line_spectrum(self)
+    def _lines(self) -> LineSpectrum | FilterPaths:
+        return line_spectrum(self) if self.paths == "harmonics" or self.shape is None else FilterPaths(self, self.shape)
 
     @cached_property
     def _line_powers(self) -> Array:
+        assert isinstance(self._lines, LineSpectrum)
         return line_powers(self, self._lines)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -313,7 +308,10 @@ class RandomProcess:
         >>> c.shape, round(step, 4)
         ((2, 1, 4022), 0.0125)
         """
-        return draw_splines(self._lines, self._line_powers, sources, np.asarray(keys, dtype=float), begin, end)
+        keys = np.asarray(keys, dtype=float)
+        if isinstance(self._lines, FilterPaths):
+            return self._lines.draw(sources, keys, begin, end)
+        return draw_splines(self._lines, self._line_powers, sources, keys, begin, end)
 
     def at(self, *point: float) -> RandomProcess:
         """Return the process at a point, which is coherent with the process at other points.
