@@ -298,7 +298,7 @@ class FilterPaths:
         return self._ends[1]
 
     @cached_property
-    def _chains(self) -> tuple[Chain, Chain, Array]:
+    def chains(self) -> tuple[Chain, Chain, Array]:
         """Chains forwards and backwards, and the square root of the covariance at each knot."""
         from scipy.linalg import solve_continuous_lyapunov
 
@@ -332,7 +332,7 @@ class FilterPaths:
 
     def _values(self, key: float, low: int, high: int) -> Array:
         """Return the path of a key at the knots from `low` to `high`."""
-        after, before, root = self._chains
+        after, before, root = self.chains
         n, count = len(root), (max(high, 0), max(-low, 0))
         normal = [normal_numbers(self.process, key, n * (m or 1), k) for k, m in enumerate((1, *count))]
         # sums of numbers in a fixed order, as everywhere in a path

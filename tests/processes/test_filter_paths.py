@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_processes import RandomProcess, exponential_covariance, iso8608, kanai_tajimi, stationary_std, white_noise
+from uqmbd_processes.filters import FilterPaths
 from uqmbd_springs import PointForce, SpringDamper
 
 OSCILLATOR = ([[0.0, 1.0], [-9.0, -0.6]], [0.0, 2.0], [1.0, 0.0])
@@ -53,7 +54,8 @@ def test_the_covariance_between_knots_is_exact(process):
 @pytest.mark.parametrize("process", ALL, ids=lambda x: x.name)
 def test_the_discretisation_is_that_of_the_matrix_exponential(process):
     """Without sampling: the transitions, and the covariance that they preserve, forwards and backwards."""
-    after, before, root = process._lines._chains
+    discretised = FilterPaths(process, process.shape)
+    after, before, root = discretised.chains
     stationary = root @ root.T
     a, b, c = process.shape.matrices
     solved = scipy.linalg.solve_continuous_lyapunov(a, -np.outer(b, b))
@@ -65,9 +67,8 @@ def test_the_discretisation_is_that_of_the_matrix_exponential(process):
         kept = transition @ stationary @ transition.T + noise @ noise.T
         scale = np.sqrt(np.diagonal(stationary))
         np.testing.assert_allclose(kept / scale / scale[:, None], stationary / scale / scale[:, None], atol=1e-12)
-    step = process._lines.step
     ahead = (after.first.conj().T @ after.triangle @ after.first).real
-    np.testing.assert_allclose(ahead, scipy.linalg.expm(a * step), rtol=1e-10, atol=1e-13 * np.abs(a).max())
+    np.testing.assert_allclose(ahead, scipy.linalg.expm(a * discretised.step), rtol=1e-10, atol=1e-13 * np.abs(a).max())
 
 
 @settings(max_examples=30, deadline=None)
