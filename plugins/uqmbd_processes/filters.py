@@ -1,6 +1,6 @@
 """Shaping filters of processes with a rational spectrum, covariances that have one, and their discretised paths.
 
-The states of a filter at equal distances are a Markov chain, ``s[k + 1] = F s[k] + L z[k]`` with normal ``z``, whose
+The states of a filter at equal distances are a Markov chain, ``s[k + 1] = F s[k] + L z[k]`` with normal ``z``. Its
 covariances are exactly those of the process (Van Loan 1978). A path starts at the argument zero with the stationary
 distribution. Before zero it is the chain of the reversed process, whose matrix is ``P A^T P^-1``.
 
@@ -202,7 +202,7 @@ def shaping_filter(where: str, given: Any) -> ShapingFilter:
 
 
 @dataclass(frozen=True)
-class Chain:
+class DiscretisedFilter:
     """Exact discretisation of a filter at a distance of knots: ``y[k + 1] = triangle y[k] + noise z[k]``, ``w = c y``.
 
     The states are those of the complex Schur form, so that each one is a recursion of first order.
@@ -214,7 +214,7 @@ class Chain:
     seen: NDArray[np.complex128]  # (n,): output
 
     @classmethod
-    def of(cls, a: Array, b: Array, c: Array, step: float) -> Chain:
+    def of(cls, a: Array, b: Array, c: Array, step: float) -> DiscretisedFilter:
         """Discretise a filter with the matrices (n, n), (n,) and (n,)."""
         from scipy.linalg import expm, schur
 
@@ -298,7 +298,7 @@ class FilterPaths:
         return self._ends[1]
 
     @cached_property
-    def chains(self) -> tuple[Chain, Chain, Array]:
+    def chains(self) -> tuple[DiscretisedFilter, DiscretisedFilter, Array]:
         """Chains forwards and backwards, and the square root of the covariance at each knot."""
         from scipy.linalg import solve_continuous_lyapunov
 
@@ -308,7 +308,11 @@ class FilterPaths:
         scale[scale == 0] = 1.0
         inverse = np.linalg.pinv(covariance / scale[:, None] / scale, rcond=1e-13, hermitian=True)
         reversed_a = covariance @ a.T @ (inverse / scale[:, None] / scale)
-        return Chain.of(a, b, c, self.step), Chain.of(reversed_a, b, c, self.step), square_root(covariance)
+        return (
+            DiscretisedFilter.of(a, b, c, self.step),
+            DiscretisedFilter.of(reversed_a, b, c, self.step),
+            square_root(covariance),
+        )
 
     def draw(
         self, sources: Sequence[SampledProcess], keys: Array, begin: float, end: float
