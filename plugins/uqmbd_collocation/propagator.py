@@ -259,6 +259,7 @@ class Collocation(uqmbd.extend.Propagator):
         split, aligned = self.elements is not None, self.alignment not in (None, "two-frequency")
         for name, used, what in (
             ("tolerance", self.adaptive != "no", "adaptive='no'"),
+            ("tolerance", self.max_error is None, f"max_error={self.max_error}"),
             ("max_elements", split or aligned, "elements=None"),
             ("threshold", split, "elements=None"),
         ):
@@ -390,7 +391,9 @@ class Collocation(uqmbd.extend.Propagator):
 
         if self.adaptive != "no":
             plain = self.alignment is None and self.verify > 0
-            tolerance = self.tolerance if accuracy is None or plain else accuracy / BOUND
+            tolerance = self.tolerance
+            if accuracy is not None:
+                tolerance = Collocation.tolerance if plain else accuracy / BOUND
             error = self.max_error if accuracy is None or not plain else ROOM * accuracy
             space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
             return uqmbd.extend.Sizing(
@@ -398,7 +401,7 @@ class Collocation(uqmbd.extend.Propagator):
                 at=lambda most: replace(self, max_realisations=most, tolerance=tolerance, max_error=error),
                 least=self._first_nodes(space) + self.verify,
                 falls="itself",
-                also=("max_error",) if plain else ("tolerance",),
+                also=() if accuracy is None else ("max_error", "tolerance") if plain else ("tolerance",),
                 bound=self.max_realisations,
                 tighten=None if accuracy is None else tighter,
             )

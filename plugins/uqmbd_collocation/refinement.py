@@ -73,7 +73,7 @@ class RefinementStep:
     def error(self) -> float:
         """Root mean square error at the verification points, relative to the largest standard deviation over time."""
         share = 2 * self.missed_std  # of the sum of variance and mean square error
-        return float(np.sqrt(share / (1 - share))) if share < 1 else np.inf
+        return float(np.sqrt(share / (1 - share))) if not share >= 1 else np.inf
 
     @property
     def change(self) -> float:
@@ -83,11 +83,9 @@ class RefinementStep:
     def log(self, label: str, limits: Limits) -> None:
         """Write the step to the log ``uqmbd.refinement``."""
         about = (label, self.realisations, self.terms, self.change_mean, self.change_std, self.missed_std)
-        text = (
-            "%s: %d realisations, %d terms: mean changed by %.2g, standard deviation by %.2g; missing %.2g; tolerance "
-            "%.2g"
-        )
-        logging.getLogger("uqmbd.refinement").info(text, *about, limits.tolerance)
+        text = "%s: %d realisations, %d terms: mean changed by %.2g, standard deviation by %.2g; missing %.2g; %s %.2g"
+        limit = ("tolerance", limits.tolerance) if limits.error is None else ("max_error", limits.error)
+        logging.getLogger("uqmbd.refinement").info(text, *about, *limit)
 
     def met(self, limits: Limits, *, settled: bool) -> bool:
         """Return whether the limits are met; `settled`: whether mean and standard deviation have converged."""
@@ -126,15 +124,17 @@ def missed_share(
     small by e^2 / (2 s). Two steps of a refinement can agree although both miss the same terms (an even function, an
     interaction without main effects). Realisations at other points detect such terms. The result is the largest value
     over the outputs, divided by the largest standard deviation over time. Without verification points, the result is 0.
+    If the realisations of all verification points failed, the result is NaN.
     """
     known = runs.verification(points)
     if not len(known):
-        return 0.0
+        return np.nan if len(points) else 0.0
     surrogate = np.einsum("kp,pot->kot", runs.space.evaluate(known.points.germs, multi_index), coefficients)
     weights = known.points.weights / known.points.weights.sum()
     error = np.tensordot(weights, (surrogate - known.response) ** 2, axes=1)
     scale = scale_of(runs, coefficients[0], np.sum(coefficients[1:] ** 2, axis=0) + error)
-    return float((error.max(axis=-1) / (2 * scale**2)).max())
+    ratio = np.sqrt(error.max(axis=-1)) / scale  # the square of the scale of an output that is zero underflows
+    return float((0.5 * ratio**2).max())
 
 
 class UnmetWarning(UserWarning):
@@ -150,7 +150,7 @@ def warn_unmet(
 ) -> None:
     """Warn that a refinement ended before its tolerance was met; `helpful`: more realisations, or another method."""
     if limits.error is not None and steps:
-        _warn_error_unmet(label, limits.error, steps, reason, helpful)
+        _warn_error_unmet(label, limits, steps, reason, helpful)
         return
     last, missed = "", steps[-1].missed_std if steps else np.nan
     if steps and np.isfinite(steps[-1].settled):
@@ -173,13 +173,21 @@ def warn_unmet(
     )
 
 
-def _warn_error_unmet(label: str, error: float, steps: list[RefinementStep], reason: str, helpful: str) -> None:
+def _warn_error_unmet(label: str, limits: Limits, steps: list[RefinementStep], reason: str, helpful: str) -> None:
     """Warn that a refinement ended before the error at the verification realisations was small enough."""
+    assert limits.error is not None
+    error, noise = steps[-1].error, NOISE * limits.rtol
     errors = [RefinementStep(one.realisations, one.terms, one.error, one.error) for one in steps]
-    more = prospect(errors, error, more=helpful == "realisations") if helpful != "neither" else ""
+    if limits.error < noise:
+        reason += f". Errors of this size may be integration errors (rtol={limits.rtol:g}); try a smaller rtol"
+    # more realisations and other methods cannot reduce integration errors
+    limited = helpful != "neither" and error >= noise
+    more = prospect(errors, limits.error, more=helpful == "realisations") if limited else ""
+    known = f"the error at the verification realisations is {error:.2g} of the largest standard deviation"
+    known = known if np.isfinite(error) else "the error at the verification realisations is unknown"
     warnings.warn(
-        f"{label}: max_error {error:g} was not met with {steps[-1].realisations} realisations: the error at the "
-        f"verification realisations is {steps[-1].error:.2g} of the largest standard deviation. Reason: {reason}{more}",
+        f"{label}: max_error {limits.error:g} was not met with {steps[-1].realisations} realisations: {known}. "
+        f"Reason: {reason}{more}",
         UnmetWarning,
         stacklevel=4,
     )

@@ -188,8 +188,12 @@ class ModalModel:
             if id(node) not in checked:
                 checked[id(node)] = _node(where, key, node, d, m)
         object.__setattr__(self, "nodes", {key: checked[id(node)] for key, node in self.nodes.items()})
+        for line in self.lines:
+            if isinstance(line, str) or not isinstance(line, Sequence):
+                raise uqmbd.StudyError(f"{where}: lines contains {line!r:.80}; expected a sequence of names of nodes.")
+        names = tuple(self.nodes)
         for name in (x for line in self.lines for x in line):
-            if name not in self.nodes:
+            if name not in names:
                 raise uqmbd.StudyError(f"{where}: lines contains {name!r:.80}, which is not a node.")
         stresses = {name: _array(where, f"stresses[{name!r}]", x) for name, x in self.stresses.items()}
         for name, row in stresses.items():

@@ -31,9 +31,13 @@ class FmuExporter:
     def refusal(self, what: str, study: Any) -> str:
         """Return why an object of a study cannot be exported."""
         try:
-            check_compilers(self._compiler, self.windows)
+            check_compilers(self._compiler, windows=False)
         except uqmbd.StudyError as error:
-            return f"--compiler {self.compiler}: {error}" if self._compiler else str(error)
+            return f"--compiler {self.compiler}: {error}"
+        try:
+            check_compilers(None, self.windows)
+        except uqmbd.StudyError as error:
+            return f"--windows: {error}"
         if what == "surrogate":
             return refusal(study) if not self.inputs else "--inputs belongs to a mechanism; add --what mechanism."
         return uqmbd.extend.motion_refusal(study.mechanism, study.times, held=self.inputs)

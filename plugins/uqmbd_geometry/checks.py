@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 import uqmbd
-from uqmbd_geometry.clearances import instant_of
+from uqmbd_geometry.clearances import INSIDE, instant_of
 
 __all__ = ["ClearanceTimes"]
 
@@ -21,10 +21,11 @@ class ClearanceTimes:
         if not len(study.times):
             return
         begin, end = float(study.times[0]), float(study.times[-1])
+        slack = INSIDE * (end - begin)
         for output in study.mechanism.observed():
             for part in sympy.preorder_traversal(output.expression):
                 time = instant_of(part)
-                if time is not None and not begin <= time <= end:
+                if time is not None and not begin - slack <= time <= end + slack:
                     yield uqmbd.extend.Finding(
                         uqmbd.extend.Severity.WARNING,
                         f"output {output.name!r}",

@@ -18,6 +18,9 @@ from uqmbd_geometry.pairs import Pair, Side, pair_of
 
 __all__ = ["clearance", "clearance_over_time", "instant_of"]
 
+INSIDE = 1e-9
+"""Distance of a time from the simulated interval, relative to its length, that counts as zero."""
+
 RESOLVED = 1e-4
 """Distance, relative to the size of the shapes, by which another minimum may be below the returned one."""
 
@@ -278,7 +281,7 @@ def _distances(motion: uqmbd.extend.MotionPolynomials, data: Instants) -> Array 
     if reason := moving.invalid():
         return reason
     times = np.array(data.times)
-    slack = 1e-9 * float(motion.end[-1] - motion.begin[0])
+    slack = INSIDE * float(motion.end[-1] - motion.begin[0])
     inside = (times >= motion.begin[0] - slack) & (times <= motion.end[-1] + slack)
     found = np.full(len(times), np.nan)
     seen = np.clip(times[inside], motion.begin[0], motion.end[-1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +61,7 @@ class UnusedProcesses:
 
 
 class LostVariance:
-    """State the share of the variance that outputs lose above the cutoff of sampled paths, by the linear response."""
+    """State by which share sampled paths change the variance of outputs, by the linear response."""
 
     def find(self, study: Any) -> Iterator[uqmbd.extend.Finding]:
         """Yield a finding for each process whose sampled paths lose variance."""
@@ -84,21 +84,22 @@ class LostVariance:
             names = " and ".join(f"{_rounded(p, factor):g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items())
             lost = f"{max(100 * loss, 1e-3):.2g} %"
             advice = (
-                f"A lower cutoff= needs fewer steps: with {names}, no output loses more than {lost} of its variance"
+                f"A lower cutoff= needs fewer steps: with {names}, no variance of an output changes by more than {lost}"
             )
         ends = [f"{p.sampled_band[1] / (2 * math.pi):.4g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items()]
         yield uqmbd.extend.Finding(
             uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
             f"random process {next(iter(lossy))!r}",
-            f"sampled paths of random processes end at a frequency ({', '.join(ends)}); without the higher "
-            f"frequencies, parts of the variance of the linear response at the means are missing: {', '.join(parts)}",
+            f"sampled paths of random processes resolve frequencies below a limit ({', '.join(ends)}); the others "
+            f"{_effect(lossy.values())}. This changes parts of the variance of the linear response at the means: "
+            f"{', '.join(parts)}",
             advice,
         )
 
 
 @uqmbd.extend.linear_output(power=0)
 def _lost_share(system: LinearSystem, factor: float) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the share of the variance above the highest frequencies of sampled paths, times a factor.
+    """Return the share of the variance that sampled paths change, with the cutoffs times a factor.
 
     The share is -1 without a variance.
     """
@@ -117,10 +118,16 @@ class _Density:
     """Density of a process, with the same text at all points of the process."""
 
     text: str
-    process: RandomProcess = field(repr=False)
+    function: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(repr=False)
 
     def __call__(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.process.two_sided(frequency)
+        return self.function(frequency)
+
+
+def _effect(processes: Iterable[RandomProcess]) -> str:
+    """Return what paths do with the frequencies that they do not resolve."""
+    found = {"are folded to lower ones" if p.paths == "filter" else "are missing" for p in processes}
+    return " or ".join(sorted(found))
 
 
 def _percent(share: float) -> str:
@@ -144,12 +151,19 @@ def _lower_cutoff(every: list[list[float]]) -> tuple[float, float] | None:
 
 
 def _tail(process: RandomProcess, factor: float) -> RandomProcess:
-    """Return the process of the frequencies above the sampled frequencies, times a factor."""
+    """Return the process of the part that sampled paths change, with the cutoff times a factor.
+
+    Paths of harmonics have no frequencies above their band.  Paths of filters fold these frequencies into their band.
+    """
     angular: Any = "rad/s" if process.over == "time" else "rad/m"
-    function = _Density("".join(process.description.values()), process)
-    density = PowerSpectralDensity(
-        function, "two", angular, (max(factor * process.sampled_band[1], process.band[0]), process.band[1])
-    )
+    text = "".join(process.description.values())
+    changed = process.changed_density(factor)
+    if changed is None:
+        function = _Density(text, process.two_sided)
+        low = max(factor * process.sampled_band[1], process.band[0])
+    else:
+        function, low = _Density(f"{text} {factor}", changed), process.band[0]
+    density = PowerSpectralDensity(function, "two", angular, (low, process.band[1]))
     return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None, paths="harmonics")
 
 

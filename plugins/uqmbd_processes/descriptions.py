@@ -68,7 +68,12 @@ def describe_options(process: Any) -> dict[str, str]:
 
 
 def check_family(sources: Sequence[Any]) -> None:
-    """Raise unless processes at points of one name differ only in their points."""
+    """Raise unless processes have one name and differ only in their points."""
+    if len({x.family for x in sources}) > 1:
+        listed = ", ".join(sorted({repr(x.family) for x in sources}))
+        raise uqmbd.StudyError(
+            f"random process {sources[0].family!r}: paths of {listed} were requested; expected points of one process."
+        )
     first = sources[0].description
     for other in sources[1:]:
         if other.description != first:
@@ -116,7 +121,7 @@ def check_paths(where: str, process: Any) -> None:
         return
     reason = ""
     if process.shape is None:
-        reason = "the process has no shaping filter: give filter=, or covariance=exponential_covariance(...)"
+        reason = "the process has no shaping filter: give filter=, exponential_covariance(...) or kanai_tajimi(...)"
     elif process.density is not None and process.density.angular_band != (0.0, float("inf")):
         reason = "the spectrum has a band, which the filter does not have; omit the band"
     elif process.shape.d:

@@ -47,6 +47,9 @@ Array = NDArray[np.float64]
 REACH = 28
 """Number of knots on either side that determine a coefficient of a spline; the weights of others are below 1e-16."""
 
+ACCURATE = 1e-6
+"""Largest rate of change of the covariances of the reversed filter, relative to its rates."""
+
 
 @dataclass(frozen=True)
 class ShapingFilter:
@@ -231,6 +234,13 @@ class DiscretisedFilter:
         back = basis.conj().T
         return cls(triangle, back @ square_root(covariance), back, c @ basis)
 
+    def density(self, angle: Array) -> Array:
+        """Return the two-sided density per rad at angles, which are frequencies times the distance of the knots."""
+        systems = np.exp(1j * angle)[..., None, None] * np.eye(len(self.seen)) - self.triangle.T
+        seen = np.broadcast_to(self.seen[:, None], (*angle.shape, len(self.seen), 1))
+        response = np.linalg.solve(systems, seen)[..., 0]
+        return np.asarray(np.sum(np.abs(response @ self.noise) ** 2, axis=-1) / (2 * math.pi))
+
     def values(self, start: Array, normal: Array) -> Array:
         """Return outputs (N + 1,) from the states of the filter (n,) at the first knot, and normal numbers (N, n)."""
         from scipy.signal import lfilter
@@ -294,8 +304,20 @@ class FilterPaths:
 
     @property
     def lost(self) -> float:
-        """Fraction of the variance outside of the band; at the knots it is in the band."""
+        """Fraction of the variance above the band, which the knots fold into the band."""
         return self._ends[1]
+
+    def folded(self, frequency: Array, factor: float) -> Array:
+        """Return the size of the change of the two-sided density by the knots, with the cutoff times a factor.
+
+        The knots have the density of the chain, which is periodic; the spline between them weights it.
+        """
+        step = self.step / factor
+        chain = self.chains[0] if factor == 1.0 else DiscretisedFilter.of(*self.shape.matrices, step)
+        half = 0.5 * step * frequency
+        # transfer function of the cardinal spline
+        weight = np.sinc(half / np.pi) ** 4 * 3 / (2 + np.cos(2 * half))
+        return np.abs(chain.density(2 * half) * step * weight**2 - self.shape.two_sided(frequency))
 
     @cached_property
     def chains(self) -> tuple[DiscretisedFilter, DiscretisedFilter, Array]:
@@ -308,6 +330,12 @@ class FilterPaths:
         scale[scale == 0] = 1.0
         inverse = np.linalg.pinv(covariance / scale[:, None] / scale, rcond=1e-13, hermitian=True)
         reversed_a = covariance @ a.T @ (inverse / scale[:, None] / scale)
+        rest = (reversed_a @ covariance + covariance @ reversed_a.T + np.outer(b, b)) / scale[:, None] / scale
+        if np.abs(rest).max() > ACCURATE * float(np.abs(a).max()):
+            raise uqmbd.StudyError(
+                f"random process {self.process.family!r}: the states of the filter are too dependent to compute paths "
+                "before zero. Use a filter of lower order, or paths='harmonics'."
+            )
         return (
             DiscretisedFilter.of(a, b, c, self.step),
             DiscretisedFilter.of(reversed_a, b, c, self.step),

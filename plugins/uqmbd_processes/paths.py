@@ -236,9 +236,6 @@ def draw_splines(
             f"{where}: a path of {end - begin:g} {units} was requested, but sampled paths repeat after "
             f"{spectrum.period:g} {units}; write length={_rounded_up((end - begin) / USABLE, 2):g}."
         )
-    if len({x.family for x in sources}) > 1:
-        listed = ", ".join(sorted({repr(x.family) for x in sources}))
-        raise uqmbd.StudyError(f"{where}: paths of {listed} were requested; expected points of one process.")
     check_family(sources)
     points = sorted({x.point: x for x in sources}.items())
     places = [[p for p, _ in points].index(x.point) for x in sources]

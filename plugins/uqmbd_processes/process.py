@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -74,14 +74,15 @@ class RandomProcess:
         Period P after which sampled paths repeat, m or s. By default the longer of 16,384 shortest wavelengths and
         ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest wavelengths
         of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The band of the spectrum
-        determines the shortest wavelength, or `cutoff` if the spectrum has no upper end.
+        determines the shortest wavelength, or `cutoff` if the spectrum has no upper end. Paths of filters have no
+        `length`.
     paths : {"harmonics", "filter"}
         Sampled paths are sums of harmonics, or the exact discretisation of the shaping filter at knots at a distance
         of ``1 / (8 cutoff)``. The latter have the exact covariance at the knots and do not repeat.
     cutoff : float, optional
-        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths with different cutoffs are
-        correlated if their `length` is equal. Default: the end of the band;
-        for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
+        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths of harmonics with
+        different cutoffs are correlated if their `length` is equal; paths of filters are independent. Default: the end
+        of the band; for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
 
     Raises
     ------
@@ -240,6 +241,14 @@ class RandomProcess:
         """Fraction of the variance above the highest frequency of sampled paths."""
         return self._lines.lost
 
+    def changed_density(self, factor: float) -> Callable[[Array], Array] | None:
+        """Return the size of the change of the two-sided density in paths of filters, with the cutoff times a factor.
+
+        None for paths of harmonics, which have the density up to the cutoff.
+        """
+        lines = self._lines
+        return partial(lines.folded, factor=factor) if isinstance(lines, FilterPaths) else None
+
     @cached_property
     def marks(self) -> tuple[float, ...]:
         """Angular frequencies at peaks of the density, and next to them."""
@@ -287,15 +296,15 @@ class RandomProcess:
         Raises
         ------
         uqmbd.StudyError
-            If the process has no variance, or the interval is longer than 0.9 periods. Also if a period has more than
-            4,000,000 knots, or the coherences of the points are contradictory. Also if the sources differ in more
-            than their points.
+            If the process has no variance, or the interval is longer than 0.9 periods. Also if a period, or a
+            path of a filter from zero, has more than 4,000,000 knots, or the coherences of the points are contradictory.
+            Also if the sources differ in more than their points.
 
         Notes
         -----
         Processes of one name in different mechanisms have the same random numbers, which reduces the sampling error of
-        comparisons. With another `cutoff` and the same period, all common
-        harmonics are equal. The default period of a spectrum without an upper end depends on `cutoff`: give `length`.
+        comparisons. With another `cutoff` and the same period, all common harmonics are equal; paths of filters are
+        then independent. The default period of a spectrum without an upper end depends on `cutoff`: give `length`.
         Paths at several points are correlated in the order of the coordinates.
 
         Examples

@@ -69,6 +69,22 @@ def balancing_scales(a: Array) -> Array:
     return np.ascontiguousarray(_balancing_scales(_last(a)).T)
 
 
+def _applied(matrices: Array, vectors: Array) -> Array:
+    """Return products (n, K) of matrices (n, n, K) and vectors (n, K); sums have the same order for all K."""
+    found = np.zeros(matrices.shape[1:])
+    for j in range(len(vectors)):
+        found = found + matrices[:, j] * vectors[j]
+    return found
+
+
+def _sum(terms: Array) -> Array:
+    """Return the sums (K,) of terms (n, K), in the same order for all K."""
+    found = np.zeros(terms.shape[1:])
+    for one in terms:
+        found = found + one
+    return found
+
+
 def _last(matrices: Array) -> Array:
     """Copy matrices with the realisations (K, ...) on the last axis, along which loops over small matrices are fast."""
     return np.array(np.moveaxis(matrices, 0, -1), order="C")
@@ -80,8 +96,8 @@ def _balancing_scales(a: Array) -> Array:
     size = np.abs(a)
     size[np.arange(len(a)), np.arange(len(a))] = 0.0
     for _ in range(12):
-        row = scale * np.einsum("ijk,jk->ik", size, 1 / scale)
-        column = np.einsum("ik,ijk->jk", scale, size) / scale
+        row = scale * _applied(size, 1 / scale)
+        column = _applied(np.swapaxes(size, 0, 1), scale) / scale
         usable = (row > 0) & (column > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.exp2(np.round(np.log2(np.where(usable, column / row, 1.0)) / 4))
@@ -116,9 +132,11 @@ class CharacteristicPolynomials:
         matrix, error, size = scaled, np.zeros(count), np.full(count, np.sqrt(n))
         # norms bound errors: the norm of a system is 1, up to its rounding
         for k in range(1, n + 1):
-            product = np.einsum("ijk,jmk->imk", scaled, matrix) if k > 1 else scaled
+            product = scaled
+            if k > 1:
+                product = np.stack([_applied(scaled, matrix[:, m]) for m in range(n)], axis=1)
             wrong = error + (n + 2) * EPS * size
-            trace = -np.einsum("iik->k", product) / k
+            trace = -_sum(product[own, own]) / k
             size = _norm(product)
             wrong_trace = np.sqrt(n) / k * (wrong + (n + 2) * EPS * size)
             coefficients.append(Bounded(trace, wrong_trace))
@@ -148,15 +166,15 @@ class CharacteristicPolynomials:
         vector, error, drive = driven, np.zeros_like(driven), np.abs(driven)
         found = []
         for k in range(1, n + 1):
-            terms = (weight * np.abs(vector)).sum(axis=0)
-            value, bound = (seen * vector).sum(axis=0), (weight * error).sum(axis=0)
+            terms = _sum(weight * np.abs(vector))
+            value, bound = _sum(seen * vector), _sum(weight * error)
             found.append(Bounded(value, bound + (n + 2) * EPS * terms))
             if k < n:
                 factor = self.coefficients[k]
                 more = error + (n + 4) * EPS * np.abs(vector)
                 bound = (np.abs(factor.value) * (4 * EPS) + factor.error) * drive
-                error = np.einsum("ijk,jk->ik", size, more) + bound
-                vector = np.einsum("ijk,jk->ik", self.scaled, vector) + factor.value * driven
+                error = _applied(size, more) + bound
+                vector = _applied(self.scaled, vector) + factor.value * driven
         return found
 
 
@@ -166,7 +184,7 @@ def _exact(values: Array) -> Bounded:
 
 def _norm(matrices: Array) -> Array:
     """Return the Frobenius norms (K,) of matrices (n, n, K)."""
-    return np.asarray(np.sqrt(np.einsum("ijk,ijk->k", matrices, matrices)))
+    return np.sqrt(_sum((matrices * matrices).reshape(-1, matrices.shape[-1])))
 
 
 def rational_variance(

@@ -131,6 +131,7 @@ class Reliability(uqmbd.extend.Propagator):
     name: ClassVar[str] = "reliability"
     requirements: ClassVar[bool] = True
     accepts_keys: ClassVar[bool] = True
+    samples_inputs: ClassVar[bool] = True
     requirement: str | None = None
     method: Literal["auto", "form", "subset"] = "auto"
     target_cov: Annotated[float, uqmbd.extend.Bounds(FINEST, 1)] = 0.05
@@ -352,7 +353,7 @@ class Reliability(uqmbd.extend.Propagator):
         }
         if missed and self.method != "subset":
             # the variance of an estimate is proportional to the inverse of the number of realisations
-            needed = runs.count * (max(missed.values()) / self.target_cov) ** 2
+            needed = max(runs.count * (max(missed.values()) / self.target_cov) ** 2, 1.1 * self.max_realisations)
             about = f" to about {float(f'{needed:.2g}'):,.0f}" if needed < 1e8 else ""
             warnings.warn(
                 f"{problem.label}: the analysis did not reach target_cov={self.target_cov:g} for "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -76,8 +77,9 @@ def best(table: Sequence[Mapping[str, object]], accuracy: float = 0.01) -> str:
 
 def best_realisations(one: Mapping[str, object]) -> int:
     """Return the fewest realisations of a task, also of a method of the run; 0: no method reaches the accuracy."""
-    if one["best"] == "a method of the run":
-        return round(int(str(one["realisations"])) / float(str(one["regret"])))
+    regret = float(str(one["regret"] or "nan"))
+    if one["best"] == "a method of the run" and math.isfinite(regret):
+        return round(int(str(one["realisations"])) / regret)
     return int(str(one["best_realisations"] or 0))
 
 

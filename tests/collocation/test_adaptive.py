@@ -91,6 +91,22 @@ def test_a_maximum_error_that_is_not_reached_is_reported(resting):
         study.propagate(Collocation(adaptive="dimension", max_error=1e-9, max_realisations=60))
 
 
+@pytest.mark.parametrize("adaptive", ["order", "dimension"])
+def test_an_output_that_is_zero_does_not_prevent_the_end_of_a_refinement(adaptive):
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2), units="m/s")
+    mechanism = uqmbd.Mechanism("body", uqmbd.Translational())
+    body = mechanism.body("body", mass=1, velocity=(speed, 0))
+    for name, value in zip("xy", body.position, strict=True):
+        mechanism.output(name, value, units="m")
+    node = uqmbd.Study("s", mechanism, [0, 1], []).propagate(Collocation(adaptive=adaptive, max_error=0.01))
+    assert node.attrs["tolerance_met"] == "True" and node.attrs["realisations"] < 40
+
+
+def test_a_tolerance_beside_a_maximum_error_has_no_effect_and_is_reported():
+    with pytest.warns(uqmbd.StudyWarning, match="tolerance=0.5 has no effect with max_error=0.01"):
+        Collocation(adaptive="order", max_error=0.01, tolerance=0.5)
+
+
 @pytest.mark.parametrize(
     "options", [{}, {"adaptive": "order", "verify": 0}, {"adaptive": "order", "alignment": "phase"}], ids=str
 )

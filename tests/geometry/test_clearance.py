@@ -17,6 +17,7 @@ from uqmbd_geometry import clearance, clearance_over_time
 from uqmbd_geometry.checks import ClearanceTimes
 from uqmbd_geometry.distances import contains, distance, solid_of
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_processes import CommonPaths
 
 from .solids import box, torus
 
@@ -196,7 +197,9 @@ def test_the_probability_of_a_requirement_on_clearance():
     assert np.count_nonzero(mine == 0) > 5
 
 
-@pytest.mark.parametrize("method", [Collocation(order=2), Galerkin(order=2)], ids=lambda one: one.name)
+@pytest.mark.parametrize(
+    "method", [Collocation(order=2), Galerkin(order=2), CommonPaths(order=2)], ids=lambda one: one.name
+)
 @pytest.mark.parametrize("kind", ["output", "requirement", "series"])
 def test_methods_with_surrogates_refuse_clearances(method, kind):
     """The message names the quantity, the method and the methods that compute it; other methods of a study run."""

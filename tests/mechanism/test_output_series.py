@@ -104,3 +104,10 @@ def test_what_a_series_refuses():
         mechanism.output("moving", uqmbd.extend.OutputSeries([body.position[0]], [2.0], "mass", "kg"))
     with pytest.raises(uqmbd.StudyError, match="axis"):
         uqmbd.extend.OutputSeries([uqmbd.eigenfrequency(1)], [2.0], "time", "s")
+
+
+def test_positions_that_differ_little_have_different_names():
+    positions = [1000.0, 1000.001, 1000.0010001]
+    found = uqmbd.extend.OutputSeries([uqmbd.eigenfrequency(1)] * 3, positions, "mass", "kg").named("f")
+    assert list(found) == ["f at 1000 kg", "f at 1000.001 kg", "f at 1000.0010001 kg"]
+    assert [place.position for _, place in found.values()] == positions

@@ -176,3 +176,19 @@ def test_polynomials_do_not_change_their_systems():
     systems = np.full((3, 1, 1), -2.0)
     found = CharacteristicPolynomials.of(systems)
     assert (systems == -2.0).all() and found.stable.all()
+
+
+@pytest.mark.parametrize("n", [1, 2, 6, 9])
+def test_polynomials_of_a_realisation_do_not_depend_on_the_others(n):
+    rng = np.random.default_rng(n)
+    a, b, c = rng.normal(size=(40, n, n)) - 3 * np.eye(n), rng.normal(size=(40, n)), rng.normal(size=(40, n))
+    whole = CharacteristicPolynomials.of(a)
+    numerators = whole.numerator(c, b)
+    for k in range(40):
+        one = CharacteristicPolynomials.of(a[k : k + 1])
+        for own, other in zip(
+            (*one.coefficients, *one.numerator(c[k : k + 1], b[k : k + 1])),
+            (*whole.coefficients, *numerators),
+            strict=True,
+        ):
+            assert own.value[0] == other.value[k] and own.error[0] == other.error[k]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import interpolate, signal
 
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_processes import RandomProcess, exponential_covariance, iso8608, kanai_tajimi, stationary_std, white_noise
+from uqmbd_processes.checks import LostVariance
 from uqmbd_processes.filters import FilterPaths
 from uqmbd_springs import PointForce, SpringDamper
 
@@ -123,3 +126,25 @@ def test_motions_on_these_paths_have_the_stationary_deviation():
     expected = node["scalars/statistics"]["mean"].item()
     late = node["statistics"].to_dataset().sel(output="position")["std"].values[10:]
     assert np.sqrt(np.mean(late**2)) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.thorough
+def test_the_change_of_a_variance_by_knots_is_stated():
+    """An oscillator of 2 Hz under coarse knots: a long path of the spline through the knots, and Lyapunov's equation."""
+    force = RandomProcess("force", covariance=exponential_covariance(3.0, 0.5), units="N", cutoff=1.2, paths="filter")
+    stiffness, damping = (4 * math.pi) ** 2, 0.16 * math.pi
+    mechanism = uqmbd.Mechanism("mass", uqmbd.Line())
+    body = mechanism.body("body", mass=1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, body, 0, 0, stiffness=stiffness, damping=damping))
+    mechanism.add(PointForce("push", body, 0, force(uqmbd.t)))
+    mechanism.output("x", body.position[0], units="m")
+    system = np.array([[0.0, 1.0, 0.0], [-stiffness, -damping, 1.0], [0.0, 0.0, -2.0]])
+    exact = scipy.linalg.solve_continuous_lyapunov(system, -np.diag([0.0, 0.0, 36.0]))[0, 0]
+    (finding,) = LostVariance().find(uqmbd.Study("s", mechanism, [0.0, 1.0], [MonteCarlo(samples=2)]))
+    stated = float(re.search(r"([\d.]+) % of 'x'", finding.text)[1]) / 100
+    assert 0.1 < stated < 0.14 and "folded to lower ones" in finding.text
+    first, step, c = force.sample_paths([force], np.array([0.3]), 0.0, 40_000.0)
+    times = np.arange(10.0, 39_990.0, 0.02)
+    path = interpolate.BSpline(first + step * np.arange(-2, c.shape[-1] + 2), c[0, 0], 3)(times)
+    _, response, _ = signal.lsim(([1.0], [1.0, damping, stiffness]), path, times - times[0])
+    assert response[2000:].var() / exact - 1 == pytest.approx(stated, abs=0.04)

@@ -117,7 +117,7 @@ def test_a_sampled_motion_is_that_of_the_equations_written_by_hand(sampled):
     assert acceleration.max() > 3
 
 
-@pytest.mark.filterwarnings("ignore:.*sampled paths of random processes end at a frequency")
+@pytest.mark.filterwarnings("ignore:.*sampled paths of random processes resolve")
 @pytest.mark.thorough
 @pytest.mark.parametrize("road_class, low, high", [("B", 0.96, 1.02), ("D", 1.03, 1.12)])
 def test_the_linear_response_agrees_while_the_car_does_not_touch_its_stop(sampled, road_class, low, high):

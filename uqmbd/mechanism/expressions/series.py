@@ -98,7 +98,10 @@ class OutputSeries(tuple[sympy.Expr, ...]):
                     "without a time, such as a standard deviation or an eigenfrequency."
                 )
         units = "" if self.units in ("", "1") else f" {self.units}"
+        digits = next(
+            (k for k in range(6, 18) if len({f"{x:.{k}g}" for x in self.positions}) == len(self.positions)), 17
+        )
         return {
-            f"{name} at {position:.6g}{units}": (quantity, SeriesPlace(name, position, self.axis, self.units))
+            f"{name} at {position:.{digits}g}{units}": (quantity, SeriesPlace(name, position, self.axis, self.units))
             for quantity, position in zip(self, self.positions, strict=True)
         }

@@ -22,8 +22,8 @@ def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
         return None
     return (
         f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
-        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({_sampling()}), or outputs of "
-        "the stationary response"
+        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({_with('accepts_keys')}), or "
+        "outputs of the stationary response"
     )
 
 
@@ -31,22 +31,22 @@ def refused_output(propagator: Propagator, mechanism: Mechanism) -> str | None:
     """Return the reason why a method cannot compute outputs that are not smooth functions of the inputs, or None."""
     from uqmbd.mechanism import not_smooth
 
-    if propagator.accepts_keys or not len(mechanism.inputs):
+    if propagator.samples_inputs or not len(mechanism.inputs):
         return None
     for output in mechanism.observed():
         if quantity := not_smooth(output.expression):
             return (
                 f"{output.name!r} contains {quantity}, which is not a smooth function of the inputs, so the method "
                 f"{propagator.name!r} cannot approximate it by a surrogate. Use a method that samples the inputs "
-                f"({_sampling()}), or remove {output.name!r} from the mechanism of this method"
+                f"({_with('samples_inputs')}), or remove {output.name!r} from the mechanism of this method"
             )
     return None
 
 
-def _sampling() -> str:
-    """Return the names of the methods that accept keys, which sample the inputs."""
+def _with(property_name: str) -> str:
+    """Return the names of the methods with a property."""
     found = plugins.propagators().items()
-    return ", ".join(repr(name) for name, method in found if getattr(method, "accepts_keys", False)) or "none"
+    return ", ".join(repr(name) for name, method in found if getattr(method, property_name, False)) or "none"
 
 
 def require_keys_accepted(propagator: Propagator, inputs: JointInput) -> None:

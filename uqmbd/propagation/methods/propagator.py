@@ -57,7 +57,11 @@ class Propagator(ABC):
     """Whether the method accepts keys of sampled paths (`uqmbd.extend.path_key`), on which no result depends smoothly.
 
     A method that only samples its inputs accepts keys; a method that interpolates or searches in its inputs does not.
-    Methods that accept no keys also refuse summaries that are declared by ``uqmbd.extend.summary(smooth=False)``.
+    """
+    samples_inputs: ClassVar[bool] = False
+    """Whether the method only samples its inputs, so that outputs need not be smooth functions of them.
+
+    Other methods refuse summaries that are declared by ``uqmbd.extend.summary(smooth=False)``.
     """
     label: str | None = None
 

@@ -248,8 +248,9 @@ class Sketch:
         found: list[Stroke] = []
         for part in self.parts:
             found += self._component(make, part, points[0], reaches, unit)
+        lined = {k for lines in self.lines.values() for line in lines for k in line}
         for k, kind in enumerate(self.kinds):
-            dotted = kind == "observed" or (kind == "node" and self.owners[k] not in self.lines)
+            dotted = kind == "observed" or (kind == "node" and k not in lined)
             found += make.centre_of_mass(k) if kind == "com" else [make.dot(k, clear=True)] * dotted
         return found
 
