@@ -317,7 +317,7 @@ class FilterPaths:
         half = 0.5 * step * frequency
         # transfer function of the cardinal spline
         weight = np.sinc(half / np.pi) ** 4 * 3 / (2 + np.cos(2 * half))
-        return np.abs(chain.density(2 * half) * step * weight**2 - self.shape.two_sided(frequency))
+        return np.asarray(np.abs(chain.density(2 * half) * step * weight**2 - self.shape.two_sided(frequency)))
 
     @cached_property
     def chains(self) -> tuple[DiscretisedFilter, DiscretisedFilter, Array]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import sympy
@@ -74,8 +74,7 @@ class RandomProcess:
         Period P after which sampled paths repeat, m or s. By default the longer of 16,384 shortest wavelengths and
         ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest wavelengths
         of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The band of the spectrum
-        determines the shortest wavelength, or `cutoff` if the spectrum has no upper end. Paths of filters have no
-        `length`.
+        determines the shortest wavelength, or `cutoff` if the spectrum has no upper end.
     paths : {"harmonics", "filter"}
         Sampled paths are sums of harmonics, or the exact discretisation of the shaping filter at knots at a distance
         of ``1 / (8 cutoff)``. The latter have the exact covariance at the knots and do not repeat.
@@ -228,8 +227,7 @@ class RandomProcess:
     @property
     def key(self) -> uqmbd.RandomVariable:
         """Input of mechanisms with outputs over time, which chooses the sampled path of a realisation."""
-        found: uqmbd.RandomVariable = vars(self)["_key"]
-        return found
+        return cast("uqmbd.RandomVariable", vars(self)["_key"])
 
     @property
     def sampled_band(self) -> tuple[float, float]:
@@ -242,12 +240,8 @@ class RandomProcess:
         return self._lines.lost
 
     def changed_density(self, factor: float) -> Callable[[Array], Array] | None:
-        """Return the size of the change of the two-sided density in paths of filters, with the cutoff times a factor.
-
-        None for paths of harmonics, which have the density up to the cutoff.
-        """
-        lines = self._lines
-        return partial(lines.folded, factor=factor) if isinstance(lines, FilterPaths) else None
+        """Return the size of the change of the density in paths, with the cutoff times a factor; None of harmonics."""
+        return partial(self._lines.folded, factor=factor) if isinstance(self._lines, FilterPaths) else None
 
     @cached_property
     def marks(self) -> tuple[float, ...]:
@@ -297,8 +291,8 @@ class RandomProcess:
         ------
         uqmbd.StudyError
             If the process has no variance, or the interval is longer than 0.9 periods. Also if a period, or a
-            path of a filter from zero, has more than 4,000,000 knots, or the coherences of the points are contradictory.
-            Also if the sources differ in more than their points.
+            path of a filter from zero, has more than 4,000,000 knots. Also if the coherences of the points are
+            contradictory, or the sources differ in more than their points.
 
         Notes
         -----
