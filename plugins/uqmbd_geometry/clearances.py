@@ -98,7 +98,7 @@ def clearance_over_time(body_a: Any, body_b: Any, times: Any) -> uqmbd.extend.Ou
     body_a, body_b : Body, or uqmbd.shapes.BodyShape for `body_b`
         Bodies with shapes, as for `clearance`.
     times : sequence of float
-        Increasing times, s. A realisation that does not reach a time has no value there.
+        Increasing times, s. A realisation that does not reach a time fails.
 
     Returns
     -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -48,10 +49,8 @@ class Pair:
 
 def pair_of(where: str, body_a: Any, body_b: Any) -> tuple[list[sympy.Expr], Pair, str]:
     """Return the expressions that a motion contains, the two bodies, and a text for messages and results."""
-    try:
-        import fcl  # noqa: F401
-    except ImportError:
-        raise uqmbd.StudyError(f"{where}: python-fcl is not installed; install uqmbd[geometry].") from None
+    if importlib.util.find_spec("fcl") is None:
+        raise uqmbd.StudyError(f"{where}: python-fcl is not installed; install uqmbd[geometry].")
     expressions: list[sympy.Expr] = []
     sides = (_side(where, body_a, "body_a", expressions), _side(where, body_b, "body_b", expressions))
     if not sides[0].dimension:
