@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,12 +158,12 @@ def _tail(process: RandomProcess, factor: float) -> RandomProcess:
     """
     angular: Any = "rad/s" if process.over == "time" else "rad/m"
     text = "".join(process.description.values())
-    changed = process.changed_density(factor)
+    changed = process.changed_density
     if changed is None:
         function = _Density(text, process.two_sided)
         low = max(factor * process.sampled_band[1], process.band[0])
     else:
-        function, low = _Density(f"{text} {factor}", changed), process.band[0]
+        function, low = _Density(f"{text} {factor}", partial(changed, factor)), process.band[0]
     density = PowerSpectralDensity(function, "two", angular, (low, process.band[1]))
     return replace(process, psd=density, covariance=None, filter=None, record=None, cutoff=None, paths="harmonics")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -30,8 +30,7 @@ __all__ = ["RandomProcess"]
 
 Array = NDArray[np.float64]
 
-CACHED = ("_peak", "description", "marks", "_lines", "_line_powers")
-"""Values that are computed when they are needed."""
+CACHED = ("_peak", "description", "marks", "_lines", "_line_powers")  # computed when they are needed
 
 
 @dataclass(frozen=True, repr=False)
@@ -239,9 +238,10 @@ class RandomProcess:
         """Fraction of the variance above the highest frequency of sampled paths."""
         return self._lines.lost
 
-    def changed_density(self, factor: float) -> Callable[[Array], Array] | None:
-        """Return the size of the change of the density in paths, with the cutoff times a factor; None of harmonics."""
-        return partial(self._lines.folded, factor=factor) if isinstance(self._lines, FilterPaths) else None
+    @property
+    def changed_density(self) -> Callable[[float, Array], Array] | None:
+        """Size of the change of the density, of a factor of the cutoff and frequency; None of harmonics."""
+        return self._lines.folded if isinstance(self._lines, FilterPaths) else None
 
     @cached_property
     def marks(self) -> tuple[float, ...]:
