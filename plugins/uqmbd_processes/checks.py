@@ -34,6 +34,9 @@ LITTLE = 1e-3
 FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 """Cutoffs, relative to those of the study, whose losses are computed."""
 
+EXPANSION = "karhunen_loeve"
+"""Kind of paths that are not stationary."""
+
 NONE = "its linear response is zero"
 
 UNITS = {"distance": "cycle/m", "time": "Hz"}
@@ -87,13 +90,13 @@ class LostVariance:
             advice = (
                 f"A lower cutoff= needs fewer steps: with {names}, no variance of an output changes by more than {lost}"
             )
-        ends = [f"{p.sampled_band[1] / (2 * math.pi):.4g} {UNITS[p.over]} for {name!r}" for name, p in lossy.items()]
+        ends = [f"{_limit(p)} for {name!r}" for name, p in lossy.items()]
         yield uqmbd.extend.Finding(
             uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
             f"random process {next(iter(lossy))!r}",
             f"sampled paths of random processes resolve frequencies below a limit ({', '.join(ends)}); the others "
             f"{_effect(lossy.values())}. This changes parts of the variance of the linear response at the means: "
-            f"{', '.join(parts)}",
+            f"{', '.join(parts)}{_averaged(lossy.values())}",
             advice,
         )
 
@@ -131,6 +134,19 @@ def _effect(processes: Iterable[RandomProcess]) -> str:
     return " or ".join(sorted(found))
 
 
+def _limit(process: RandomProcess) -> str:
+    """Return the highest frequency of paths, and the number of terms of an expansion."""
+    frequency = process.sampled_band[1] / (2 * math.pi)
+    terms = f" ({round(2 * process.length * frequency)} terms)" if process.paths == EXPANSION and process.length else ""
+    return f"{frequency:.4g} {UNITS[process.over]}{terms}"
+
+
+def _averaged(processes: Iterable[RandomProcess]) -> str:
+    """Return a remark on processes whose paths are not stationary, or an empty text."""
+    expanded = [p for p in processes if p.paths == EXPANSION]
+    return ". Shares of expansions are means over their length, with the weight of Hann's window" if expanded else ""
+
+
 def _percent(share: float) -> str:
     return "below 0.001 %" if share < 1e-5 else f"{100 * share:.2g} %"
 
@@ -155,6 +171,7 @@ def _tail(process: RandomProcess, factor: float) -> RandomProcess:
     """Return the process of the part that sampled paths change, with the cutoff times a factor.
 
     Paths of harmonics have no frequencies above their band.  Paths of filters fold these frequencies into their band.
+    Expansions omit eigenfunctions, whose spectra also contain lower frequencies.
     """
     angular: Any = "rad/s" if process.over == "time" else "rad/m"
     text = "".join(process.description.values())

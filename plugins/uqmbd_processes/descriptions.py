@@ -18,6 +18,7 @@ __all__ = [
     "check_description",
     "check_family",
     "check_paths",
+    "check_point",
     "check_units_and_mean",
     "describe_function",
     "describe_options",
@@ -27,7 +28,7 @@ __all__ = [
 GIVEN = ("psd", "covariance", "filter", "record")
 """Descriptions of processes, one of which is given."""
 
-PATHS = ("harmonics", "filter")
+PATHS = ("harmonics", "filter", "karhunen_loeve")
 """Kinds of sampled paths."""
 
 SESSION = uuid.uuid4().hex[:8]
@@ -116,22 +117,42 @@ def check_units_and_mean(where: str, process: Any) -> None:
 def check_paths(where: str, process: Any) -> None:
     """Raise unless the process has sampled paths of the requested kind."""
     if process.paths not in PATHS:
-        raise uqmbd.StudyError(f"{where}: paths is {process.paths!r}; expected 'harmonics' or 'filter'.")
+        raise uqmbd.StudyError(
+            f"{where}: paths is {process.paths!r}; expected 'harmonics', 'filter' or 'karhunen_loeve'."
+        )
     if process.paths == PATHS[0]:
         return
-    reason = ""
-    if process.shape is None:
-        reason = "the process has no shaping filter: give filter=, exponential_covariance(...) or kanai_tajimi(...)"
-    elif process.density is not None and process.density.angular_band != (0.0, float("inf")):
-        reason = "the spectrum has a band, which the filter does not have; omit the band"
-    elif process.shape.d:
-        reason = "the process is white noise, which has no paths; use a smoother process"
-    elif process.coherence is not None:
-        reason = "the process has a coherence, which filters do not have; omit paths="
-    elif process.length is not None:
-        reason = "paths of a filter do not repeat; omit length="
+    reason = _no_filter(process) if process.paths == "filter" else ""
+    if process.coherence is not None:
+        reason = reason or "the process has a coherence, which only paths of harmonics have; omit paths="
+    elif process.paths == "karhunen_loeve" and process.length is None:
+        reason = "the expansion needs the length of its interval; give length=, the largest argument of the process"
     if reason:
-        raise uqmbd.StudyError(f"{where}: paths='filter' is not possible: {reason}.")
+        raise uqmbd.StudyError(f"{where}: paths={process.paths!r} is not possible: {reason}.")
+
+
+def _no_filter(process: Any) -> str:
+    """Return the reason why a process has no paths of a filter, or an empty text."""
+    if process.shape is None:
+        return "the process has no shaping filter: give filter=, exponential_covariance(...) or kanai_tajimi(...)"
+    if process.density is not None and process.density.angular_band != (0.0, float("inf")):
+        return "the spectrum has a band, which the filter does not have; omit the band"
+    if process.shape.d:
+        return "the process is white noise, which has no paths; use a smoother process"
+    return "" if process.length is None else "paths of a filter do not repeat; omit length="
+
+
+def check_point(process: Any, point: Sequence[Any]) -> None:
+    """Raise unless a process has a coherence and no point, and the coordinates of a point are finite."""
+    where = f"random process {process.name!r}"
+    if process.coherence is None:
+        raise uqmbd.StudyError(
+            f"{where}: the process has no coherence, so its values at different points are unknown; give "
+            "coherence=, such as davenport_coherence(decay, speed)."
+        )
+    numbers = [isinstance(x, (int, float, np.number)) and math.isfinite(x) for x in point]
+    if not point or not all(numbers) or process.point:
+        raise uqmbd.StudyError(f"{where}: at() has the argument {point!r}; expected finite coordinates of a point.")
 
 
 def refuse_arithmetic(process: Any, other: Any = None) -> NoReturn:

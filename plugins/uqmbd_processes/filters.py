@@ -307,7 +307,7 @@ class FilterPaths:
         """Fraction of the variance above the band, which the knots fold into the band."""
         return self._ends[1]
 
-    def folded(self, factor: float, frequency: Array) -> Array:
+    def changed(self, factor: float, frequency: Array) -> Array:
         """Return the size of the change of the two-sided density by the knots, with the cutoff times a factor.
 
         The knots have the density of the chain, which is periodic; the spline between them weights it.

@@ -17,13 +17,16 @@ from uqmbd_processes.densities import PowerSpectralDensity, check_density, commo
 from uqmbd_processes.descriptions import (
     check_description,
     check_paths,
+    check_point,
     check_units_and_mean,
     describe_function,
     describe_options,
     refuse_arithmetic,
 )
 from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
-from uqmbd_processes.filters import ExponentialCovariance, FilterPaths, ShapingFilter, check_positive, shaping_filter
+from uqmbd_processes.filters import ExponentialCovariance as Exponential
+from uqmbd_processes.filters import FilterPaths, ShapingFilter, check_positive, shaping_filter
+from uqmbd_processes.karhunen_loeve import KarhunenLoevePaths
 from uqmbd_processes.paths import LineSpectrum, draw_splines, line_powers, line_spectrum
 
 __all__ = ["RandomProcess"]
@@ -74,13 +77,14 @@ class RandomProcess:
         ``16 G / variance`` with the largest one-sided density G per cycle/m or Hz. The latter is 16 longest wavelengths
         of a road of ISO 8608, and 64 correlation lengths of an exponential covariance. The band of the spectrum
         determines the shortest wavelength, or `cutoff` if the spectrum has no upper end.
-    paths : {"harmonics", "filter"}
+    paths : {"harmonics", "filter", "karhunen_loeve"}
         Sampled paths are sums of harmonics, or the exact discretisation of the shaping filter at knots at a distance
-        of ``1 / (8 cutoff)``. The latter have the exact covariance at the knots and do not repeat.
+        of ``1 / (8 cutoff)``. The latter have the exact covariance at the knots and do not repeat. The expansion of
+        Karhunen and Loeve has ``2 length cutoff`` terms, at most 512, for arguments between 0 and `length`.
     cutoff : float, optional
-        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths of harmonics with
-        different cutoffs are correlated if their `length` is equal; paths of filters are independent. Default: the end
-        of the band; for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
+        Highest frequency of sampled paths, cycle/m or Hz, at most the end of the band. Paths of one kind with different
+        cutoffs are correlated if their `length` is equal; paths of filters are independent. Default: the end of the
+        band; for a spectrum without an end, the frequency below which the spectrum has 99.9 % of its variance.
 
     Raises
     ------
@@ -109,7 +113,7 @@ class RandomProcess:
     field: str = ""
     length: float | None = None
     cutoff: float | None = None
-    paths: Literal["harmonics", "filter"] = "harmonics"
+    paths: Literal["harmonics", "filter", "karhunen_loeve"] = "harmonics"
 
     def __post_init__(self) -> None:
         where, over = check_description(self)
@@ -126,7 +130,7 @@ class RandomProcess:
             check_density(where, self.psd, over)
             object.__setattr__(self, "units", common_units(where, self.units, self.psd.units))
             density, shape = self.psd, self.psd.filter
-        elif isinstance(self.covariance, ExponentialCovariance):
+        elif isinstance(self.covariance, Exponential):
             shape = self.covariance.filter
         elif self.covariance is not None:
             density = covariance_density(where, self.covariance, over)
@@ -220,7 +224,7 @@ class RandomProcess:
 
     @property
     def sampled_period(self) -> float:
-        """Period after which sampled paths repeat, m or s; infinite for paths of a filter."""
+        """Period after which sampled paths repeat, m or s; infinite for other paths than those of harmonics."""
         return self._lines.period
 
     @property
@@ -235,13 +239,13 @@ class RandomProcess:
 
     @property
     def lost_variance(self) -> float:
-        """Fraction of the variance above the highest frequency of sampled paths."""
+        """Fraction of the variance above the highest frequency of sampled paths, or of omitted terms."""
         return self._lines.lost
 
     @property
     def changed_density(self) -> Callable[[float, Array], Array] | None:
         """Size of the change of the density, of a factor of the cutoff and frequency; None of harmonics."""
-        return self._lines.folded if isinstance(self._lines, FilterPaths) else None
+        return None if isinstance(self._lines, LineSpectrum) else self._lines.changed
 
     @cached_property
     def marks(self) -> tuple[float, ...]:
@@ -251,7 +255,9 @@ class RandomProcess:
         return tuple(float(x + y * i) for x, y in peaks for i in range(-4, 5) if x + y * i > 0)
 
     @cached_property
-    def _lines(self) -> LineSpectrum | FilterPaths:
+    def _lines(self) -> LineSpectrum | FilterPaths | KarhunenLoevePaths:
+        if self.paths == "karhunen_loeve":
+            return KarhunenLoevePaths(self, self.covariance if isinstance(self.covariance, Exponential) else None)
         return line_spectrum(self) if self.paths == "harmonics" or self.shape is None else FilterPaths(self, self.shape)
 
     @cached_property
@@ -290,9 +296,9 @@ class RandomProcess:
         Raises
         ------
         uqmbd.StudyError
-            If the process has no variance, or the interval is longer than 0.9 periods. Also if a period, or a
-            path of a filter from zero, has more than 4,000,000 knots. Also if the coherences of the points are
-            contradictory, or the sources differ in more than their points.
+            If the process has no variance, or the interval is longer than 0.9 periods or outside of an expansion.
+            Also if a period, or a path of a filter from zero, has more than 4,000,000 knots. Also if the coherences of
+            the points are contradictory, or the sources differ in more than their points.
 
         Notes
         -----
@@ -312,9 +318,9 @@ class RandomProcess:
         ((2, 1, 4022), 0.0125)
         """
         keys = np.asarray(keys, dtype=float)
-        if isinstance(self._lines, FilterPaths):
-            return self._lines.draw(sources, keys, begin, end)
-        return draw_splines(self._lines, self._line_powers, sources, keys, begin, end)
+        if isinstance(self._lines, LineSpectrum):
+            return draw_splines(self._lines, self._line_powers, sources, keys, begin, end)
+        return self._lines.draw(sources, keys, begin, end)
 
     def at(self, *point: float) -> RandomProcess:
         """Return the process at a point, which is coherent with the process at other points.
@@ -343,15 +349,7 @@ class RandomProcess:
         >>> wind.at(0, 20)(), wind.at(0, 30)()
         (wind at 0, 20(t), wind at 0, 30(t))
         """
-        where = f"random process {self.name!r}"
-        if self.coherence is None:
-            raise uqmbd.StudyError(
-                f"{where}: the process has no coherence, so its values at different points are unknown; give "
-                "coherence=, such as davenport_coherence(decay, speed)."
-            )
-        numbers = [isinstance(x, (int, float, np.number)) and math.isfinite(x) for x in point]
-        if not point or not all(numbers) or self.point:
-            raise uqmbd.StudyError(f"{where}: at() has the argument {point!r}; expected finite coordinates of a point.")
+        check_point(self, point)
         text = ", ".join(f"{x:g}" for x in point)
         where_at = tuple(float(x) for x in point)
         return replace(self, name=f"{self.name} at {text}", point=where_at, field=self.name)

@@ -105,7 +105,7 @@ def test_different_keys_and_names_are_independent():
 def test_processes_without_a_filter_are_refused(options, text):
     with pytest.raises(uqmbd.StudyError, match=text):
         RandomProcess("noise", paths="filter", **options)
-    with pytest.raises(uqmbd.StudyError, match="expected 'harmonics' or 'filter'"):
+    with pytest.raises(uqmbd.StudyError, match="expected 'harmonics', 'filter' or 'karhunen_loeve'"):
         RandomProcess("noise", filter=OSCILLATOR, paths="karhunen")
     with pytest.raises(uqmbd.StudyError, match="give the process a lower cutoff|Give the process a lower cutoff"):
         GUST.sample_paths([GUST], np.array([0.5]), 1e6, 1e6)
