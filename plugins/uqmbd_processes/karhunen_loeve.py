@@ -111,7 +111,7 @@ class KarhunenLoevePaths:
         return {}
 
     @cached_property
-    def _expansion(self) -> tuple[Array, Array]:
+    def expansion(self) -> tuple[Array, Array]:
         """Return the eigenvalues and the eigenfunctions (terms, points) of the spectrum, at `FINE` points a knot."""
         count, points = SPECTRUM * self.terms, FINE * self.knots
         if self.covariance is not None:
@@ -130,7 +130,7 @@ class KarhunenLoevePaths:
     @property
     def lost(self) -> float:
         """Fraction of the variance of the omitted terms, a mean over the interval."""
-        kept = float(self._expansion[0][: self.terms].sum()) / (self.length * self.process.variance)
+        kept = float(self.expansion[0][: self.terms].sum()) / (self.length * self.process.variance)
         return max(1.0 - kept, 0.0)
 
     @cached_property
@@ -138,7 +138,7 @@ class KarhunenLoevePaths:
         """Coefficients of splines (terms, n) through the terms at the knots, from `MARGIN` knots before zero."""
         from scipy.linalg import solve_banded
 
-        values, functions = self._expansion
+        values, functions = self.expansion
         at = np.sqrt(values[: self.terms, None]) * functions[: self.terms, ::FINE]
         n = self.knots + 3
         bands = np.zeros((9, n))
@@ -200,7 +200,7 @@ class KarhunenLoevePaths:
 
     def _spectrum(self, terms: int) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
         """Return the mean density of the eigenfunctions from a number, and of all eigenfunctions."""
-        values, functions = self._expansion
+        values, functions = self.expansion
         points = functions.shape[1]
         window = math.sqrt(2 / self.length) * np.sin(np.linspace(0.0, math.pi, points))
         count = 2 * points
