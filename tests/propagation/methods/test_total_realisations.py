@@ -18,13 +18,14 @@ from uqmbd_montecarlo import MonteCarlo
 RTOL = 1e-6
 
 
-def thrown() -> uqmbd.Mechanism:
+def thrown(over_time: bool = True) -> uqmbd.Mechanism:
     """Return a stone with two requirements whose margins bend, which need nodes of their own."""
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(3.0, 0.3), units="m/s")
     mass = uqmbd.RandomVariable("mass", chaospy.Normal(1.0, 0.05), units="kg")
     mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
     stone = mechanism.body("stone", mass=mass, velocity=speed)
-    mechanism.output("impulse", mass * stone.velocity[0], units="N s")
+    if over_time:
+        mechanism.output("impulse", mass * stone.velocity[0], units="N s")
     mechanism.output("highest", uqmbd.maximum(stone.position[0]), units="m")
     mechanism.require("low", stone.position[0] <= 0.62)
     mechanism.require("slow", mass * stone.velocity[0] ** 2 <= 14)
@@ -48,13 +49,16 @@ def test_all_computed_realisations_are_counted(method: uqmbd.Propagator, monkeyp
     assert ("further_realisations" in node.attrs) == (not isinstance(method, MonteCarlo))
 
 
-def test_the_recommendation_and_the_report_count_them() -> None:
-    study = uqmbd.Study(
-        "throw", thrown(), np.linspace(0, 0.5, 11), [MonteCarlo(samples=2000, seed=1), Galerkin(order=2)], rtol=RTOL
-    )
+@pytest.mark.parametrize("method, over_time", [(Galerkin(order=2), True), (Collocation(order=3), False)])
+def test_the_recommendation_and_the_report_count_them(method: uqmbd.Propagator, over_time: bool) -> None:
+    methods = [MonteCarlo(samples=2000, seed=1), method]
+    study = uqmbd.Study("throw", thrown(over_time), np.linspace(0, 0.5, 11), methods, rtol=RTOL)
     tree = study.run()
-    node = tree["galerkin"]
+    node = tree[method.node_name]
+    assert node.attrs["further_realisations"] > 0
     total = node.attrs["realisations"] + node.attrs["further_realisations"]
-    assert tree["comparison"]["realisations"].sel({"method": "galerkin"}) == total
+    compared = tree["comparison"].to_dataset().sel({"method": method.node_name})
+    assert compared["realisations"] == total
+    assert compared["wall_time"] == node.attrs["wall_time"]
     assert f"{total} realisations instead of 2000" in assess(tree).recommendation[0]
-    assert StudyResult.of(tree).methods["galerkin"].total_realisations == total
+    assert StudyResult.of(tree).methods[method.node_name].total_realisations == total
