@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from uqmbd.errors import Finding, Severity, StudyError
-from uqmbd.mechanism import as_symbolic
+from uqmbd.mechanism import as_symbolic, excitation_sources
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
 
@@ -199,6 +199,9 @@ def finding_attributes(findings: Sequence[Finding]) -> dict[str, str]:
 LONGEST = 60
 """Maximum number of characters of a displayed expression."""
 
+LONGEST_DESCRIPTION = 600
+"""Maximum number of characters of the description of an excitation, which may contain a record."""
+
 ROW = 24
 """Maximum number of displayed numbers of a row."""
 
@@ -207,12 +210,15 @@ def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
     """Return the attributes that describe the mechanism in results, each as JSON.
 
     ``parts`` contains bodies, and components with their types; `uqmbd compare` uses it to find parts that only one of
-    two mechanisms has. ``model`` contains the parameters of bodies and components as text. ``over`` contains outputs
+    two mechanisms has. ``model`` contains the parameters of bodies and components as text, and the descriptions of
+    excitations, such as random processes with their spectra. ``over`` contains outputs
     that are plotted over other outputs. ``limits`` contains requirements that an output over time stays below or above
     a number.
     """
     components = {c.name: type(c).__name__ for c in mechanism.components.values()}
     components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}
+    sources = excitation_sources([tuple(c.values.values()) for c in mechanism.all_components()])
+    excited = {"excitations": {name: _cut(repr(source)) for name, source in sources.items()}} if sources else {}
     found: dict[str, object] = {
         "parts": {"bodies": list(mechanism.bodies), "components": components},
         "model": {
@@ -221,11 +227,16 @@ def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
                 c.name: {"bodies": [body.name for body in c.attached.values()], "parameters": _shown(c)}
                 for c in mechanism.components.values()
             },
+            **excited,
         },
         "over": {output.name: output.over for output in mechanism.outputs.values() if output.over},
         "limits": _limits(mechanism),
     }
     return {name: json.dumps(value, ensure_ascii=False) for name, value in found.items() if value}
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_DESCRIPTION else f"{text[: LONGEST_DESCRIPTION - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, str]:

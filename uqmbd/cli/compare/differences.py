@@ -82,10 +82,11 @@ def _facts(tree: xr.DataTree) -> dict[str, str]:
 
 
 def _parts(tree: xr.DataTree) -> dict[str, str]:
-    """Return the bodies and components of the mechanism as separate facts."""
-    parts = _pairs(tree.attrs["parts"])
+    """Return the bodies, components and excitations of the mechanism as separate facts."""
+    parts, model = _pairs(tree.attrs["parts"]), _pairs(tree.attrs.get("model"))
     facts = {f"body {name}": "yes" for name in parts.get("bodies", ())}
-    return {**facts, **{f"component {name}": str(kind) for name, kind in parts.get("components", {}).items()}}
+    facts |= {f"component {name}": str(kind) for name, kind in parts.get("components", {}).items()}
+    return {**facts, **{f"excitation {name}": str(text) for name, text in model.get("excitations", {}).items()}}
 
 
 def _recorded(tree: xr.DataTree) -> bool:

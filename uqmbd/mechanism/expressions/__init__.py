@@ -21,6 +21,7 @@ from uqmbd.mechanism.expressions.excitations import (
     PathSymbol,
     SampledPath,
     excitation,
+    excitation_sources,
     path_keys,
 )
 from uqmbd.mechanism.expressions.linear_outputs import DeclaredLinearOutput, LinearOutput, linear_output
@@ -89,6 +90,7 @@ __all__ = [
     "PathSymbol",
     "SampledPath",
     "excitation",
+    "excitation_sources",
     "path_keys",
     "linear_output",
     "summary",

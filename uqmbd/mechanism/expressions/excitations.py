@@ -23,6 +23,7 @@ __all__ = [
     "PathSymbol",
     "SampledPath",
     "excitation",
+    "excitation_sources",
     "path_keys",
 ]
 
@@ -250,6 +251,17 @@ def excitation(source: Any, argument: Any) -> sympy.Expr:
     paths = [] if getattr(source, "key", None) is None else [PathSymbol(atom)]
     found: sympy.Expr = Excitation(x, atom, 0, *coefficients, *paths)
     return found
+
+
+def excitation_sources(value: Any) -> dict[str, Any]:
+    """Return the sources of the excitations that occur in a value, by name.
+
+    >>> excitation_sources((1, None, "text", t))
+    {}
+    """
+    symbols = {s for part in flatten(value) if isinstance(part, sympy.Basic) for s in part.free_symbols}
+    found = {s.source.source.name: s.source.source for s in symbols if isinstance(s, (ExcitationSymbol, PathSymbol))}
+    return dict(sorted(found.items()))
 
 
 def path_keys(value: Any) -> set[RandomVariable]:

@@ -267,7 +267,7 @@ def _versions(result: StudyResult) -> list[Content]:
 
 
 def _mechanism(result: StudyResult) -> Content:
-    """Return rows of bodies and components; results of earlier versions contain only their names."""
+    """Return rows of bodies, components and excitations; results of earlier versions contain only their names."""
     parts, model = (_object(result.tree.attrs.get(name)) for name in ("parts", "model"))
     known, joined = (_object(model.get(name)) for name in ("bodies", "components"))
     bodies = parts.get("bodies") if isinstance(parts.get("bodies"), list) else []
@@ -283,6 +283,7 @@ def _mechanism(result: StudyResult) -> Content:
             }
             for name, kind in components.items()
         ],
+        "excitations": [(str(name), str(text)) for name, text in _object(model.get("excitations")).items()],
     }
 
 
