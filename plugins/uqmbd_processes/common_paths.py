@@ -7,6 +7,7 @@ Reliability Engineering and System Safety 135 (2015) 107-124).
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections import Counter
 from collections.abc import Iterator
@@ -24,7 +25,10 @@ __all__ = ["CommonPaths", "statistics_of_paths"]
 Array = NDArray[np.float64]
 
 BATCH = 4096
-"""Largest number of realisations in memory at once."""
+"""Largest number of realisations that are computed at once."""
+
+PIECE = 2**23
+"""Largest number of responses, or of coefficients, that are processed at once; at least those of one path or time."""
 
 SPARE = 2
 """Nodes for each term of the basis, if a Gauss rule would need more."""
@@ -128,9 +132,14 @@ class CommonPaths(uqmbd.extend.Propagator):
         if self.obstacle(study):
             return None
         space, terms, rule = self._rule(inputs)
-        count = (len(rule.nodes) + POINTS) * self.paths
-        values = max(len(study.mechanism.outputs), 1) * len(study.times)
-        memory = 8 * values * (self.paths * len(terms) + max(BATCH, len(rule.nodes)))
+        nodes = len(rule.nodes) + POINTS
+        count = nodes * self.paths
+        values = max(len(study.mechanism.outputs) * len(study.times), len(study.mechanism.scalars), 1)
+        coefficients = self.paths * (len(terms) + 1) * values
+        # a block of responses is computed from chunks of the same size; statistics need three copies of a piece
+        blocks = 2 * _paths_at_once(self.paths, nodes, values) * nodes * values
+        pieces = 3 * min(coefficients, PIECE)
+        memory = 8 * (coefficients + max(blocks, pieces))
         return uqmbd.extend.Estimate(count, memory, f"coefficients of {self.paths} paths")
 
     def _rule(self, inputs: uqmbd.extend.JointInput) -> tuple[Any, Any, uqmbd.extend.Quadrature]:
@@ -158,15 +167,18 @@ class CommonPaths(uqmbd.extend.Propagator):
         parameters = np.empty((self.paths, fitted + POINTS, rule.nodes.shape[1]))
         parameters[:, :fitted], parameters[:, fitted:] = rule.nodes, test.reshape(self.paths, POINTS, -1)
         found = _Paths(problem, space.to_inputs(parameters.reshape(-1, parameters.shape[2])), keys)
-        coefficients, errors = [], []
+        coefficients = np.empty((self.paths, len(terms), *found.shape))
+        errors = np.empty((self.paths, *found.shape))
+        complete = 0
         for path, response in found:
-            fit = np.tensordot(inverse, response[:fitted], axes=1)
-            coefficients.append(fit)
+            fit = coefficients[complete]
+            fit[:] = np.tensordot(inverse, response[:fitted], axes=1)
             deviation = response[fitted:] - np.tensordot(tested[path], fit, axes=1)
-            errors.append(np.square(deviation).mean(axis=0))
-        lost = self.paths - len(coefficients)
+            errors[complete] = np.square(deviation).mean(axis=0)
+            complete += 1
+        lost = self.paths - complete
         reason = found.reason or "an output is not finite"
-        if lost > self.max_failures * self.paths or len(coefficients) < LEAST:
+        if lost > self.max_failures * self.paths or complete < LEAST:
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {lost} of {self.paths} paths have a failed realisation. Expected at least {LEAST} "
                 f"complete paths, and a share of failures of at most max_failures = {self.max_failures:g}. Most "
@@ -179,7 +191,7 @@ class CommonPaths(uqmbd.extend.Propagator):
                 stacklevel=2,
             )
         with problem.timed("error estimation"):
-            statistics = statistics_of_paths(problem.labels, np.array(coefficients), np.array(errors))
+            statistics = statistics_of_paths(problem.labels, coefficients[:complete], errors[:complete])
         return problem.node(
             self,
             statistics,
@@ -199,6 +211,11 @@ class _Paths:
         self.counters: dict[str, float] = {}
 
     @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of outputs, and of times, of a response."""
+        return self.problem.labels.shape
+
+    @property
     def reason(self) -> str:
         """Most frequent reason of failures; an empty text if no realisation failed."""
         return self.reasons.most_common(1)[0][0] if self.reasons else ""
@@ -206,7 +223,7 @@ class _Paths:
     def __iter__(self) -> Iterator[tuple[int, Array]]:
         nodes = len(self.parameters) // len(self.keys)
         key = np.array([v.is_key for v in self.problem.inputs.variables])
-        each = max(1, BATCH // nodes)
+        each = _paths_at_once(len(self.keys), nodes, math.prod(self.shape))
         for first in range(0, len(self.keys), each):
             block = self.keys[first : first + each]
             values = np.empty((len(block) * nodes, len(key)))
@@ -225,6 +242,11 @@ class _Paths:
             yield from ((first + k, response[k]) for k in np.flatnonzero(good).tolist())
 
 
+def _paths_at_once(paths: int, nodes: int, values: int) -> int:
+    """Return the number of paths whose responses are computed at once, each with nodes and values of a response."""
+    return max(1, min(paths, BATCH // nodes, PIECE // (nodes * values)))
+
+
 def _obstacle(inputs: uqmbd.extend.JointInput, requirements: int) -> str | None:
     keys = [v.name for v in inputs.variables if v.is_key]
     if not keys:
@@ -240,6 +262,41 @@ def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) ->
     """Return the statistics of coefficients (path, term, output, time) and mean square errors (path, output, time)."""
     from scipy.special import stdtrit
 
+    count, parts = len(c), min(c.shape[-1], math.ceil(c.size / PIECE))
+    pieces = [_estimates(piece) for piece in np.array_split(c, max(parts, 1), axis=-1)]
+    mean, std, shares, varies, spread, error_std, error_shares = (
+        np.concatenate(x, axis=-1) for x in zip(*pieces, strict=True)
+    )
+    student = float(stdtrit(count - 1, LEVEL))
+    shares = np.where(varies | np.isnan(std), shares, 0.0)
+    reach = np.where(varies, student * np.nan_to_num(error_shares), 0.0)
+    error_mean = student / NORMAL * np.sqrt(spread / (count - 1) / count)
+    error_std = np.where(np.isnan(std), np.nan, _reach_of_std(std, np.nan_to_num(error_std), student) / NORMAL)
+    polynomials = np.sqrt(errors.mean(axis=0))
+    found = uqmbd.extend.statistics_dataset(
+        labels,
+        mean=mean,
+        std=std,
+        std_error_mean=error_mean,
+        std_error_std=error_std,
+        stated_error=uqmbd.extend.StatedError(
+            polynomials, "absolute", "error of the polynomials", _remedy(std, polynomials, (error_mean, error_std))
+        ),
+    )
+    dims = ("origin", *labels.dims)
+    return found.assign_coords(origin=["parameters", "paths", "both"]).assign(
+        variance_share=(dims, shares),
+        variance_share_interval=(("bound", *dims), np.stack([shares - reach, shares + reach])),
+    )
+
+
+def _estimates(c: Array) -> tuple[Array, ...]:
+    """Return estimates of coefficients (path, term, output, time) at some times, and their jackknife errors.
+
+    The first four are the mean, the standard deviation, the shares (origin, output, time), and whether the output
+    varies. Then follow the sum of squares of the mean response, and the errors of the standard deviation and of the
+    shares.
+    """
     count = len(c)
     total, squares = c.sum(axis=0), np.square(c - c.mean(axis=0)).sum(axis=0)
     mean, parts = _parts(total, squares, count)
@@ -258,27 +315,7 @@ def statistics_of_paths(labels: uqmbd.extend.Labels, c: Array, errors: Array) ->
         error_std = error(np.sqrt(np.maximum(left.sum(axis=1), 0.0)))
         shares, left_shares = parts / parts.sum(axis=0), left / left.sum(axis=1, keepdims=True)
     varies = std > ROUNDING * np.abs(c[:, 0]).max(axis=0)
-    student = float(stdtrit(count - 1, LEVEL))
-    shares = np.where(varies | np.isnan(std), shares, 0.0)
-    reach = np.where(varies, student * np.nan_to_num(error(left_shares)), 0.0)
-    error_mean = student / NORMAL * np.sqrt(squares[0] / (count - 1) / count)
-    error_std = np.where(np.isnan(std), np.nan, _reach_of_std(std, np.nan_to_num(error_std), student) / NORMAL)
-    polynomials = np.sqrt(errors.mean(axis=0))
-    found = uqmbd.extend.statistics_dataset(
-        labels,
-        mean=mean,
-        std=std,
-        std_error_mean=error_mean,
-        std_error_std=error_std,
-        stated_error=uqmbd.extend.StatedError(
-            polynomials, "absolute", "error of the polynomials", _remedy(std, polynomials, (error_mean, error_std))
-        ),
-    )
-    dims = ("origin", *labels.dims)
-    return found.assign_coords(origin=["parameters", "paths", "both"]).assign(
-        variance_share=(dims, shares),
-        variance_share_interval=(("bound", *dims), np.stack([shares - reach, shares + reach])),
-    )
+    return mean, std, shares, varies, squares[0], error_std, error(left_shares)
 
 
 def _reach_of_std(std: Array, error: Array, student: float) -> Array:

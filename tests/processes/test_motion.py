@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import chaospy
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from uqmbd_processes import (
     CommonPaths,
     PowerSpectralDensity,
     RandomProcess,
+    common_paths,
     crossing_rate,
     exponential_covariance,
     iso8608,
@@ -428,6 +431,30 @@ def test_standard_errors_of_few_paths_cover(paths):
         held[0] += abs(float(data["mean"])) <= 1.96 * float(data["std_error_mean"])
         held[1] += abs(float(data["std"]) - truth) <= 1.96 * float(data["std_error_std"])
     assert abs(held[0] / 600 - 0.95) < 0.025 and 0.91 < held[1] / 600 < 0.985, held / 600
+
+
+@pytest.mark.thorough
+def test_smaller_pieces_need_less_memory_and_have_equal_bits(monkeypatch):
+    mechanism, body = oscillator(force(cutoff=5.0), random_damping())
+    mechanism.output("position", body.position[0], units="m")
+    mechanism.output("speed", body.velocity[0], units="m/s")
+    study = uqmbd.Study("s", mechanism, np.linspace(0, 1, 1501), [CommonPaths(order=2, paths=64)])
+    study.run()  # compiles, so that only data are measured
+    found, peaks, estimates = [], [], []
+    for piece in (2**23, 2**17):
+        monkeypatch.setattr(common_paths, "PIECE", piece)
+        estimates.append(study.propagators[0].estimate(study).memory)
+        tracemalloc.start()
+        found.append(study.run()["common-paths/statistics"].to_dataset())
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    for name in ("mean", "std", "std_error_mean", "std_error_std", "variance_share", "variance_share_interval"):
+        np.testing.assert_array_equal(found[0][name], found[1][name])
+    assert peaks[1] < 0.5 * peaks[0]
+    assert all(peak < 1.5 * estimate + 10e6 for peak, estimate in zip(peaks, estimates, strict=True)), (
+        peaks,
+        estimates,
+    )
 
 
 def test_the_advice_names_the_larger_error():
