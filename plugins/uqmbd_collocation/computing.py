@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import uqmbd
-from uqmbd_collocation.adaptive import refine_dimensions
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.orders import raise_order
 from uqmbd_collocation.plans import DEFAULT_ORDER, Plans
-from uqmbd_collocation.refinement import Limits, Refinement
+from uqmbd_collocation.refinement import Limits, Refinement, raise_order, refine_dimensions
 from uqmbd_collocation.runs import CollocationRuns
 
 __all__ = ["computed"]

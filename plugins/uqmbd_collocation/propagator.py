@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment import EventTrajectories, PhaseTrajectories, align, followed
+from uqmbd_collocation.alignment import EventTrajectories, PhaseTrajectories, align
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
@@ -23,25 +24,11 @@ from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import DEFAULT_ORDER, Adaptive, Method, Plans, Terms
 from uqmbd_collocation.refinement import Limits
 from uqmbd_collocation.runs import announced_once
+from uqmbd_collocation.sizing import TOLERANCE, estimated, possible_families, sized
 from uqmbd_collocation.two_frequency import expand_series
 from uqmbd_collocation.user_expansion import UserExpansion
 
 __all__ = ["Collocation"]
-
-FEW = 40
-"""Number of stored values for each output and time in addition to coefficients: statistics and errors."""
-
-BOUND = 10.0
-"""Ratio of a requested accuracy to the tolerance of the refinement with an alignment that has to reach it. The ratio
-exceeds 1, because the error bound from few verification realisations is larger than the change that ends the
-refinement."""
-
-ROOM = 0.9
-"""Ratio of the error at the verification realisations, at which a refinement ends, to the requested accuracy. The ratio
-is below 1, because the further realisations at extremes may increase the stated error."""
-
-SPLIT_BOUND = 1.25
-"""Ratio of a requested accuracy to the threshold of the elements that have to reach it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +201,7 @@ class Collocation(uqmbd.extend.Propagator):
     level: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
     samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] | None = None
     adaptive: Adaptive = "no"
-    tolerance: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] = 1e-3
+    tolerance: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] = TOLERANCE
     max_error: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] | None = None
     max_realisations: Annotated[int, uqmbd.extend.Bounds(1, 10**9)] = 5000
     elements: int | Literal["adaptive"] | None = None
@@ -352,99 +339,23 @@ class Collocation(uqmbd.extend.Propagator):
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
         """Return the numbers of realisations, and the memory of their outputs and of the chaos."""
         space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
-        values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
-        ways, left_out = self._possible_families(study)
-        if self.adaptive != "no":
-            most = self.max_realisations * len(ways)
-            return uqmbd.extend.Estimate(
-                most, 8 * 3 * most * values, f"{most} realisations{left_out}", at_most=True, disk=8 * FEW * values
-            )
-        planned = self._plans(self.node_name).plan(space, self.order)
-        nodes, terms, boxes = len(planned.nodes), len(planned.multi_index), self._limits.computed
-        one = (nodes + self.verify) * (3 * values + terms) + 3 * terms * values
-        disk = 8 * values * (FEW + boxes * terms)
-        detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
-        if ways != ("plain",):
-            # realisations at nodes are integrated longer, most of them twice; the number of elements is still unknown
-            detail += ", with longer integrations; more elements if sequences of events or phases differ"
-            # a plain chaos reads the trajectories that are integrated for a clock
-            alone = nodes if "plain" in ways and "phase" not in ways else 0
-            count = 2 * boxes * nodes * sum(name != "plain" for name in ways) + alone + self.verify
-            count += boxes * followed(nodes, self.verify) if "events" in ways else 0
-            detail += f"; families {', '.join(ways)}{left_out}" if len(ways) > 1 else left_out
-            return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail, disk=disk)
-        count = boxes * nodes + self._limits.verified(self.verify, space)
-        further = bool(self.verify) and boxes > 1  # elements whose errors are still unknown
-        count += uqmbd.extend.VerificationPoints.further(count) if further else 0
-        return uqmbd.extend.Estimate(
-            count, 8 * boxes * one, detail, at_most=self._limits.uncertain or further, disk=disk
+        ways = (
+            possible_families(study.problem(self), self.families) if self.alignment == "auto" else (self.families, "")
         )
+        return estimated(study, space, self._plans(self.node_name), self._limits, *ways)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Return options for an accuracy: the order; refinements and splits end at the accuracy or their limit."""
-
-        def tighter(factor: float) -> uqmbd.extend.Sizing:
-            assert accuracy is not None
-            found = self.sizing(study, factor * accuracy)
-            assert found is not None
-            return found
-
-        if self.adaptive != "no":
-            plain = self.alignment is None and self.verify > 0
-            tolerance = self.tolerance
-            if accuracy is not None:
-                tolerance = Collocation.tolerance if plain else accuracy / BOUND
-            error = self.max_error if accuracy is None or not plain else ROOM * accuracy
-            space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
-            return uqmbd.extend.Sizing(
-                option="max_realisations",
-                at=lambda most: replace(self, max_realisations=most, tolerance=tolerance, max_error=error),
-                least=self._first_nodes(space) + self.verify,
-                falls="itself",
-                also=() if accuracy is None else ("max_error", "tolerance") if plain else ("tolerance",),
-                bound=self.max_realisations,
-                tighten=None if accuracy is None else tighter,
-            )
-        given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "expansion"))
-        if given or not self.verify:
-            return None
-        if self.elements == "adaptive":
-            if self.alignment is not None:
-                return None
-            threshold = self.threshold if accuracy is None else accuracy / SPLIT_BOUND
-            space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
-            nodes = len(self._plans(self.node_name).plan(space, self.order).nodes)
-            return uqmbd.extend.Sizing(
-                option="max_realisations",
-                at=lambda most: replace(self, max_realisations=most, threshold=threshold),
-                least=nodes + self._limits.verified(self.verify, space),
-                falls="itself",
-                also=("threshold",),
-                bound=self.max_realisations,
-                tighten=None if accuracy is None else tighter,
-            )
-        return uqmbd.extend.Sizing(
-            option="order",
-            at=lambda order: replace(self, order=order),
-            least=1,
-            falls="steps",
+        space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
+        return sized(
+            partial(replace, self),
+            space,
+            self._plans(self.node_name),
+            self._limits,
+            Limits(self.tolerance, self.max_realisations, study.rtol, error=self.max_error),
+            accuracy,
+            aligned=self.alignment is not None,
         )
-
-    def _first_nodes(self, space: uqmbd.extend.GermSpace) -> int:
-        """Return the number of nodes of the first step of a refinement."""
-        if self.adaptive == "dimension" and self.alignment is None:
-            # the middle, and the next level of each input; a tensor of them has too many nodes for many inputs
-            return 1 + sum(min(3, germ.values or 3) - 1 for germ in space.germs)
-        return len(self._plans(self.node_name).first_nodes(space))
-
-    def _possible_families(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
-        """Return the possible families, and messages on the omitted families."""
-        ways = self.families or FAMILIES[:1]
-        if self.alignment != "auto":
-            return ways, ""
-        reasons = {name: impossible(study.problem(self), name) for name in ways}
-        text = "; ".join(f"left out: {name}, {why}" for name, why in reasons.items() if why)
-        return tuple(name for name in ways if not reasons[name]), f"; {text}" if text else ""
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Return why the method cannot compute a study, or None.

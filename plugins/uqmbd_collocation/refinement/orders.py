@@ -10,7 +10,7 @@ import numpy as np
 import uqmbd
 from uqmbd_collocation.fitting import Fit, QuadratureProjection, Regression
 from uqmbd_collocation.plans import TooManyNodes
-from uqmbd_collocation.refinement import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
+from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import SparseProjection
 from uqmbd_collocation.user_expansion import UserProjection

@@ -10,7 +10,7 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
-from uqmbd_collocation.refinement import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
+from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import Level, in_order, lower_levels, nodes_of_levels, tensor_projection
 
