@@ -42,7 +42,7 @@ STATEMENTS = {
     "uqmbd.units": 285,
     "uqmbd.viewer": 730,
     "uqmbd_calibration": 3_410,
-    "uqmbd_collocation": 4_010,
+    "uqmbd_collocation": 4_040,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
     "uqmbd_fmi": 1_270,
