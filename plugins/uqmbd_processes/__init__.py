@@ -10,7 +10,7 @@ from uqmbd_processes.checks import LostVariance, UnusedProcesses
 from uqmbd_processes.common_paths import CommonPaths
 from uqmbd_processes.densities import PowerSpectralDensity
 from uqmbd_processes.filters import exponential_covariance
-from uqmbd_processes.motion_spectra import estimated_psd, order_amplitude
+from uqmbd_processes.motion_spectra import estimated_psd, estimated_std, order_amplitude
 from uqmbd_processes.process import RandomProcess
 from uqmbd_processes.rainflow_cycles import rainflow_counts, rainflow_damage
 from uqmbd_processes.reporting import VarianceSection
@@ -30,6 +30,7 @@ __all__ = [
     "crossing_rate",
     "davenport_coherence",
     "estimated_psd",
+    "estimated_std",
     "expected_maximum",
     "exponential_covariance",
     "fatigue_damage",

@@ -1,6 +1,6 @@
-"""Outputs in frequency of simulated motions: Welch's estimate of a spectral density, and amplitudes of orders.
+"""Outputs of simulated motions: Welch's estimate of a spectral density, standard deviations, and amplitudes of orders.
 
-Both integrate the polynomials of the motion with Gauss' rule. The motion is not sampled: the results do not depend on
+All integrate the polynomials of the motion with Gauss' rule. The motion is not sampled: the results do not depend on
 output times, and have no aliases.
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd_processes.filters import check_positive
 
-__all__ = ["check_skip", "estimated_psd", "order_amplitude", "remaining"]
+__all__ = ["check_skip", "estimated_psd", "estimated_std", "order_amplitude", "remaining"]
 
 if TYPE_CHECKING:
     from uqmbd.extend import MotionPolynomials
@@ -177,6 +177,55 @@ def _time_of(motion: MotionPolynomials, angle: float, low: float, high: float) -
         middle = 0.5 * (low + high)
         low, high = (middle, high) if motion.at(np.array([middle]))[1, 0] < angle else (low, middle)
     return high
+
+
+@uqmbd.extend.summary(polynomials=True, power=1)
+def _estimated_std(motion: MotionPolynomials, skip: float) -> float:
+    """Return the standard deviation over time after a duration; Gauss' rule is exact for squares of the polynomials."""
+    begin, end = remaining("estimated_std", motion, skip)
+    edges = _edges(motion, begin, end)
+    nodes, weights = _panels(edges, np.ones(len(edges) - 1, dtype=np.int64))
+    x, measure = motion.at(nodes.ravel())[0], weights.ravel() / (end - begin)
+    return math.sqrt(measure @ np.square(x - measure @ x))
+
+
+def estimated_std(expression: Any, *, skip: float = 0.0) -> sympy.Expr:
+    """Return the standard deviation over time of a motion, for use in outputs.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        Expression of the motion, as for `uqmbd.integral`.
+    skip : float
+        Omitted duration at the beginning of the motion, s, such as a transient motion.
+
+    Returns
+    -------
+    expression
+        Standard deviation about the mean over time after `skip`, in the units of the expression.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If `skip` is invalid, or the run is shorter.
+
+    Notes
+    -----
+    The mean of the run replaces the mean of the process. On a random process, the mean square of the estimate is
+    therefore below the variance, by the variance of the mean over time.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_processes import estimated_std
+    >>> mechanism = uqmbd.Mechanism("throw", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, velocity=2.0)
+    >>> mechanism.output("spread", estimated_std(mass.position[0], skip=1), units="m")
+    >>> round(12 * float(uqmbd.simulate(mechanism, [0, 4])["spread"]) ** 2, 9)
+    36.0
+    """
+    found: sympy.Expr = _estimated_std(expression, check_skip("estimated_std", skip))
+    return found
 
 
 def estimated_psd(

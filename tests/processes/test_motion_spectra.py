@@ -15,6 +15,7 @@ from uqmbd_processes import (
     PowerSpectralDensity,
     RandomProcess,
     estimated_psd,
+    estimated_std,
     exponential_covariance,
     fatigue_damage,
     order_amplitude,
@@ -115,6 +116,18 @@ def test_orders_of_a_sum_of_sines_of_an_accelerated_angle():
     np.testing.assert_allclose(later, 0.2, atol=1e-7)
 
 
+def test_the_standard_deviation_begins_after_the_transient():
+    """A sine over whole periods, in closed form; the beginning is much larger, and ends within a part."""
+    motion = polynomials(
+        [lambda t: 5 + 0.3 * np.sin(2 * np.pi * t) + 40 * np.maximum(2 - t, 0) ** 9], np.arange(0, 12.1, 0.1)
+    )
+    late = value(estimated_std(MASS, skip=2.03), motion)
+    assert value(estimated_std(MASS, skip=2.0), motion) == pytest.approx(0.3 / np.sqrt(2), rel=1e-7)
+    assert value(estimated_std(MASS), motion) > 1000
+    times = np.linspace(2.03, 12, 200_001)
+    assert late == pytest.approx((0.3 * np.sin(2 * np.pi * times)).std(), rel=1e-4)
+
+
 def test_whole_orders_over_whole_turns_are_exact():
     def whole(t):
         return 5.0 + 0.7 * np.cos(angle(t) + 0.3) + 0.05 * np.cos(12 * angle(t) - 1)
@@ -185,6 +198,7 @@ def test_a_monotone_motion_is_a_half_cycle_and_edges_are_closed():
         (lambda x: estimated_psd(x, 1.0, segment=5, sided="both"), "sided is 'both'"),
         (lambda x: estimated_psd(x, 1.0, segment=5, per="s"), "per='s'"),
         (lambda x: estimated_psd(x, 1.0, segment=5, skip=-1), "skip is -1"),
+        (lambda x: estimated_std(x, skip=-1), "skip is -1"),
         (lambda x: order_amplitude(x, uqmbd.t, 0), "order is 0"),
         (lambda x: order_amplitude(x, uqmbd.t, np.pi), "not a fraction with a denominator up to 12"),
         (lambda x: order_amplitude(x, uqmbd.t, 1, skip=np.inf), "skip is inf"),
@@ -205,6 +219,7 @@ def test_other_arguments_are_refused(make, text):
     [
         (lambda x: estimated_psd(x, 1.0, segment=5), "the run lasts 2 s after skip=0, less than one segment of 5 s"),
         (lambda x: estimated_psd(x, 2.0, segment=2, skip=3), "skip is 3 s, but the run lasts 2 s"),
+        (lambda x: estimated_std(x, skip=2), "skip is 2 s, but the run lasts 2 s"),
         (lambda x: order_amplitude(x, uqmbd.t, 1), "'x' has no value: .* the angle completes 0.3183 turns"),
     ],
 )

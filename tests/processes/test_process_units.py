@@ -10,6 +10,7 @@ from uqmbd_processes import (
     RandomProcess,
     crossing_rate,
     estimated_psd,
+    estimated_std,
     expected_maximum,
     fatigue_damage,
     iso8608,
@@ -37,6 +38,7 @@ QUANTITIES = {
     "damage": (lambda mass: fatigue_damage(mass.position[0], 600, exponent=4, coefficient=9.0), ("1",)),
     "estimate": (lambda mass: estimated_psd(mass.position[0], 2, segment=9), ("m^2/Hz", "m^2 s", "m^2 s/rad")),
     "estimate per rad/s": (lambda mass: estimated_psd(mass.position[0], 2, segment=9, per="rad/s"), ("m^2 s/rad",)),
+    "estimated std": (lambda mass: estimated_std(mass.position[0], skip=0.1), ("m",)),
     "order": (lambda mass: order_amplitude(mass.position[0], 3.0 * uqmbd.t, 2), ("m",)),
     "process": (lambda mass: stationary_std(FORCE()), ("N",)),
 }
