@@ -162,7 +162,7 @@ class ContactsStruct(ctypes.Structure):
 ENCOUNTERS = (
     *("mode", "heading", "internal", "resting", "rise", "length", "slow"),
     *("happened", "noted", "mark", "mark_times", "mark_labels", "total", "restarts", "stalled", "clustered", "recent"),
-    *("since", "fastest", "coarse", "starting", "later", "held", "arming"),
+    *("since", "fastest", "coarse", "starting", "turned", "later", "held", "arming"),
 )
 """Arrays with events of contacts."""
 

@@ -131,8 +131,8 @@ class Encounters:
         self.total, self.restarts, self.stalled = np.zeros((3, count), dtype=np.int64)
         # times of the last events, s (M, event), and their number (M,)
         self.recent, self.clustered = np.zeros((count, CLUSTER)), np.zeros(count, dtype=np.int64)
-        # (M,): time of the last restart, s, and time until which the caller decides
-        self.since, self.later = np.full((2, count), -np.inf)
+        # (M,): times of the last restart, s, and of the last turn of a starting slide; time until which the caller decides
+        self.since, self.turned, self.later = np.full((3, count), -np.inf)
         # (M,): fastest impact, m/s; factor of the speed below which bodies stay together; speed that counts as zero
         # after the start of sliding, m/s
         self.fastest, self.coarse, self.starting = np.zeros(count), np.ones(count), np.zeros(count)

@@ -117,11 +117,36 @@ def test_drops_of_other_bodies(falling, name):
     compare(Ensemble(build(mechanism), values), TIMES[:15], 1e-5)
 
 
+def thrown_block():
+    """A point-like block, thrown from a random height onto a level floor in space."""
+    mechanism = uqmbd.Mechanism("block", uqmbd.Spatial(gravity=(0, 0, -10)))
+    block = mechanism.body("block", mass=1, inertia=(1, 1, 1), position=(0, 0, HEIGHT / 10), velocity=(3.0, -4.0, 0))
+    floor = {"restitution": 0, "friction": 0.5}
+    mechanism.add(PlaneImpact("floor", mechanism.ground, block, (0, 0, 0), (0, 0, 0), (0, 0, 1), **floor))
+    for k, name in enumerate("xyz"):
+        mechanism.output(name, block.position[k], units="m")
+    return mechanism
+
+
+def test_a_block_slides_in_space_to_its_exact_place():
+    """An inelastic impact of normal speed v takes 0.5 v of 5 m/s; friction of 5 m/s^2 stops the rest."""
+    heights = np.linspace(0.9, 1.1, 9)
+    ensemble = Ensemble(build(thrown_block()), heights[:, None])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Decisions, "after", lambda *given: pytest.fail("Python decided about a realisation"))
+        found = integrate(ensemble, TIMES, 1e-10, "dop853")
+    assert not any(found.messages)
+    lands = np.sqrt(2 * heights / 10 / 10)
+    way = 5 * lands + (5 - 0.5 * 10 * lands) ** 2 / (2 * 5)
+    ends = ensemble.outputs(found.times, found.states)[:, :, -1]
+    np.testing.assert_allclose(ends, way[:, None] * [0.6, -0.8, 0], rtol=0, atol=1e-8)
+
+
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 10_000), st.floats(-0.5, 0.5), st.floats(0, 0.9), st.floats(0, 0.9))
 @pytest.mark.parametrize("name", ["disc", "ball"])
 def test_first_impacts_of_other_bodies(falling, name, seed, tilt, friction, restitution):
-    """Discs and balls fall 1 cm with random velocities; in space, impacts that slide are decided in Python."""
+    """Discs and balls fall 1 cm with random velocities."""
     if name not in MODELS:
         mechanism = falling(name)
         MODELS[name] = build(mechanism), list(mechanism.inputs.names)

@@ -1,20 +1,15 @@
 /* Decisions about events of lanes with one closed contact: impacts, rest, lift-off, and the ends of sticking and sliding.
 
-   The impulse of an impact, and the state of the contact after it, solve one set-valued problem: Newton's law of
-   restitution, Signorini's law of rest, and Coulomb's law of friction.  A decision is made only where one solution is
-   clear of all limits.  The caller decides about all other events: several contacts, sliding in space that an impact
-   does not stop, and states near the limits of the laws. */
+   The caller decides about all other events: several contacts, and contacts without a unique motion. */
 #include "group.h"
 
 static const double TOUCHES = 1e-9;  /* gap, relative to the size of the mechanism, that counts as closed */
 static const double HELD = 1e-6;    /* the same of a contact that has persisted so far */
-static const double CLEAR = 1e-6;   /* least relative distance from the limit of friction, and least relative pivot */
-static const double EXACT = 1e-10;  /* largest violation of the laws, relative to the size of impulses */
-static const double FED = 1e-12;    /* energy, relative to impulses times speeds, that counts as zero */
 static const double FLIGHT = 2.05;  /* first step after an impact, relative to the estimated flight time */
 static const double STARTING = 10.0; /* speed that counts as zero at the start of slip, over the tolerance */
 static const double BOUNCES = 1e-6; /* impact speed, relative to the fastest one before, below which bodies stay together */
 static const double COARSER = 4.0, COARSEST = 1e4; /* by what a cluster of events raises that, and the most */
+static const double PROMPT = 1e-14; /* time between two turns of a slide, over the larger of the time and 1 s, that is none */
 static const int64_t MOST = 10000, AT_ONCE = 100;  /* events of a realisation, and those without progress in time */
 
 /* -- numbers of a realisation --------------------------------------------------------------------------------------- */
@@ -64,15 +59,6 @@ static void keep_one(const Contacts *c, Group *g, int64_t l, int64_t k, int64_t 
 
 /* -- one contact ---------------------------------------------------------------------------------------------------- */
 
-enum { MOST_DIRECTIONS = 3 };
-
-/* One contact of a lane: rates of the speeds per force, and without forces, and speeds. */
-typedef struct {
-    int64_t count; /* directions with friction; one without */
-    double matrix[MOST_DIRECTIONS][MOST_DIRECTIONS], natural[MOST_DIRECTIONS], speed[MOST_DIRECTIONS];
-    double restitution, friction, gap;
-} Touch;
-
 /* The quantities of a contact of a lane, after `find_responses` in its directions. */
 static Touch touch_of(const Problem *p, const Group *g, int64_t l, int64_t k) {
     const Contacts *c = p->contacts;
@@ -87,134 +73,6 @@ static Touch touch_of(const Problem *p, const Group *g, int64_t l, int64_t k) {
         for (int64_t j = 0; j < c->first[k + 1] - first; j++) x.matrix[i][j] = row[1 + first + j][l];
     }
     return x;
-}
-
-static double greatest(double a, double b) { return a > b ? a : b; }
-
-/* Solve matrix x = right by elimination, without pivots; whether all pivots exceed `least` times the trace. */
-static int solve_small(const Touch *t, const double *right, double least, double *x) {
-    double a[MOST_DIRECTIONS][MOST_DIRECTIONS], trace = 0.0;
-    int64_t n = t->count;
-    for (int64_t i = 0; i < n; i++) {
-        trace += t->matrix[i][i];
-        x[i] = right[i];
-        for (int64_t j = 0; j < n; j++) a[i][j] = t->matrix[i][j];
-    }
-    for (int64_t k = 0; k < n; k++) {
-        if (!(a[k][k] > least * trace)) return 0;
-        for (int64_t i = k + 1; i < n; i++) {
-            double factor = a[i][k] / a[k][k];
-            for (int64_t j = k + 1; j < n; j++) a[i][j] -= factor * a[k][j];
-            x[i] -= factor * x[k];
-        }
-    }
-    for (int64_t k = n - 1; k >= 0; k--) {
-        for (int64_t j = k + 1; j < n; j++) x[k] -= a[k][j] * x[j];
-        x[k] /= a[k][k];
-        if (!(x[k] - x[k] == 0.0)) return 0;
-    }
-    return 1;
-}
-
-/* Whether an impulse satisfies the laws of impact with a normal speed `rebound` after it, and adds no energy. */
-static int satisfies(const Touch *t, double rebound, const double *impulse) {
-    double after[MOST_DIRECTIONS], wanted[MOST_DIRECTIONS], diagonal = 1e-300, added = 0.0, worked = 0.0;
-    int64_t n = t->count;
-    for (int64_t i = 0; i < n; i++) {
-        diagonal = greatest(diagonal, __builtin_fabs(t->matrix[i][i]));
-        after[i] = t->speed[i];
-        for (int64_t j = 0; j < n; j++) after[i] += t->matrix[i][j] * impulse[j];
-    }
-    wanted[0] = greatest(0.0, impulse[0] - (after[0] - rebound) / diagonal);
-    double length = 0.0, most = t->friction * wanted[0], size = 0.0, off = 0.0;
-    for (int64_t i = 1; i < n; i++) {
-        wanted[i] = impulse[i] - after[i] / diagonal;
-        length += wanted[i] * wanted[i];
-    }
-    length = __builtin_sqrt(length);
-    for (int64_t i = 0; i < n; i++) {
-        if (i && length > most) wanted[i] *= most / length;
-        size = greatest(size, __builtin_fabs(impulse[i]) * diagonal);
-        off = greatest(off, __builtin_fabs(impulse[i] - wanted[i]) * diagonal);
-        added += 0.5 * impulse[i] * (t->speed[i] + after[i]);
-        worked += __builtin_fabs(impulse[i] * t->speed[i]);
-        if (!(impulse[i] - impulse[i] == 0.0)) return 0;
-    }
-    size = greatest(size, greatest(__builtin_fabs(t->speed[0]), 1e-300));
-    return off <= EXACT * size && added <= FED * worked && impulse[0] > 0.0;
-}
-
-/* The impulse of an approaching contact with a restitution: the first one of stick, slip on and slip back that satisfies
-   the laws; in space, stick alone.  Whether one does. */
-static int impulse_of(const Touch *t, double restitution, double *impulse) {
-    double rebound = greatest(0.0, -restitution * t->speed[0]), right[MOST_DIRECTIONS];
-    double jump = rebound - t->speed[0];
-    if (t->count == 1) {
-        impulse[0] = -(1.0 + restitution) * t->speed[0] / t->matrix[0][0];
-        return restitution >= 0.0 && restitution <= 1.0 && impulse[0] > 0.0 && impulse[0] - impulse[0] == 0.0;
-    }
-    right[0] = jump;
-    for (int64_t i = 1; i < t->count; i++) right[i] = -t->speed[i];
-    if (solve_small(t, right, 1e-14, impulse) && satisfies(t, rebound, impulse)) return 1;
-    if (t->count > 2) return 0;
-    double sense = __builtin_copysign(t->friction, t->speed[1]);
-    for (int64_t back = 0; back < 2; back++) {
-        double share = back ? sense : -sense;
-        impulse[0] = jump / (t->matrix[0][0] + t->matrix[0][1] * share);
-        impulse[1] = share * impulse[0];
-        if (satisfies(t, rebound, impulse)) return 1;
-    }
-    return 0;
-}
-
-/* The impulse of an impact, and the normal speed after it; whether it is known.  In the plane, an impact is without
-   restitution if no impulse with restitution satisfies the laws. */
-static int solve_impact(const Touch *t, double *impulse, double *after) {
-    if (!impulse_of(t, t->restitution, impulse) && (t->count != 2 || !impulse_of(t, 0.0, impulse))) return 0;
-    *after = t->speed[0];
-    for (int64_t j = 0; j < t->count; j++) *after += t->matrix[0][j] * impulse[j];
-    return 1;
-}
-
-/* The mode of a closed contact, the direction in which it slides if it slips, and whether a slide begins against its small
-   speed; -1 unless one solution is clear of all limits.  Speeds up to `slow` count as zero. */
-static int64_t mode_of(const Touch *t, int64_t tangents, double slow, double *heading, int *turns) {
-    double size = t->matrix[0][0], fast = 0.0, across = 0.0, along = 0.0, force[MOST_DIRECTIONS], right[MOST_DIRECTIONS];
-    int pressed = t->natural[0] < 0.0;
-    *turns = 0;
-    for (int64_t i = 0; i <= tangents; i++)
-        if (!(t->natural[i] - t->natural[i] == 0.0)) return -1;
-    if (!(__builtin_fabs(t->speed[0]) <= slow && size > 0.0)) return -1;
-    if (t->count == 1) return pressed ? SMOOTH : OPEN;
-    for (int64_t i = 1; i < t->count; i++) fast += t->speed[i] * t->speed[i];
-    fast = __builtin_sqrt(fast);
-    if (fast > slow) {
-        for (int64_t i = 1; i < t->count; i++) {
-            heading[i - 1] = t->speed[i] / fast;
-            along += t->matrix[0][i] * heading[i - 1];
-        }
-        if (!(size - t->friction * along > CLEAR * size)) return -1;
-        return pressed ? SLIP : OPEN;
-    }
-    for (int64_t i = 0; i < t->count; i++) right[i] = -t->natural[i];
-    if (!solve_small(t, right, CLEAR, force)) return -1;
-    for (int64_t i = 1; i < t->count; i++) {
-        across += t->matrix[0][i] * t->matrix[0][i];
-        along += force[i] * force[i];
-    }
-    if (!(size - t->friction * __builtin_sqrt(across) > CLEAR * size)) return -1; /* Painleve: perhaps another motion */
-    double friction = __builtin_sqrt(along), most = t->friction * force[0];
-    if (force[0] > 0.0 && friction < (1.0 - CLEAR) * most) return STICK;
-    if (t->count > 2 || !pressed || (force[0] > 0.0 && friction < (1.0 + CLEAR) * most)) return -1;
-    /* in the plane, the contact begins to slide as it would without friction */
-    double sense = __builtin_copysign(1.0, t->natural[1]), share = t->friction * sense;
-    double divisor = size - share * t->matrix[0][1];
-    if (!(divisor > CLEAR * size)) return -1;
-    double slides = t->natural[1] - (t->matrix[1][0] - share * t->matrix[1][1]) * t->natural[0] / divisor;
-    if (!(sense * slides > CLEAR * __builtin_fabs(t->natural[1]))) return -1;
-    heading[0] = sense;
-    *turns = t->speed[1] * sense < 0.0;
-    return SLIP;
 }
 
 /* -- guards --------------------------------------------------------------------------------------------------------- */
@@ -296,7 +154,7 @@ static int64_t kind_of(const Problem *p, const Group *g, int64_t l, int64_t guar
     for (int64_t i = 0; i < c->events; i++) lasting += e->mode[m * c->events + i] != OPEN;
     if (lasting != (own != OPEN)) return UNDECIDED;
     if (guard % 2 == 0) return own == OPEN ? LANDS : LIFTS;
-    return own == SLIP ? STOPS : own == STICK && c->first[k + 1] - c->first[k] == 2 ? STARTS : UNDECIDED;
+    return own == SLIP ? STOPS : own == STICK ? STARTS : UNDECIDED;
 }
 
 /* Whether all other contacts of a lane are open, and the contact itself has a motion of its own. */
@@ -338,11 +196,12 @@ static int64_t decide_impact(const Problem *p, Group *g, int64_t l, int64_t k, i
     const Encounters *e = g->pool->encounters;
     int64_t m = g->member[l];
     Touch t = touch_of(p, g, l, k);
+    Lane s = lane_of(c, g);
     double impulse[MOST_DIRECTIONS] = {0.0}, after = 0.0, approach = greatest(0.0, -t.speed[0]);
     if (!(t.matrix[0][0] > 0.0)) return UNDECIDED;
     e->fastest[m] = greatest(e->fastest[m], approach);
     double slow = slow_speed(e, m);
-    if (approach > 1e-3 * slow && !solve_impact(&t, impulse, &after)) return UNDECIDED;
+    if (approach > 1e-3 * slow && !solve_impact(&t, &s, impulse, &after)) return UNDECIDED;
     if (approach > slow && after > slow) {
         hit(p, g, l, k, &t, impulse, g->z);
         note(e, m, g->now[l], k, AS_DECLARED);
@@ -359,36 +218,53 @@ static int64_t decide_impact(const Problem *p, Group *g, int64_t l, int64_t k, i
     return LANDS;
 }
 
+/* Decide about a lane whose contact slides slowly, or has changed its direction; whether it still slides as before.  The
+   direction of a starting slide may turn in space: repeated stops would hold the bodies. */
+static int turns_slide(const Group *g, int64_t l, const Touch *t, int64_t mode, double *heading) {
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l];
+    double fast = length_along(t, t->speed), now = g->now[l];
+    if (!(mode == SLIP && fast > slow_speed(e, m))) return 0;
+    if (fast <= greatest(slow_speed(e, m), e->starting[m])) {
+        int at_once = now - e->turned[m] <= PROMPT * greatest(1.0, __builtin_fabs(now));
+        e->starting[m] = STARTING * g->floor[l];
+        if (at_once) return 0;
+        e->turned[m] = now;
+    }
+    for (int64_t i = 1; i < t->count; i++) heading[i - 1] = t->speed[i] / fast;
+    return 1;
+}
+
 /* Decide about lanes that land with states in the work array, or stop sliding: modes, and whether a slide turns. */
 static void decide_modes(const Problem *p, Group *g, const int64_t *guards, const int *strikes, int64_t *kinds,
                          Mask *project, Mask *turns) {
     const Encounters *e = g->pool->encounters;
+    Lane s = lane_of(p->contacts, g);
     for (int64_t l = 0; l < LANES; l++) {
         if (kinds[l] != LANDS && kinds[l] != STOPS) continue;
         int64_t m = g->member[l], k = guards[l] / 2, lands = kinds[l] == LANDS;
-        int64_t tangents = p->contacts->first[k + 1] - p->contacts->first[k] - 1;
-        double heading[MOST_DIRECTIONS], fast = 0.0, still = slow_speed(e, m);
+        double heading[MOST_DIRECTIONS], along = 0.0, still = slow_speed(e, m);
         double slow = lands ? still : greatest(still, e->starting[m]);
         Touch t = touch_of(p, g, l, k);
-        int turning;
-        int64_t mode = mode_of(&t, tangents, slow, heading, &turning);
-        int good = mode >= 0 && t.gap <= (lands ? TOUCHES : HELD) * e->length[m] && is_alone(p, g, l, k);
-        if (!lands) { /* otherwise, as where sliding turns, the decision depends on the history of the contact */
-            for (int64_t i = 1; i <= tangents; i++) fast += t.speed[i] * t.speed[i];
-            fast = __builtin_sqrt(fast);
-            good &= (mode == STICK && fast <= slow) || (mode == SLIP && fast <= still);
-        }
-        if (!good) {
+        /* a fast slide has only changed its direction */
+        int turned = !lands && length_along(&t, t.speed) > slow;
+        int64_t mode = turned ? SLIP : mode_of(&t, slow, &s, heading);
+        if (mode < 0 || (mode == SMOOTH && !lands) || !(turned || t.gap <= (lands ? TOUCHES : HELD) * e->length[m]) || !is_alone(p, g, l, k)) {
             kinds[l] = UNDECIDED;
+            continue;
+        }
+        if (!lands && turns_slide(g, l, &t, mode, heading)) {
+            keep_one(p->contacts, g, l, k, SLIP, heading);
             continue;
         }
         keep_one(p->contacts, g, l, k, mode, heading);
         e->starting[m] = !lands && mode == SLIP ? STARTING * g->floor[l] : 0.0;
         if (lands && strikes[l]) note(e, m, g->now[l], k, AS_DECLARED);
         if (lands && mode != OPEN) note(e, m, g->now[l], k, BEGINS_RESTING);
-        if (!lands && mode == STICK) note(e, m, g->now[l], k, BEGINS_STICKING);
+        if (!lands && mode != SLIP) note(e, m, g->now[l], k, mode == OPEN ? LIFTS_OFF : BEGINS_STICKING);
         (*project)[l] = mode == OPEN ? 0 : -1;
-        (*turns)[l] = mode == SLIP && turning ? -1 : 0;
+        for (int64_t i = 1; i < t.count && mode == SLIP; i++) along += heading[i - 1] * t.speed[i];
+        (*turns)[l] = along < 0.0 ? -1 : 0;
         if (lands)
             for (int64_t i = 0; i < p->width; i++) g->z[i][l] = g->next[i][l];
     }
@@ -399,11 +275,16 @@ static int64_t decide_start(const Problem *p, Group *g, int64_t l, int64_t k) {
     const Encounters *e = g->pool->encounters;
     int64_t m = g->member[l];
     Touch t = touch_of(p, g, l, k);
-    double force[MOST_DIRECTIONS], right[MOST_DIRECTIONS] = {-t.natural[0], -t.natural[1]};
-    if (t.count < 2 || !solve_small(&t, right, CLEAR, force) || !(force[0] > 0.0) || force[1] == 0.0) return UNDECIDED;
-    double heading = -__builtin_copysign(1.0, force[1]);
-    if (!(t.matrix[0][0] - t.friction * heading * t.matrix[0][1] > CLEAR * t.matrix[0][0])) return UNDECIDED;
-    keep_one(p->contacts, g, l, k, SLIP, &heading);
+    Lane s = lane_of(p->contacts, g);
+    double force[MOST_DIRECTIONS], heading[MOST_DIRECTIONS];
+    if (t.count < 2) return UNDECIDED;
+    stick(&t, t.natural, 0.0, &s, force);
+    for (int64_t i = 0; i < t.count; i++)
+        if (!is_finite(force[i])) return UNDECIDED;
+    if (!(force[0] > 0.0 && length_along(&t, force) > 0.0)) return UNDECIDED;
+    against(&t, force, heading);
+    if (!(sliding_response(&t, heading) > CLEAR * t.matrix[0][0])) return UNDECIDED;
+    keep_one(p->contacts, g, l, k, SLIP, heading);
     e->starting[m] = STARTING * g->floor[l];
     /* the caller decides about further events at this instant */
     e->later[m] = g->now[l] + e->together;

@@ -9,6 +9,7 @@
 #include "attempt.c"
 #include "radau.c"
 #include "dense.c"
+#include "coulomb.c"
 #include "decisions.c"
 #include "dop853.c"
 #include "tables.c"

@@ -56,6 +56,7 @@ typedef struct {
     double *since;          /* (member): time of the last restart */
     double *fastest, *coarse; /* (member): fastest impact, and a factor of the speed below which bodies stay together */
     double *starting;       /* (member): a speed that is none after the start of sliding */
+    double *turned;         /* (member): when the direction of a starting slide has turned last */
     double *later;          /* (member): until this time the caller decides */
     int64_t *held;          /* (member, event): contacts that stick without a reserve of friction */
     int64_t *arming;        /* (member): guards have to be found before the next step */

@@ -74,7 +74,6 @@ class Decisions:
         self.until = np.full(len(batch), np.inf)
         # last decision of each realisation on friction at its limit
         self.at_limit: dict[int, AtLimit] = {}
-        self.turning: dict[int, float] = {}
         # by realisation: first time and contacts at which several motions satisfy the laws
         self.several: dict[int, str] = {}
 
@@ -113,10 +112,10 @@ class Decisions:
             settled = self.settle(member, time, z)
             begins = self._modes(member).get(k) == "slip"
             self.starting[member] = self.coarse[member] if begins else 0.0
-            at_once = time - self.turning.get(member, -np.inf) <= AT_ONCE * max(1.0, abs(time))
+            at_once = time - self.encounters.turned[member] <= AT_ONCE * max(1.0, abs(time))
             turns = self._modes(member) == before and fast > float(self.encounters.still(member))
             if turns and not at_once:
-                self.turning[member] = time
+                self.encounters.turned[member] = time
                 # the direction of a starting slide may turn in three dimensions; repeated stops would hold the bodies
                 lasting = self.lasting(member)
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)

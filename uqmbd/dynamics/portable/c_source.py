@@ -32,6 +32,7 @@ PARTS = (
     "attempt",
     "radau",
     "dense",
+    "coulomb",
     "decisions",
     "dop853",
     "assembly",

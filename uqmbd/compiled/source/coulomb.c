@@ -1,0 +1,227 @@
+/* Laws of one contact: the impulse of an impact, and the state of a closed contact.
+
+   The impulse of an impact, or the forces of a closed contact at rest, and the speeds or accelerations after it, solve
+   one set-valued problem: Newton's law of restitution, Signorini's law of contact, and Coulomb's law of friction.  The
+   first solution in the order stick, slip on, other slips, no impulse is used. */
+#include "group.h"
+
+static const double CLEAR = 1e-6;   /* least relative response of a sliding contact, and least relative pivot */
+static const double EXACT = 1e-10;  /* largest violation of the laws, relative to the size of impulses */
+static const double FED = 1e-12;    /* energy, relative to impulses times speeds, that counts as zero */
+static const double RESTS = 1e-8;   /* acceleration along the surface, relative to all accelerations, that counts as zero */
+
+enum {
+    MOST_DIRECTIONS = 3,
+    ANGLES = 96, /* of directions of slip in space, whose equation has at most four solutions */
+    BISECTIONS = 52,
+};
+
+/* Cosines and sines of the part of a turn between two of these angles, and of half of it. */
+static const double PART[2] = {0.9978589232386035, 0.06540312923014306};
+static const double HALF[2] = {0.9994645874763657, 0.03271908282177614};
+
+/* One contact of a lane: rates of the speeds per force, and without forces, and speeds; direction 0 is the normal one. */
+typedef struct {
+    int64_t count; /* directions with friction; one without */
+    double matrix[MOST_DIRECTIONS][MOST_DIRECTIONS], natural[MOST_DIRECTIONS], speed[MOST_DIRECTIONS];
+    double restitution, friction, gap;
+} Touch;
+
+static double greatest(double a, double b) { return a > b ? a : b; }
+
+static int is_finite(double x) { return x - x == 0.0; }
+
+/* Length of the part of a vector along the surface. */
+static double length_along(const Touch *t, const double *x) {
+    double sum = 0.0;
+    for (int64_t i = 1; i < t->count; i++) sum += x[i] * x[i];
+    return __builtin_sqrt(sum);
+}
+
+/* Speeds after impulses, or accelerations with forces. */
+static void respond_to(const Touch *t, const double *before, const double *impulse, double *after) {
+    for (int64_t i = 0; i < t->count; i++) {
+        after[i] = before[i];
+        for (int64_t j = 0; j < t->count; j++) after[i] += t->matrix[i][j] * impulse[j];
+    }
+}
+
+/* Whether impulses satisfy the laws with a normal speed of at least `rebound` after them, and add no energy if
+   `conserves`. */
+static int satisfies(const Touch *t, const double *before, double rebound, const double *impulse, int conserves) {
+    double after[MOST_DIRECTIONS], wanted[MOST_DIRECTIONS], diagonal = 1e-300, added = 0.0, worked = 0.0;
+    double size = greatest(__builtin_fabs(before[0]), 1e-300), off = 0.0;
+    for (int64_t i = 0; i < t->count; i++) {
+        if (!is_finite(impulse[i])) return 0;
+        diagonal = greatest(diagonal, __builtin_fabs(t->matrix[i][i]));
+    }
+    respond_to(t, before, impulse, after);
+    wanted[0] = greatest(0.0, impulse[0] - (after[0] - rebound) / diagonal);
+    for (int64_t i = 1; i < t->count; i++) wanted[i] = impulse[i] - after[i] / diagonal;
+    double length = length_along(t, wanted), most = t->friction * wanted[0];
+    for (int64_t i = 0; i < t->count; i++) {
+        if (i && length > most) wanted[i] *= most / length;
+        size = greatest(size, __builtin_fabs(impulse[i]) * diagonal);
+        off = greatest(off, __builtin_fabs(impulse[i] - wanted[i]) * diagonal);
+        added += 0.5 * impulse[i] * (before[i] + after[i]);
+        worked += __builtin_fabs(impulse[i] * before[i]);
+    }
+    return off <= EXACT * size && (!conserves || added <= FED * worked);
+}
+
+/* Solve matrix x = right by elimination, without pivots; whether all pivots are clear of zero. */
+static int solve_small(const Touch *t, const double *right, double *x) {
+    double a[MOST_DIRECTIONS][MOST_DIRECTIONS], trace = 0.0;
+    int64_t n = t->count;
+    for (int64_t i = 0; i < n; i++) {
+        trace += t->matrix[i][i];
+        x[i] = right[i];
+        for (int64_t j = 0; j < n; j++) a[i][j] = t->matrix[i][j];
+    }
+    for (int64_t k = 0; k < n; k++) {
+        if (!(a[k][k] > CLEAR * trace)) return 0;
+        for (int64_t i = k + 1; i < n; i++) {
+            double factor = a[i][k] / a[k][k];
+            for (int64_t j = k + 1; j < n; j++) a[i][j] -= factor * a[k][j];
+            x[i] -= factor * x[k];
+        }
+    }
+    for (int64_t k = n - 1; k >= 0; k--) {
+        for (int64_t j = k + 1; j < n; j++) x[k] -= a[k][j] * x[j];
+        x[k] /= a[k][k];
+    }
+    return 1;
+}
+
+/* Impulses that end all slip; the least ones, if a direction has no motion. */
+static void stick(const Touch *t, const double *before, double rebound, Lane *s, double *impulse) {
+    double right[MOST_DIRECTIONS] = {rebound - before[0]};
+    int64_t n = t->count;
+    for (int64_t i = 1; i < n; i++) right[i] = -before[i];
+    if (solve_small(t, right, impulse)) return;
+    for (int64_t i = 0; i < n; i++) {
+        s->unit[i] = 1.0;
+        s->right[i] = right[i];
+        for (int64_t j = 0; j < n; j++) s->inner[i * n + j] = t->matrix[i][j];
+    }
+    least_solution(s, n);
+    for (int64_t i = 0; i < n; i++) impulse[i] = s->found[i];
+}
+
+/* Change of the normal speed per normal impulse of a slip in a direction (tangent). */
+static double sliding_response(const Touch *t, const double *direction) {
+    double found = t->matrix[0][0];
+    for (int64_t i = 1; i < t->count; i++) found -= t->friction * t->matrix[0][i] * direction[i - 1];
+    return found;
+}
+
+static void turn_by(const double *turn, double *direction) {
+    double x = direction[0], y = direction[1];
+    direction[0] = turn[0] * x - turn[1] * y;
+    direction[1] = turn[1] * x + turn[0] * y;
+}
+
+/* Slip across a direction in space, times the response of a slip in it: zero for the direction of slip. */
+static double slip_across(const Touch *t, const double *before, double jump, const double *direction) {
+    double slip[2], response = sliding_response(t, direction);
+    for (int64_t i = 0; i < 2; i++) {
+        const double *row = t->matrix[i + 1];
+        double friction = t->friction * (row[1] * direction[0] + row[2] * direction[1]);
+        slip[i] = before[i + 1] * response + jump * (row[0] - friction);
+    }
+    return direction[0] * slip[1] - direction[1] * slip[0];
+}
+
+/* Directions of slip that are possible (ANGLES, 2), the nearest one to the present slip first; their number. */
+static int64_t slip_directions(const Touch *t, const double *before, double jump, double (*found)[2]) {
+    if (t->count == 2) {
+        found[0][0] = __builtin_copysign(1.0, before[1]);
+        found[1][0] = -found[0][0];
+        return 2;
+    }
+    double fast = length_along(t, before), first[2] = {1.0, 0.0}, back[2] = {HALF[0], -HALF[1]}, right[2];
+    int64_t count = 0;
+    if (fast > 0.0)
+        for (int64_t i = 0; i < 2; i++) first[i] = before[i + 1] / fast;
+    for (int64_t i = 0; i < 2; i++) right[i] = first[i];
+    turn_by(back, right);
+    for (int64_t k = 0; k < ANGLES; k++) {
+        double low[2], high[2];
+        for (int64_t i = 0; i < 2; i++) low[i] = right[i];
+        turn_by(PART, right);
+        for (int64_t i = 0; i < 2; i++) high[i] = right[i];
+        double below = slip_across(t, before, jump, low), above = slip_across(t, before, jump, high);
+        if (!(below * above <= 0.0) || above == 0.0) continue;
+        for (int64_t step = 0; step < BISECTIONS; step++) {
+            double middle[2] = {low[0] + high[0], low[1] + high[1]};
+            double length = __builtin_sqrt(middle[0] * middle[0] + middle[1] * middle[1]);
+            for (int64_t i = 0; i < 2; i++) middle[i] /= length;
+            double value = slip_across(t, before, jump, middle);
+            int lower = below * value > 0.0;
+            for (int64_t i = 0; i < 2; i++) *(lower ? low + i : high + i) = middle[i];
+        }
+        int64_t place = count++;
+        double near = high[0] * first[0] + high[1] * first[1];
+        for (; place > 0 && found[place - 1][0] * first[0] + found[place - 1][1] * first[1] < near; place--)
+            for (int64_t i = 0; i < 2; i++) found[place][i] = found[place - 1][i];
+        for (int64_t i = 0; i < 2; i++) found[place][i] = high[i];
+    }
+    return count;
+}
+
+/* The first impulses, or forces, that satisfy the laws; whether there are some. */
+static int first_solution(const Touch *t, const double *before, double rebound, int conserves, Lane *s,
+                          double *impulse) {
+    double directions[ANGLES][2];
+    stick(t, before, rebound, s, impulse);
+    if (satisfies(t, before, rebound, impulse, conserves)) return 1;
+    int64_t count = t->count > 1 ? slip_directions(t, before, rebound - before[0], directions) : 0;
+    for (int64_t k = 0; k < count; k++) {
+        impulse[0] = (rebound - before[0]) / sliding_response(t, directions[k]);
+        for (int64_t i = 1; i < t->count; i++) impulse[i] = -t->friction * impulse[0] * directions[k][i - 1];
+        if (satisfies(t, before, rebound, impulse, conserves)) return 1;
+    }
+    for (int64_t i = 0; i < t->count; i++) impulse[i] = 0.0;
+    return satisfies(t, before, rebound, impulse, conserves);
+}
+
+/* The impulse of an impact, and the normal speed after it; whether it is known.  An impact is without restitution if no
+   impulse with restitution satisfies the laws. */
+static int solve_impact(const Touch *t, Lane *s, double *impulse, double *after) {
+    double rebound = greatest(0.0, -t->restitution * t->speed[0]), speeds[MOST_DIRECTIONS];
+    if (!first_solution(t, t->speed, rebound, 1, s, impulse) && !first_solution(t, t->speed, 0.0, 1, s, impulse)) return 0;
+    respond_to(t, t->speed, impulse, speeds);
+    *after = speeds[0];
+    return 1;
+}
+
+/* Direction in which a contact starts to slide: against its friction. */
+static void against(const Touch *t, const double *force, double *heading) {
+    double friction = length_along(t, force);
+    for (int64_t i = 1; i < t->count; i++) heading[i - 1] = friction > 0.0 ? -force[i] / friction : i == 1;
+}
+
+/* The mode of a closed contact, and the direction in which it slides if it slips; -1 if no forces satisfy the laws, or
+   several motions do.  Speeds up to `slow` count as zero. */
+static int64_t mode_of(const Touch *t, double slow, Lane *s, double *heading) {
+    double response = t->matrix[0][0], force[MOST_DIRECTIONS], after[MOST_DIRECTIONS], largest = 0.0, most = 0.0;
+    for (int64_t i = 0; i < t->count; i++) {
+        if (!is_finite(t->natural[i])) return -1;
+        largest = greatest(largest, __builtin_fabs(t->natural[i]));
+    }
+    if (!(__builtin_fabs(t->speed[0]) <= slow && response > 0.0)) return -1;
+    if (t->count == 1) return t->natural[0] < 0.0 ? SMOOTH : OPEN;
+    double fast = length_along(t, t->speed);
+    if (fast > slow) {
+        for (int64_t i = 1; i < t->count; i++) heading[i - 1] = t->speed[i] / fast;
+        if (!(sliding_response(t, heading) > CLEAR * response)) return -1; /* Painleve's paradox */
+        return t->natural[0] < 0.0 ? SLIP : OPEN;
+    }
+    if (!first_solution(t, t->natural, 0.0, 0, s, force)) return -1;
+    respond_to(t, t->natural, force, after);
+    for (int64_t i = 0; i < t->count; i++) most = greatest(most, __builtin_fabs(force[i]));
+    if (force[0] <= EXACT * most) return OPEN;
+    if (length_along(t, after) <= RESTS * largest) return STICK;
+    against(t, force, heading);
+    return SLIP;
+}
