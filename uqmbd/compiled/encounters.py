@@ -131,7 +131,7 @@ class Encounters:
         self.total, self.restarts, self.stalled = np.zeros((3, count), dtype=np.int64)
         # times of the last events, s (M, event), and their number (M,)
         self.recent, self.clustered = np.zeros((count, CLUSTER)), np.zeros(count, dtype=np.int64)
-        # (M,): times of the last restart and of the last turn of a starting slide, and until which the caller decides, s
+        # (M,): times of the last restart and the last turn of a starting slide, and until which the caller decides, s
         self.since, self.turned, self.later = np.full((3, count), -np.inf)
         # (M,): fastest impact, m/s; factor of the speed below which bodies stay together; speed that counts as zero
         # after the start of sliding, m/s
