@@ -33,8 +33,13 @@ __all__ = ["split_paths"]
 LARGEST, SMALLEST = 1000, 40
 """Largest and smallest number of states of a level."""
 
-SHARE = 12
-"""The first run has this part of the realisations in its first level."""
+SHARE = 20
+"""The first run has this part of the realisations in its first level.
+
+Its estimate is not used.  A larger first run leaves fewer realisations for the runs whose mean is the result.  For a
+probability of 1.8e-4 and 6,000 realisations, the standard deviation of the result is 8.2e-5 with 12.  It is 5.5e-5 with
+20, and 6.4e-5 with 30.
+"""
 
 RUNS = 6
 """Least number of further runs."""
