@@ -201,8 +201,8 @@ static void against(const Touch *t, const double *force, double *heading) {
     for (int64_t i = 1; i < t->count; i++) heading[i - 1] = friction > 0.0 ? -force[i] / friction : i == 1;
 }
 
-/* The mode of a closed contact, and the direction in which it slides if it slips; -1 if no forces satisfy the laws, or
-   several motions do.  Speeds up to `slow` count as zero. */
+/* The mode of a closed contact, and the direction in which it slides if it slips; -1 if no forces satisfy the laws, if
+   several motions may do, or at the limit of friction.  Speeds up to `slow` count as zero. */
 static int64_t mode_of(const Touch *t, double slow, Lane *s, double *heading) {
     double response = t->matrix[0][0], force[MOST_DIRECTIONS], after[MOST_DIRECTIONS], largest = 0.0, most = 0.0;
     for (int64_t i = 0; i < t->count; i++) {
@@ -217,11 +217,17 @@ static int64_t mode_of(const Touch *t, double slow, Lane *s, double *heading) {
         if (!(sliding_response(t, heading) > CLEAR * response)) return -1; /* Painleve's paradox */
         return t->natural[0] < 0.0 ? SLIP : OPEN;
     }
+    /* a slip in the worst direction: otherwise another motion may satisfy the laws as well */
+    if (!(response - t->friction * length_along(t, t->matrix[0]) > CLEAR * response)) return -1;
     if (!first_solution(t, t->natural, 0.0, 0, s, force)) return -1;
     respond_to(t, t->natural, force, after);
     for (int64_t i = 0; i < t->count; i++) most = greatest(most, __builtin_fabs(force[i]));
     if (force[0] <= EXACT * most) return OPEN;
-    if (length_along(t, after) <= RESTS * largest) return STICK;
+    if (length_along(t, after) <= RESTS * largest) {
+        /* at the limit of friction, the rates of forces decide */
+        int clear = length_along(t, force) < (1.0 - CLEAR) * t->friction * force[0];
+        return clear ? STICK : -1;
+    }
     against(t, force, heading);
     return SLIP;
 }
