@@ -159,7 +159,7 @@ def _check_bias(records: Sequence[Record], bias: Mapping[str, Bias]) -> None:
 
 
 def _check_levels(levels: Sequence[Level], cases: Sequence[MachineRecords], inputs: int) -> None:
-    """Raise StudyError if the values of a record are too few to estimate the noise level together with the inputs."""
+    """Raise StudyError if the values of an output are too few to estimate its noise level together with the inputs."""
     for number, level in enumerate(levels):
         different, predicted = 0, 0
         for case in cases:

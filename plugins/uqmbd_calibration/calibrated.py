@@ -19,7 +19,7 @@ KEPT = (
     "posterior", "prior", "posterior_predictive", "prior_predictive", "observed_data", "constant_data", "fit",
     "residuals", "summary",
 )  # fmt: skip
-"""Groups of a calibration that results contain, because the report shows them."""
+"""Groups of a calibration that are stored in results, because the report shows them."""
 
 
 @dataclass(frozen=True)

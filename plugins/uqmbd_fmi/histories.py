@@ -140,7 +140,7 @@ class _Pool:
         if abs(at - time) > NEAR / self.function.rate:
             raise StudyError(
                 f"FMU {self.function.name!r} is at t = {at:.6g} s, but the sample is at t = {time:.6g} s; a method "
-                "must not leave out samples."
+                "must call the controller at every sample."
             )
         outputs, reason = self._stepped(history, number, row)
         history.results[number] = row, outputs, after, reason

@@ -21,11 +21,11 @@ def motion_invariants(
     """Return invariants of the projected motion over time, from the coefficients (P, T, width) of its states.
 
     ``energy`` is the expectation of kinetic and potential energy (J). ``constraint_rms`` is the square root of the sum
-    of the expectations of the squared constraints; at the nodes, it is zero only in the limit of high order.
-    ``quaternion_norm_rms`` is the deviation of nodal quaternions from unit length. ``top_order_share`` is the part of
-    the variance of the coordinates in the highest degrees. At some times (``probe_time``), the dataset contains two
-    smallest singular values: one of the projected constraint Jacobian, and one of the constraint Jacobians of all
-    nodes.
+    of the expectations of the squared constraints, computed at the nodes. It is zero only in the limit of high order.
+    ``quaternion_norm_rms`` is the root mean square deviation of nodal quaternions from unit length.
+    ``top_order_share`` is the share of the variance of the coordinates in the terms of the highest degree. At some
+    times (``probe_time``), the dataset contains two smallest singular values: of the projected constraint Jacobian, and
+    of the constraint Jacobians of all nodes.
     """
     nodal = projected.nodal(coefficients)
     weights, model = projected.weights, projected.model

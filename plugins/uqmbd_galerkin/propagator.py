@@ -292,7 +292,7 @@ class Galerkin(uqmbd.extend.Propagator):
         if verification.failures:
             warnings.warn(
                 f"{problem.label}: {verification.failures} of {self.verify} verification realisations failed. In "
-                "part of the support of the inputs, the response does not exist at all times, and an expansion over "
+                "part of the support of the inputs, the response does not exist at some times, and an expansion over "
                 "the whole support is unreliable. The failed realisations represent about "
                 f"{max(verification.lost, 1e-6):.1g} of the probability. Truncate the distributions. Reason: "
                 f"{verification.reason}",

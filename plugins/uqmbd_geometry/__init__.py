@@ -1,6 +1,6 @@
-"""Geometry of bodies: meshes from files with mass and inertia, shapes of model files, and clearances between bodies.
+"""Geometry of bodies: mass and inertia from mesh files, shapes of model files, and clearances between bodies.
 
-Meshes are read by trimesh, and distances are computed by python-fcl: ``pip install uqmbd[geometry]``.
+trimesh reads meshes, and python-fcl computes distances: ``pip install uqmbd[geometry]``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Dynamics: derivation of the equations, kernels, model, ensemble, assembly, integration.
 
-Only this package imports scikit-sundae and compiles with SymEngine.
+Only this package imports scikit-sundae. `uqmbd.compiled` compiles the SymEngine expressions that it derives.
 """
 
 from __future__ import annotations

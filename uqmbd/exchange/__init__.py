@@ -1,7 +1,7 @@
 """Conversion of results for other packages: trees of ArviZ and frames of pandas.
 
-Each module imports its package at the first use.  Distributions of chaospy are used in `uqmbd.randomness`, and its
-expansions and rules in collocation.
+Each module imports its package at the first use.  chaospy needs no conversion: `uqmbd.randomness` uses its
+distributions, and collocation uses its expansions and rules.
 """
 
 from __future__ import annotations

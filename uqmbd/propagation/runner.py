@@ -58,7 +58,7 @@ class Runner:
     checkpoint: Checkpoint | None = None
     """Store of finished chunks."""
     ledger: Ledger | None = None
-    """Limits of a run with a budget, and its chunks from other sizes of the method."""
+    """Budget of a run, and chunks that the run has computed for other sizes of the method."""
     clock: CostClock = field(default_factory=CostClock)
     """Clock in s that includes the computing time of data restored from an interrupted run."""
     spending: Spending = field(default_factory=Spending)
@@ -68,7 +68,7 @@ class Runner:
     known: StoredChunks = field(default_factory=dict)
     """Chunks with outputs without a time, and with margins, from the same computations, or references to files."""
     again: dict[str, StoredChunks] = field(default_factory=dict)
-    """As `known`, for realisations that are integrated again, by purpose."""
+    """Chunks as in `known`, of realisations that are integrated again; the keys are the purposes."""
     chunk: int | None = None  # number of realisations in a chunk; None: chosen from their total number
 
     @property
@@ -278,7 +278,7 @@ class ProblemData:
 
     @property
     def joins(self) -> bool:
-        """Return whether realisations are independent of others in their chunk: true for the core's integrators."""
+        """Return whether realisations are independent of others in their chunk; true for integrators of the core."""
         return self.integrator in built_in_names() or capabilities_of(integrator_class(self.integrator)).delegates
 
     def require_random(self) -> None:
@@ -324,12 +324,12 @@ class ProblemData:
 
     @cached_property
     def common_identity(self) -> bytes:
-        """Return the data that affect the numbers of chunks of all kinds."""
+        """Return the digest of the data that affect the numbers of chunks of all kinds."""
         return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), (self.whole_times.tobytes(),))
 
     @cached_property
     def identity(self) -> bytes:
-        """Return the data, other than inputs, that affect a chunk: symbolic equations, outputs, options."""
+        """Return the digest of the data, other than inputs, that affect a chunk: equations, outputs, options."""
         if self.over is None:
             return self.common_identity
         kind = (self.kind, self.over.tobytes())
@@ -363,11 +363,11 @@ class ProblemData:
         return array
 
     def without_time(self) -> Self:
-        """Return the problem of the scalar outputs, with its already computed results."""
+        """Return the problem of the scalar outputs, which reuses the results computed so far."""
         return self._of("scalars", self.whole_times[:1], self.existence)
 
     def choosing(self, names: tuple[str, ...]) -> Self:
-        """Return the problem of some scalar outputs; realisations without one of them are censored."""
+        """Return the problem of some scalar outputs; a realisation that lacks any of them is censored."""
         return replace(self, chosen=names).using(observed=Observed())
 
     def of_requirements(self) -> Self:

@@ -142,7 +142,8 @@ class RandomVariable(Symbolic, Symbol):
         if stated is not None and stated.units and units not in ("", stated.units):
             raise StudyError(
                 f"{where}: units is {units!r}, but {distribution} is in {stated.units}. Define the size in the units "
-                "of the mechanism, e.g. uqmbd.iso286(0.030, 'H7', units='m'); uqmbd does not convert units."
+                "of the mechanism, e.g. uqmbd.iso286(0.030, 'H7', units='m'); uqmbd does not convert the units of a "
+                "tolerance."
             )
         return cls._member(JointDistribution(distribution, (name,), (units or (stated.units if stated else ""),)), 0)
 

@@ -124,7 +124,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
 def _moved_least(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
-    """Close all constraints by the smallest change of given poses: by the driver, then by `iterate_poses`."""
+    """Close all constraints by the smallest change of given poses: by the compiled driver, then by `iterate_poses`."""
     if rows is None:
         return iterate_poses(model, drawn, time, parameters, rows)
     q, undecided = closed_poses(model, drawn, time, parameters, rows)

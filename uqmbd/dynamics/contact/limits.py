@@ -33,7 +33,7 @@ __all__ = ["AtLimit", "contacts_at_limit", "most_durable_forces", "slipping_toge
 
 
 RESTS = 1e-7
-"""Acceleration along a surface, relative to the accelerations by its forces, that counts as zero."""
+"""Acceleration along a surface that counts as zero, relative to the accelerations that the contact forces cause."""
 NOISE = 1e-13
 """Relative noise in changes of accelerations."""
 SLIPS = 1e-6

@@ -53,13 +53,13 @@ def interpolate_steps(
 def projected_steps(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
     """Project states (P, 8, width) of steps of realisations `owner` (P,) onto the constraints.
 
-    The states are at `PLACES` between the begin and end of each step, `ends` (P, 2), s.
+    The states are at `PLACES` between the beginning and the end of each step, `ends` (P, 2), s.
     """
     model = batch.model
     if not model.layout.rank or model.system is None or model.system.programs is None or not len(owner):
         return states
     shape, owner, begin, end = states.shape, np.repeat(owner, len(PLACES)), ends[:, :1], ends[:, 1:]
-    # at the ends of a step forces may jump
+    # forces may jump at the ends of a step
     margin = np.minimum(INSIDE * np.maximum(1.0, np.maximum(np.abs(begin), np.abs(end))), 0.5 * (end - begin))
     times = np.clip(begin + (end - begin) * PLACES, begin + margin, end - margin).ravel()
     states = states.reshape(len(owner), -1).copy()

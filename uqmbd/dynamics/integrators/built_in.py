@@ -1,4 +1,4 @@
-"""Integrators of the core: explicit, implicit, and automatic choice of the two."""
+"""Integrators of the core: one explicit, two implicit, and an automatic choice between them."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ class Radau:
 
 @dataclass(frozen=True)
 class Auto:
-    """`Dop853` for small enough mechanisms; `Radau` continues stiff realisations, and `Ida` failed realisations.
+    """Integrate by `Dop853`, stiff realisations by `Radau`, and large mechanisms and failed realisations by `Ida`.
 
     The costs of the methods are compared by counts, separately for each realisation.
     """
@@ -335,7 +335,7 @@ def _by_radau(
     explicit_cost: Array,
     recording: bool,
 ) -> tuple[IntegratedRealisations, Index, Index]:
-    """Integrate stiff rows implicitly, up to their cost by explicit steps.
+    """Integrate stiff rows implicitly; stop a row if it costs more than explicit steps.
 
     Return the results, rows that failed, and rows whose explicit steps cost less.
     """

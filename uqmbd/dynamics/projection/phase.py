@@ -299,7 +299,7 @@ def require_phase(projected: ProjectedEquations) -> None:
     limit of the explicit integrator.
     """
     model = projected.model
-    where = f"mechanism {model.name!r}: with a phase as the independent variable"
+    where = f"mechanism {model.name!r}: with a phase as the independent variable,"
     if model.controls:
         raise StudyError(f"{where} controllers, which sample in time, cannot be followed; use collocation.")
     if names := dict.fromkeys(component for component, _, directions in model.events if directions):

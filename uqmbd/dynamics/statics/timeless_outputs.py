@@ -206,7 +206,7 @@ def scalar_map(
 
 
 def _missing_event(expression: sympy.Expr) -> str:
-    """Return a message on an event that an output needs and that does not occur."""
+    """Return the message for an event that an output needs but that does not occur."""
     events = sorted(map(str, expression.atoms(EventTime)))
     one = len(events) == 1 and not expression.atoms(FirstTime)
     return f"the event {repr(events[0]) if one else 'of this output'} does not occur by the last output time"
@@ -238,7 +238,8 @@ def scalars_of(
 
     Poses are the initial pose of each realisation, and the static equilibrium and steady motion found from it.  Time is
     the initial time, except in steady motions.  `trajectories` are required if ``model.scalars.needs_motion``.  The
-    time `never` in s replaces censored first times and event times; by default the dependent outputs are NaN.  If one
+    time `never` in s replaces censored first times and event times; by default, outputs that depend on
+    these times are NaN.  If one
     value of a realisation is missing, all its values are missing.
     """
     model = ensemble.model

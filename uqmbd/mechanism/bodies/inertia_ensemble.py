@@ -80,8 +80,9 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     moments divided by mass are independent. If the mass is also random, multiply all entries by the ratio of the mass
     to the mean mass.
 
-    Single simulations use the means of the random variables. At these means, the tensor is smaller than its own mean by
-    a fraction of about :math:`\delta^2 / 4`. The reason is that the tensor is quadratic in the random variables.
+    Single simulations use the means of the random variables. At these means, the tensor is smaller than its own mean,
+    because it is quadratic in the random variables. For a planar body, the fraction is about :math:`\delta^2 / 4`. For
+    a ball, the fractions of the three moments are about 0.50, 0.375 and 0.25 times :math:`\delta^2`.
 
     Examples
     --------

@@ -86,7 +86,7 @@ class ElementLimits:
             if count is not None and count > MANY:
                 raise StudyError(f"{name} is more than {MANY}; expected a whole number up to {MANY}.")
         if self.elements not in ("adaptive", None) and (whole is None or whole < 1):
-            raise StudyError(f"elements is {self.elements!r}; expected a number, 1 or more, or 'adaptive'.")
+            raise StudyError(f"elements is {self.elements!r}; expected a whole number of 1 or more, or 'adaptive'.")
         if (_whole(self.most) or 0) < 1:
             raise StudyError(f"max_elements is {self.most!r}; expected a whole number, 1 or more.")
         usable = isinstance(self.threshold, (int, float, np.number)) and not isinstance(self.threshold, bool)

@@ -41,7 +41,7 @@ def fingerprint(
     options = (*integration, *([code] if code else []), model.start_at, model.max_step, model.added_breaks)
     parts = (model.digest, inputs.names, *options, *times, __version__)
     turns = model.outputs.turns
-    # the means determine the turn of initial angles
+    # the whole turns of initial angles depend on the means of the inputs
     angles = (turns.tobytes(), inputs.means.tobytes()) if turns.any() else ()
     return hashlib.sha256(repr((*parts, *angles)).encode()).digest()
 

@@ -82,7 +82,7 @@ class Propagator(ABC):
         return super().__new__(cls)
 
     def __post_init__(self, *_: Any) -> None:
-        """Convert options that have bounds to Python numbers."""
+        """Convert numeric options with bounds into Python numbers."""
         annotations = option_types(type(self))
         for name in (field.name for field in fields(self) if field.init and field.name in annotations):
             object.__setattr__(self, name, plain(getattr(self, name), annotations[name]))

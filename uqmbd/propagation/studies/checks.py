@@ -84,7 +84,7 @@ def findings(study: Studied) -> list[Finding]:
 
 
 def warning_of(study: Studied, finding: Finding) -> str:
-    """Return the text of the Python warning of a finding; except for findings of the model, it names the study."""
+    """Return the text of the Python warning of a finding; it names the study, unless the finding is of the model."""
     return f"{'' if finding in study.model.findings else f'study {study.name!r}: '}{finding.text}."
 
 

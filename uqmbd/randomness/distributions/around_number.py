@@ -55,7 +55,7 @@ def distribution_about(
         shape = share * (1 - share) / spread**2 - 1
         alpha, beta = share * shape, (1 - share) * shape
         if min(alpha, beta) < 1:
-            raise StudyError(f"no unimodal distribution with the standard deviation {std:g} fits into this range")
+            raise StudyError(f"no unimodal beta distribution with the standard deviation {std:g} fits into this range")
         return chaospy.Beta(alpha, beta, minimum, maximum)
     size = low if bounded[0] else high
     variance = math.log1p((std / size) ** 2)

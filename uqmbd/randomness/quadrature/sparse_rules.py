@@ -227,7 +227,7 @@ class _Catalogue:
 
 
 def _exactness(rows: Index, catalogues: list[_Catalogue]) -> int | None:
-    """Return the highest total degree up to which all monomials belong to a product of spaces in the set."""
+    """Return the highest total degree up to which the rule is exact for all monomials; None: for every degree."""
     members = {tuple(int(v) for v in row) for row in rows}
 
     @cache

@@ -232,7 +232,7 @@ def _j(where: str, hole: bool, grade: str, row: int, width: float) -> tuple[floa
     end = (HOLES_J if hole else SHAFTS_J).get(grade, (None,) * len(SIZES))[row]
     if end is None:
         known = "J6, J7 and J8" if hole else "j5, j6, j7, and j8 up to 3 mm,"
-        raise _none(where, f"({known} exist; zones to both sides are {'JS' if hole else 'js'})")
+        raise _none(where, f"({known} exist; symmetric zones have the letters {'JS' if hole else 'js'})")
     return (end - width, end) if hole else (end, end + width)
 
 

@@ -14,7 +14,7 @@ __all__ = ["freeze_ticks"]
 
 
 def freeze_ticks(figure: Figure) -> None:
-    """Replace the ticks, grids and labels of all axes by texts and lines with the same appearance.
+    """Replace the ticks, grids and labels of two-dimensional axes by texts and lines with the same appearance.
 
     Matplotlib makes and measures five objects for every tick, which takes most of the time of a small figure. The
     limits of the axes must not change afterwards. The function supports major ticks at one side of each axis.

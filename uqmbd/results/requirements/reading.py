@@ -60,7 +60,7 @@ class Answer:
 
     @property
     def known(self) -> bool:
-        """Whether the method states a probability; otherwise the interval from 0 to 1 agrees with all others."""
+        """Whether the method states a probability; otherwise its interval is from 0 to 1."""
         return math.isfinite(self.probability)
 
     @property

@@ -1,4 +1,4 @@
-"""Motion quantities of a component: their rates are consistent, and independent of the pose of the whole mechanism."""
+"""Check that the rates of motion quantities are consistent, and independent of the pose of the whole mechanism."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ def check_motion_rates(bench: Bench, row: int, q: Array, v: Array, gradient: Arr
 class _Compiled(NamedTuple):
     """Compiled motion quantities of one realisation."""
 
-    quantities: list[tuple[str, int]]  # name, and number of parts of an angle; 0 for a displacement
+    quantities: list[
+        tuple[str, int]
+    ]  # name; angle divided by the angle of its cosine and sine, or 0 for a displacement
     function: Callable[
         ..., list[float]
     ]  # functions of poses and velocities of all bodies: rate, and cosine and sine or value
