@@ -226,8 +226,8 @@ def test_as_many_pieces_are_under_way_as_there_are_workers():
     """More than a hundred workers have work, though nobody says how many there are."""
     with Simulated(150, 2) as executor:
         StoredResults().run(executor, 3000)
-    # two for each are sent; how many of them are answered before the next is sent is up to the machine
-    assert 150 <= executor.most <= 700
+    # two for each are sent; a busy machine answers some of them before the next is sent
+    assert 100 < executor.most <= 700
 
 
 class FirstNeverFinishes(Executor):
