@@ -9,8 +9,8 @@ import uqmbd
 from uqmbd_processes.checks import LostVariance, UnusedProcesses
 from uqmbd_processes.common_paths import CommonPaths
 from uqmbd_processes.densities import PowerSpectralDensity
-from uqmbd_processes.filters import exponential_covariance
 from uqmbd_processes.motion_spectra import estimated_psd, estimated_std, order_amplitude
+from uqmbd_processes.paths import exponential_covariance
 from uqmbd_processes.process import RandomProcess
 from uqmbd_processes.rainflow_cycles import rainflow_counts, rainflow_damage
 from uqmbd_processes.reporting import VarianceSection

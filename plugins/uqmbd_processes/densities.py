@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd_processes.descriptions import describe_function
-from uqmbd_processes.filters import ShapingFilter
+from uqmbd_processes.paths import ShapingFilter
 
 __all__ = [
     "UNBOUNDED",

@@ -17,7 +17,7 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd_processes.filters import check_positive
+from uqmbd_processes.paths import check_positive
 
 __all__ = ["check_skip", "estimated_psd", "estimated_std", "order_amplitude", "remaining"]
 

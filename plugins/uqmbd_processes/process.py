@@ -1,4 +1,7 @@
-"""Stationary random processes over time or distance, for expressions of mechanisms."""
+"""Stationary random processes over time or distance, for expressions of mechanisms.
+
+Length: one class, whose docstring has a paragraph for each option.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +27,18 @@ from uqmbd_processes.descriptions import (
     refuse_arithmetic,
 )
 from uqmbd_processes.estimates import covariance_density, welch_density, welch_error
-from uqmbd_processes.filters import ExponentialCovariance as Exponential
-from uqmbd_processes.filters import FilterPaths, ShapingFilter, check_positive, shaping_filter
-from uqmbd_processes.karhunen_loeve import KarhunenLoevePaths
-from uqmbd_processes.paths import LineSpectrum, draw_splines, line_powers, line_spectrum
+from uqmbd_processes.paths import (
+    ExponentialCovariance,
+    FilterPaths,
+    KarhunenLoevePaths,
+    LineSpectrum,
+    ShapingFilter,
+    check_positive,
+    draw_splines,
+    line_powers,
+    line_spectrum,
+    shaping_filter,
+)
 
 __all__ = ["RandomProcess"]
 
@@ -130,7 +141,7 @@ class RandomProcess:
             check_density(where, self.psd, over)
             object.__setattr__(self, "units", common_units(where, self.units, self.psd.units))
             density, shape = self.psd, self.psd.filter
-        elif isinstance(self.covariance, Exponential):
+        elif isinstance(self.covariance, ExponentialCovariance):
             shape = self.covariance.filter
         elif self.covariance is not None:
             density = covariance_density(where, self.covariance, over)
@@ -257,7 +268,8 @@ class RandomProcess:
     @cached_property
     def _lines(self) -> LineSpectrum | FilterPaths | KarhunenLoevePaths:
         if self.paths == "karhunen_loeve":
-            return KarhunenLoevePaths(self, self.covariance if isinstance(self.covariance, Exponential) else None)
+            known = self.covariance if isinstance(self.covariance, ExponentialCovariance) else None
+            return KarhunenLoevePaths(self, known)
         return line_spectrum(self) if self.paths == "harmonics" or self.shape is None else FilterPaths(self, self.shape)
 
     @cached_property

@@ -12,8 +12,8 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd_processes.filters import check_positive
 from uqmbd_processes.motion_spectra import check_skip, remaining
+from uqmbd_processes.paths import check_positive
 
 __all__ = ["rainflow_counts", "rainflow_damage"]
 

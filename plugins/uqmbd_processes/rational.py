@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd_processes.filters import ShapingFilter
+from uqmbd_processes.paths import ShapingFilter
 
 __all__ = ["MOST_STATES", "CharacteristicPolynomials", "balancing_scales", "rational_variance"]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd_processes.densities import UNBOUNDED, Per, PowerSpectralDensity, Sided, check_band
-from uqmbd_processes.filters import ShapingFilter, check_positive
+from uqmbd_processes.paths import ShapingFilter, check_positive
 
 __all__ = ["davenport_coherence", "iso8608", "kaimal", "kanai_tajimi", "von_karman", "white_noise"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd_processes.descriptions import check_family
-from uqmbd_processes.filters import ShapingFilter
 from uqmbd_processes.lyapunov import DIRECT, EPS, controllable, covariances, is_stable, separate
+from uqmbd_processes.paths import ShapingFilter
 from uqmbd_processes.quadrature import TOLERANCE, WORDS, density_of_response, integrate_moments, select
 from uqmbd_processes.rational import CharacteristicPolynomials, rational_variance
 

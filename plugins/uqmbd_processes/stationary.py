@@ -11,7 +11,7 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd_processes.filters import check_positive
+from uqmbd_processes.paths import check_positive
 from uqmbd_processes.spectral_moments import density, moments
 
 __all__ = ["crossing_rate", "expected_maximum", "fatigue_damage", "stationary_psd", "stationary_std"]

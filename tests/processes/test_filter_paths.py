@@ -16,7 +16,7 @@ import uqmbd
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_processes import RandomProcess, exponential_covariance, iso8608, kanai_tajimi, stationary_std, white_noise
 from uqmbd_processes.checks import LostVariance
-from uqmbd_processes.filters import FilterPaths
+from uqmbd_processes.paths.filters import FilterPaths
 from uqmbd_springs import PointForce, SpringDamper
 
 OSCILLATOR = ([[0.0, 1.0], [-9.0, -0.6]], [0.0, 2.0], [1.0, 0.0])

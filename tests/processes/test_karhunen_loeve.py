@@ -17,7 +17,7 @@ from uqmbd.testing import check_excitation
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_processes import RandomProcess, davenport_coherence, exponential_covariance, kaimal, white_noise
 from uqmbd_processes.checks import LostVariance
-from uqmbd_processes.karhunen_loeve import KarhunenLoevePaths, eigenfunctions
+from uqmbd_processes.paths.karhunen_loeve import KarhunenLoevePaths, eigenfunctions
 from uqmbd_springs import RadialTyre, SpringDamper
 
 ROAD = exponential_covariance(0.01, 5.0)

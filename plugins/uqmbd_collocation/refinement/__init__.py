@@ -10,9 +10,6 @@ from uqmbd_collocation.refinement.steps import (
     RefinementStep,
     UnmetWarning,
     history,
-    missed_share,
-    prospect,
-    scale_of,
     warn_unmet,
 )
 
@@ -22,10 +19,7 @@ __all__ = [
     "RefinementStep",
     "UnmetWarning",
     "history",
-    "missed_share",
-    "prospect",
     "raise_order",
     "refine_dimensions",
-    "scale_of",
     "warn_unmet",
 ]

@@ -249,7 +249,8 @@ static void decide_modes(const Problem *p, Group *g, const int64_t *guards, cons
         /* a fast slide has only changed its direction */
         int turned = !lands && length_along(&t, t.speed) > slow;
         int64_t mode = turned ? SLIP : mode_of(&t, slow, &s, heading);
-        if (mode < 0 || (mode == SMOOTH && !lands) || !(turned || t.gap <= (lands ? TOUCHES : HELD) * e->length[m]) || !is_alone(p, g, l, k)) {
+        int touches = turned || t.gap <= (lands ? TOUCHES : HELD) * e->length[m];
+        if (mode < 0 || (mode == SMOOTH && !lands) || !touches || !is_alone(p, g, l, k)) {
             kinds[l] = UNDECIDED;
             continue;
         }

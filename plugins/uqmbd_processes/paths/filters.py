@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd_processes.descriptions import check_family
-from uqmbd_processes.paths import (
+from uqmbd_processes.paths.harmonics import (
     KNOTS_PER_WAVE,
     MARGIN,
     MOST_KNOTS,
