@@ -122,8 +122,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
     """
 
     name: ClassVar[str] = "monte-carlo"
-    accepts_keys: ClassVar[bool] = True
-    samples_inputs: ClassVar[bool] = True
+    input_treatment: ClassVar[uqmbd.extend.InputTreatment] = uqmbd.extend.InputTreatment.SAMPLE
     requirements: ClassVar[bool] = True
     samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 512
     seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0

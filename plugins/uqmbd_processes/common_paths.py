@@ -115,7 +115,7 @@ class CommonPaths(uqmbd.extend.Propagator):
     """
 
     name: ClassVar[str] = "common-paths"
-    accepts_keys: ClassVar[bool] = True
+    input_treatment: ClassVar[uqmbd.extend.InputTreatment] = uqmbd.extend.InputTreatment.AVERAGE_PATHS
 
     order: Annotated[int, uqmbd.extend.Bounds(0)] = 3
     paths: Annotated[int, uqmbd.extend.Bounds(LEAST)] = 64

@@ -60,6 +60,7 @@ from .methods import ElementRefinement as ElementRefinement
 from .methods import Estimate as Estimate
 from .methods import Exceedance as Exceedance
 from .methods import History as History
+from .methods import InputTreatment as InputTreatment
 from .methods import Margins as Margins
 from .methods import NodeFit as NodeFit
 from .methods import Phases as Phases

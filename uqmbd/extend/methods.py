@@ -13,6 +13,7 @@ from uqmbd.propagation import ElementRefinement as ElementRefinement
 from uqmbd.propagation import Estimate as Estimate
 from uqmbd.propagation import Exceedance as Exceedance
 from uqmbd.propagation import History as History
+from uqmbd.propagation import InputTreatment as InputTreatment
 from uqmbd.propagation import Margins as Margins
 from uqmbd.propagation import NodeFit as NodeFit
 from uqmbd.propagation import Phases as Phases

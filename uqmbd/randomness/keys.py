@@ -33,8 +33,8 @@ def path_key(name: str) -> RandomVariable:
 
     Notes
     -----
-    Results do not depend smoothly on a key.  A method that only samples its inputs may declare that it accepts keys
-    (`uqmbd.extend.Propagator.accepts_keys`). All other methods reject keys.
+    Results do not depend smoothly on a key. A method that samples its inputs, or averages over paths, declares it
+    (`uqmbd.extend.InputTreatment`). All other methods reject keys.
 
     Examples
     --------

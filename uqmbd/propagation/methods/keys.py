@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from uqmbd import plugins
 from uqmbd.errors import StudyError
+from uqmbd.propagation.methods.input_treatment import InputTreatment
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.randomness import JointInput
 
@@ -18,11 +19,11 @@ __all__ = ["refused_key", "refused_output", "require_keys_accepted", "require_sm
 def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
     """Return the reason why a method cannot compute a mechanism with sampled paths, or None."""
     keys = [variable.name for variable in inputs.variables if variable.is_key]
-    if not keys or propagator.accepts_keys:
+    if not keys or propagator.input_treatment is not InputTreatment.INTERPOLATE:
         return None
     return (
         f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
-        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({_with('accepts_keys')}), or "
+        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({_names(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)}), or "
         "outputs of the stationary response"
     )
 
@@ -31,22 +32,22 @@ def refused_output(propagator: Propagator, mechanism: Mechanism) -> str | None:
     """Return the reason why a method cannot compute outputs that are not smooth functions of the inputs, or None."""
     from uqmbd.mechanism import not_smooth
 
-    if propagator.samples_inputs or not len(mechanism.inputs):
+    if propagator.input_treatment is InputTreatment.SAMPLE or not len(mechanism.inputs):
         return None
     for output in mechanism.observed():
         if quantity := not_smooth(output.expression):
             return (
                 f"{output.name!r} contains {quantity}, which is not a smooth function of the inputs, so the method "
                 f"{propagator.name!r} cannot approximate it by a surrogate. Use a method that samples the inputs "
-                f"({_with('samples_inputs')}), or remove {output.name!r} from the mechanism of this method"
+                f"({_names(InputTreatment.SAMPLE)}), or remove {output.name!r} from the mechanism of this method"
             )
     return None
 
 
-def _with(property_name: str) -> str:
-    """Return the names of the methods with a property."""
+def _names(*treatments: InputTreatment) -> str:
+    """Return the names of the methods with one of some treatments of inputs."""
     found = plugins.propagators().items()
-    return ", ".join(repr(name) for name, method in found if getattr(method, property_name, False)) or "none"
+    return ", ".join(repr(name) for name, method in found if method.input_treatment in treatments) or "none"
 
 
 def require_keys_accepted(propagator: Propagator, inputs: JointInput) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from uqmbd.errors import StudyError
 from uqmbd.names import check_arguments, check_label, did_you_mean
 from uqmbd.propagation.annotations import check_options, option_types, plain
+from uqmbd.propagation.methods.input_treatment import InputTreatment, declared_treatment
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,17 +54,14 @@ class Propagator(ABC):
     (`uqmbd.extend.requirements_dataset`). For other methods, uqmbd computes the margins of the requirements in a second
     run, as outputs.
     """
-    accepts_keys: ClassVar[bool] = False
-    """Whether the method accepts keys of sampled paths (`uqmbd.extend.path_key`), on which no result depends smoothly.
-
-    A method that only samples its inputs accepts keys; a method that interpolates or searches in its inputs does not.
-    """
-    samples_inputs: ClassVar[bool] = False
-    """Whether the method only samples its inputs, so that outputs need not be smooth functions of them.
-
-    Other methods refuse summaries that are declared by ``uqmbd.extend.summary(smooth=False)``.
-    """
+    input_treatment: ClassVar[InputTreatment] = InputTreatment.INTERPOLATE
+    """Treatment of the inputs: interpolation, average over sampled paths, or sampling (`InputTreatment`)."""
     label: str | None = None
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Set the declared treatment of inputs after a check."""
+        super().__init_subclass__(**options)
+        cls.input_treatment = declared_treatment(cls)
 
     def __new__(cls, *arguments: Any, **options: Any) -> Self:
         """Reject unknown options before ``__init__`` does, with a message that lists the known options."""
