@@ -55,5 +55,7 @@ def test_both_former_attributes_are_those_of_sampling():
 
 @pytest.mark.parametrize("value", ["sample", None, True])
 def test_other_values_are_rejected(value):
-    with pytest.raises(uqmbd.StudyError, match=r"`input_treatment` is .*; expected one of uqmbd.extend.InputTreatment.I"):
+    with pytest.raises(
+        uqmbd.StudyError, match=r"`input_treatment` is .*; expected one of uqmbd.extend.InputTreatment.I"
+    ):
         method_with("input_treatment", value)

@@ -21,9 +21,10 @@ def refused_key(propagator: Propagator, inputs: JointInput) -> str | None:
     keys = [variable.name for variable in inputs.variables if variable.is_key]
     if not keys or propagator.input_treatment is not InputTreatment.INTERPOLATE:
         return None
+    others = _names(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)
     return (
         f"the outputs depend on sampled paths of {', '.join(map(repr, keys))}, on which the method "
-        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({_names(InputTreatment.AVERAGE_PATHS, InputTreatment.SAMPLE)}), or "
+        f"{propagator.name!r} cannot build a surrogate. Use a method that accepts them ({others}), or "
         "outputs of the stationary response"
     )
 
@@ -47,7 +48,10 @@ def refused_output(propagator: Propagator, mechanism: Mechanism) -> str | None:
 def _names(*treatments: InputTreatment) -> str:
     """Return the names of the methods with one of some treatments of inputs."""
     found = plugins.propagators().items()
-    return ", ".join(repr(name) for name, method in found if method.input_treatment in treatments) or "none"
+    return (
+        ", ".join(repr(name) for name, method in found if getattr(method, "input_treatment", None) in treatments)
+        or "none"
+    )
 
 
 def require_keys_accepted(propagator: Propagator, inputs: JointInput) -> None:
