@@ -20,10 +20,10 @@ from .clock import CLOCK
 from .mechanisms import oscillator, pendulum, rolling_wheel, sleigh, slider_crank, spatial_pendulum
 
 MANY = 6
-"""Cases of one thorough test above which `.ci/run` runs a part of them; the slow tests have them all."""
+"""Cases of one thorough test above which `-m thorough` runs a part of them; the slow tests have them all."""
 
 PART = 4
-"""`.ci/run` runs one of so many of these cases."""
+"""`-m thorough` runs one of so many of these cases."""
 
 
 @pytest.hookimpl(tryfirst=True)
