@@ -10,6 +10,7 @@ import pytest
 
 import uqmbd
 from uqmbd import plugins
+from uqmbd.cli.check import show_check
 from uqmbd.cli.export import export_study
 from uqmbd.results import save
 
@@ -118,3 +119,18 @@ def test_classes_that_are_no_exporters_are_refused():
         if value is None:
             del wrong[name]
         assert text in problem(type("Wrong", (), wrong)), name
+
+
+@pytest.mark.parametrize(
+    ("methods", "expected"),
+    [
+        ("MonteCarlo(samples=8)", "no: no method of the study computes a surrogate; add one that does, such as "),
+        ("Collocation(order=1)", "yes: uqmbd export --to FILE.means --what surrogate\n"),
+        ("MonteCarlo(samples=8), Collocation(order=1)", "FILE.means --what surrogate --method collocation\n"),
+    ],
+)
+def test_the_check_says_which_methods_have_a_surrogate(methods, expected, export, tmp_path, capsys):
+    script = tmp_path / "throw.py"
+    script.write_text(STUDY.replace("MonteCarlo(samples=8), Collocation(order=1)", methods))
+    show_check(script)
+    assert expected in capsys.readouterr().out

@@ -21,6 +21,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import (
     Estimate,
+    InputTreatment,
     Propagator,
     Timing,
     findings,
@@ -267,14 +268,33 @@ def _show_exporters(screen: Console, study: Study) -> None:
             more = ""
             with Isolated(*ERRORS_AND_EXITS) as work:
                 made = exporter()
-                why = made.refusal(what, study)
+                why = made.refusal(what, study) or (_no_surrogate(study) if what == "surrogate" else "")
                 if not why and hasattr(made, "remark"):
                     more = made.remark(what, study)
             why = work.reason if work.failed else why
-            yes = "yes" if what != "surrogate" else "yes, of a method that computes one"
-            text = f"no: {why}" if why else f"{yes}: uqmbd export --to FILE{exporter.suffix} --what {what}"
+            text = f"no: {why}" if why else f"yes: uqmbd export --to FILE{exporter.suffix} --what {what}"
+            if what == "surrogate" and not why and len(study.propagators) > 1:
+                text += f" --method {'|'.join(_interpolating(study))}"
             text += f"; {more}" if more else ""
             screen.print(f"Export of the {what} ({name}): {text}", markup=False)
+
+
+def _interpolating(study: Study) -> list[str]:
+    """Return the labels of methods that approximate the outputs, and so may compute a surrogate."""
+    return [one.node_name for one in study.propagators if one.input_treatment is not InputTreatment.SAMPLE]
+
+
+def _no_surrogate(study: Study) -> str:
+    """Return why no method of a study has a surrogate; empty if one may have it."""
+    if _interpolating(study):
+        return ""
+    installed = sorted(plugins.propagators().items())
+    others = [name for name, cls in installed if cls.input_treatment is InputTreatment.INTERPOLATE]
+    return (
+        f"no method of the study computes a surrogate; add one that does, such as {others[0]}."
+        if others
+        else ("no method of the study computes a surrogate.")
+    )
 
 
 def _options(propagator: Any) -> str:
