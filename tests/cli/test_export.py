@@ -67,6 +67,7 @@ def test_the_method_runs_and_options_are_set(export):
     assert export("--digits=1", "--loud=no", method="collocation")[0] == "throw False\n"
 
 
+@pytest.mark.thorough
 def test_stored_results_are_used(export, tmp_path):
     study = uqmbd.load_study(tmp_path / "throw.py")
     tree = study.run()

@@ -154,6 +154,7 @@ def places_of(names, command_line, tmp_path):
     return found
 
 
+@pytest.mark.thorough
 def test_a_study_without_faults_has_no_findings(command_line, tmp_path):
     assert places_of((), command_line, tmp_path) == []
 

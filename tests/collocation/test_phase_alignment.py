@@ -45,6 +45,7 @@ def relative(chaos, inputs, exact):
     return np.sqrt((wrong**2).mean(axis=0)) / exact.std(axis=0).max(axis=-1, keepdims=True)
 
 
+@pytest.mark.thorough
 def test_oscillator_over_many_periods():
     """Closed form over 160 periods, whose phases differ by 15 turns: 5 nodes."""
     study = oscillator(100, 1001)

@@ -106,6 +106,7 @@ def test_large_frames_are_probed_on_windows_only(target: str) -> None:
     assert "__chkstk" in native.LIBRARY
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_driver_calls_what_is_registered(target: str) -> None:
     bitcode = files("uqmbd.compiled").joinpath("source/driver.bc").read_bytes()

@@ -231,6 +231,7 @@ def test_the_assembly_moves_the_body_instead_of_deforming_it():
     assert all(float(found[f"q{k}"][0]) == 0 for k in range(beam.modes))
 
 
+@pytest.mark.thorough
 def test_groups_of_nodes_move_as_their_best_rigid_body():
     nodes, masses, stiffness = lattice((2, 2, 3))
     model = craig_bampton(np.diag(masses), stiffness, nodes, [0, 11], modes=2)
@@ -291,6 +292,7 @@ def test_a_large_deflection_warns():
         assert not uqmbd.simulate(mechanism, np.linspace(0, 0.3, 4), check=False)["requirement_met"].all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
 def test_a_fast_rotation_warns_at_a_quarter_of_the_clamped_frequency(space):
     """The bound of a beam in rad/s, from the closed form 3.516 sqrt(E I / (rho A L^4))."""

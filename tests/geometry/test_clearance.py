@@ -185,6 +185,7 @@ def thrown(methods):
     return uqmbd.Study("thrown", mechanism, [0, 2], methods)
 
 
+@pytest.mark.thorough
 def test_the_probability_of_a_requirement_on_clearance():
     """Of every realisation, the clearance is max(height - radius - 0.2, 0)."""
     tree = thrown([MonteCarlo(samples=60, seed=1)]).run()

@@ -129,6 +129,7 @@ rotations = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda e: sum(x * x for x 
 seconds = st.tuples(*[st.one_of(st.just(0.0), st.floats(0.01, 5))] * 3).filter(lambda s: sum(x > 0 for x in s) > 0)
 
 
+@pytest.mark.thorough
 @given(
     second=seconds, e=st.one_of(st.just((1, 0, 0, 0)), rotations), relative=st.floats(0.02, 1), seed=st.integers(0, 99)
 )

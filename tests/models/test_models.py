@@ -87,6 +87,7 @@ def by_hand():
     return mechanism
 
 
+@pytest.mark.thorough
 def test_a_double_pendulum_is_the_one_written_by_hand(urdf):
     read = urdf(TWO)
     assert list(read.bodies) == ["upper", "lower"] and list(read.joints) == ["shoulder", "elbow"]

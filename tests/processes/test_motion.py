@@ -420,6 +420,7 @@ def test_verification_points_differ_between_paths():
     assert sorted(strata.ravel().tolist()) == list(range(128))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("paths", [8, 16])
 def test_standard_errors_of_few_paths_cover(paths):
     generator = np.random.default_rng(1)

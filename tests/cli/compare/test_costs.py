@@ -24,6 +24,7 @@ def stone(methods):
     return uqmbd.Study("throw", mechanism, [0, 1, 2], methods).run()
 
 
+@pytest.mark.thorough
 def test_errors_are_those_of_the_closed_form_and_the_table_contains_them(command_line, tmp_path):
     """The mean is 3 t and the standard deviation 0.2 t; collocation is exact for a linear response."""
     trees = {"small": stone([MonteCarlo(samples=50, seed=1)]), "large": stone([MonteCarlo(samples=800, seed=2)])}

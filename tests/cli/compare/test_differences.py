@@ -40,6 +40,7 @@ def test_inputs_that_nobody_recorded_are_not_said_to_be_equal(one, other, found)
     assert find_differences({"A": stored(one), "B": stored(other)}) == found
 
 
+@pytest.mark.thorough
 def test_what_does_not_always_happen_is_not_compared(command_line, tmp_path):
     """Statistics of other realisations in each method; the other outputs are compared."""
     for name, seed in (("one", 1), ("other", 2)):

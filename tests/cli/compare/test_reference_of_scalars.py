@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import chaospy
 import numpy as np
+import pytest
 import sympy
 
 import uqmbd
@@ -23,6 +24,7 @@ def with_rare_peaks() -> uqmbd.Mechanism:
     return mechanism
 
 
+@pytest.mark.thorough
 def test_the_accurate_method_is_the_reference_of_scalar_outputs(tmp_path, command_line) -> None:
     methods = [MonteCarlo(samples=300, seed=1), Collocation(order=8)]
     tree = uqmbd.Study("throw", with_rare_peaks(), np.linspace(0, 0.5, 11), methods).run()

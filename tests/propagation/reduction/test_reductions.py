@@ -156,6 +156,7 @@ def test_bits_do_not_depend_on_who_computes(tmp_path: Path, whole: dict[bool, di
     assert content(tree, tmp_path) == whole[True]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("more", [False, True])
 def test_interrupted_runs_go_on_in_place_with_the_same_bits(
     tmp_path: Path, whole: dict[bool, dict[str, bytes]], more: bool
@@ -216,6 +217,7 @@ def test_another_study_is_not_gone_on_with(tmp_path: Path) -> None:
     assert executor.computed == 10
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("samples", [300, 1000])
 def test_other_numbers_of_samples_go_on_with_those_that_are_there(tmp_path: Path, samples: int) -> None:
     """Of 600 samples all chunks of 64 but the last, which is not full; fewer samples leave the others out."""

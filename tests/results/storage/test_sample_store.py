@@ -36,6 +36,7 @@ def samples_of(count: int, outputs: int = 2, times: int | None = 5, inputs: int 
     return sample_dataset(response, rng.normal(size=(count, inputs)), axes, status=status, messages=messages)
 
 
+@pytest.mark.thorough
 @settings(max_examples=15, deadline=None)
 @given(
     count=st.integers(1, 60),
