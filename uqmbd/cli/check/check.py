@@ -288,13 +288,11 @@ def _no_surrogate(study: Study) -> str:
     """Return why no method of a study has a surrogate; empty if one may have it."""
     if _interpolating(study):
         return ""
-    installed = sorted(plugins.propagators().items())
-    others = [name for name, cls in installed if cls.input_treatment is InputTreatment.INTERPOLATE]
-    return (
-        f"no method of the study computes a surrogate; add one that does, such as {others[0]}."
-        if others
-        else ("no method of the study computes a surrogate.")
-    )
+    why = "no method of the study computes a surrogate"
+    for name, cls in sorted(plugins.propagators().items()):
+        if issubclass(cls, Propagator) and cls.input_treatment is InputTreatment.INTERPOLATE:
+            return f"{why}; add one that does, such as {name}."
+    return f"{why}."
 
 
 def _options(propagator: Any) -> str:
