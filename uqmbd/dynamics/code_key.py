@@ -11,7 +11,7 @@ from typing import Any
 
 from uqmbd.compiled import source_digest
 from uqmbd.dynamics.code_digest import NoDigest
-from uqmbd.dynamics.control import fingerprint
+from uqmbd.dynamics.fingerprints import fingerprint
 from uqmbd.dynamics.model_key import Digests
 from uqmbd.mechanism import Line, Mechanism
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics.control.loop import Shipped
+from uqmbd.dynamics.control.shipped import Shipped
 from uqmbd.propagation.studies.script import load_study
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
@@ -64,7 +64,7 @@ SAME = {"number": 1.0, "factor": 2.0, "default": 3.0, "gain": 4.0}
 PRINT = """
 import importlib, runpy, sys
 sys.path.insert(0, sys.argv[1])
-from uqmbd.dynamics.control.loop import Shipped
+from uqmbd.dynamics.control.shipped import Shipped
 if sys.argv[2] == "import":
     KINDS = importlib.import_module("loop_code").KINDS
 else:

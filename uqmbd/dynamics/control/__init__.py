@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.control.loop import ControlLoop, fingerprint, loops_of, require_controllers, unused_commands
+from uqmbd.dynamics.control.loop import ControlLoop, loops_of, require_controllers, unused_commands
 from uqmbd.dynamics.control.sampling import Sampling
 
-__all__ = ["ControlLoop", "Sampling", "fingerprint", "loops_of", "require_controllers", "unused_commands"]
+__all__ = ["ControlLoop", "Sampling", "loops_of", "require_controllers", "unused_commands"]
