@@ -93,8 +93,8 @@ class Encounters:
 
     Guards are evaluated if `watched`; otherwise contacts keep their states. Each event has two guards. The first is the
     guard of its gap (or of the normal force, while the contact lasts), the second the guard of its friction. If the
-    driver `decides`, it handles events of single contacts; events within `window`, s, may be a cluster, and decisions
-    within `together`, s, are at one instant.
+    driver `decides`, it handles most events; events within `window`, s, may be a cluster, and decisions within
+    `together`, s, are at one instant.
     """
 
     def __init__(

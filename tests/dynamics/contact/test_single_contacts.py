@@ -7,12 +7,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.compiled import Encounters
 from uqmbd.dynamics import Ensemble, build, integrate
-from uqmbd.dynamics.contact import event_driven
 from uqmbd.dynamics.contact.decisions import Decisions
 from uqmbd_contact import PlaneImpact
 from uqmbd_joints import Revolute
+
+from .python_decisions import compare
 
 TIMES = np.linspace(0, 2, 41)
 MODELS = {}
@@ -58,35 +58,6 @@ def slid(height, friction, tilt, times):
         times < stops, place + speed * late + slower * late**2 / 2, top + down * np.maximum(times - stops, 0) ** 2 / 2
     )
     return np.where(times < lands, -3.0 * times + along * times**2 / 2, sliding)
-
-
-class Waiting(Encounters):
-    """Contacts about which the driver decides nothing."""
-
-    def __init__(self, *given, **options):
-        super().__init__(*given, **options)
-        self.later = np.full_like(self.later, np.inf)
-
-
-def one_by_one(ensemble, times, rtol):
-    """Integrate with decisions in Python, which treat any number of contacts, about each realisation alone."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(event_driven, "Encounters", Waiting)
-        patch.setattr(Decisions, "note_limit", lambda self, member, decision: self.at_limit.update({member: decision}))
-        return integrate(ensemble, times, rtol, "dop853")
-
-
-def compare(ensemble, times, allowed):
-    """Compare decisions of the driver with those about each realisation alone, and parts with the whole."""
-    found, alone = integrate(ensemble, times, 1e-9, "dop853"), one_by_one(ensemble, times, 1e-9)
-    assert found.messages == alone.messages
-    assert found.scalars.keys() == alone.scalars.keys()
-    for name, moments in found.scalars.items():
-        np.testing.assert_allclose(moments, alone.scalars[name], rtol=0, atol=allowed)
-    np.testing.assert_allclose(found.states, alone.states, rtol=0, atol=allowed)
-    for part in (np.arange(len(ensemble))[1::2], np.array([0])):
-        some = integrate(ensemble.select(part), times, 1e-9, "dop853")
-        assert np.array_equal(some.states, found.states[part], equal_nan=True)
 
 
 @pytest.mark.parametrize("friction", [0.8, 0.25], ids=["rests", "slides back"])

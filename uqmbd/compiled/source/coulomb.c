@@ -46,11 +46,18 @@ static void respond_to(const Touch *t, const double *before, const double *impul
     }
 }
 
-/* Whether impulses satisfy the laws with a normal speed of at least `rebound` after them, and add no energy if
-   `conserves`. */
-static int satisfies(const Touch *t, const double *before, double rebound, const double *impulse, int conserves) {
+/* What is known when impulses are sought: the largest jump of a speed in earlier collisions at the same instant, whose
+   rounding errors remain in the speeds, and the energy that they have exchanged; negative: forces may add energy. */
+typedef struct {
+    double jump, energy;
+} Earlier;
+
+static const Earlier NONE = {0.0, 0.0}, FORCES = {0.0, -1.0};
+
+/* Whether impulses satisfy the laws with a normal speed of at least `rebound` after them, and add no energy. */
+static int satisfies(const Touch *t, const double *before, double rebound, const double *impulse, Earlier earlier) {
     double after[MOST_DIRECTIONS], wanted[MOST_DIRECTIONS], diagonal = 1e-300, added = 0.0, worked = 0.0;
-    double size = greatest(__builtin_fabs(before[0]), 1e-300), off = 0.0;
+    double size = greatest(greatest(__builtin_fabs(before[0]), earlier.jump), 1e-300), off = 0.0;
     for (int64_t i = 0; i < t->count; i++) {
         if (!is_finite(impulse[i])) return 0;
         diagonal = greatest(diagonal, __builtin_fabs(t->matrix[i][i]));
@@ -66,7 +73,7 @@ static int satisfies(const Touch *t, const double *before, double rebound, const
         added += 0.5 * impulse[i] * (before[i] + after[i]);
         worked += __builtin_fabs(impulse[i] * before[i]);
     }
-    return off <= EXACT * size && (!conserves || added <= FED * worked);
+    return off <= EXACT * size && (earlier.energy < 0.0 || added <= FED * greatest(worked, earlier.energy));
 }
 
 /* Solve matrix x = right by elimination, without pivots; whether all pivots are clear of zero. */
@@ -170,26 +177,27 @@ static int64_t slip_directions(const Touch *t, const double *before, double jump
 }
 
 /* The first impulses, or forces, that satisfy the laws; whether there are some. */
-static int first_solution(const Touch *t, const double *before, double rebound, int conserves, Lane *s,
+static int first_solution(const Touch *t, const double *before, double rebound, Earlier earlier, Lane *s,
                           double *impulse) {
     double directions[ANGLES][2];
     stick(t, before, rebound, s, impulse);
-    if (satisfies(t, before, rebound, impulse, conserves)) return 1;
+    if (satisfies(t, before, rebound, impulse, earlier)) return 1;
     int64_t count = t->count > 1 ? slip_directions(t, before, rebound - before[0], directions) : 0;
     for (int64_t k = 0; k < count; k++) {
         impulse[0] = (rebound - before[0]) / sliding_response(t, directions[k]);
         for (int64_t i = 1; i < t->count; i++) impulse[i] = -t->friction * impulse[0] * directions[k][i - 1];
-        if (satisfies(t, before, rebound, impulse, conserves)) return 1;
+        if (satisfies(t, before, rebound, impulse, earlier)) return 1;
     }
     for (int64_t i = 0; i < t->count; i++) impulse[i] = 0.0;
-    return satisfies(t, before, rebound, impulse, conserves);
+    return satisfies(t, before, rebound, impulse, earlier);
 }
 
 /* The impulse of an impact, and the normal speed after it; whether it is known.  An impact is without restitution if no
    impulse with restitution satisfies the laws. */
 static int solve_impact(const Touch *t, Lane *s, double *impulse, double *after) {
     double rebound = greatest(0.0, -t->restitution * t->speed[0]), speeds[MOST_DIRECTIONS];
-    if (!first_solution(t, t->speed, rebound, 1, s, impulse) && !first_solution(t, t->speed, 0.0, 1, s, impulse)) return 0;
+    if (!first_solution(t, t->speed, rebound, NONE, s, impulse) && !first_solution(t, t->speed, 0.0, NONE, s, impulse))
+        return 0;
     respond_to(t, t->speed, impulse, speeds);
     *after = speeds[0];
     return 1;
@@ -219,7 +227,7 @@ static int64_t mode_of(const Touch *t, double slow, Lane *s, double *heading) {
     }
     /* a slip in the worst direction: otherwise another motion may satisfy the laws as well */
     if (!(response - t->friction * length_along(t, t->matrix[0]) > CLEAR * response)) return -1;
-    if (!first_solution(t, t->natural, 0.0, 0, s, force)) return -1;
+    if (!first_solution(t, t->natural, 0.0, FORCES, s, force)) return -1;
     respond_to(t, t->natural, force, after);
     for (int64_t i = 0; i < t->count; i++) most = greatest(most, __builtin_fabs(force[i]));
     if (force[0] <= EXACT * most) return OPEN;

@@ -1,6 +1,7 @@
-/* Decisions about events of lanes with one closed contact: impacts, rest, lift-off, and the ends of sticking and sliding.
+/* Decisions about events of lanes: impacts, rest, lift-off, and the ends of sticking and sliding.
 
-   The caller decides about all other events: several contacts, and contacts without a unique motion. */
+   Here are those about lanes with one closed contact; several.c decides about impacts and the ends of sliding with several
+   ones.  The caller decides about all other events: the others with several contacts, and those without a unique motion. */
 #include "group.h"
 
 static const double TOUCHES = 1e-9;  /* gap, relative to the size of the mechanism, that counts as closed */
@@ -143,16 +144,22 @@ static void arm(const Problem *p, Group *g) {
 
 enum { UNDECIDED, REBOUNDS, LANDS, LIFTS, STOPS, STARTS };
 
-/* What the event of a lane may be; the contact is closed alone, or is open with all others. */
+/* Outcome of a decision: contacts that are hit, and those whose small speed against their slide has to be removed. */
+typedef struct {
+    int64_t hits, hit[MOST_CLOSED], turns, turn[MOST_CLOSED];
+} Outcome;
+
+static int64_t decide_blows(const Problem *p, Group *g, int64_t l, int64_t k, Outcome *o);
+static int decide_all_modes(const Problem *p, Group *g, int64_t l, int64_t k, int lands, Outcome *o, int *closed);
+
+/* What the event of a lane may be. */
 static int64_t kind_of(const Problem *p, const Group *g, int64_t l, int64_t guard) {
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
-    int64_t m = g->member[l], k = guard / 2, own = e->mode[m * c->events + k], lasting = 0;
+    int64_t m = g->member[l], k = guard / 2, own = e->mode[m * c->events + k];
     if (e->total[m] > MOST || e->stalled[m] > AT_ONCE || g->now[l] <= e->later[m]) return UNDECIDED;
     if (g->now[l] >= g->end[l] - (g->low[l] - g->begin[l])) return UNDECIDED; /* the caller ends the interval */
     if (c->first[k + 1] - c->first[k] > MOST_DIRECTIONS) return UNDECIDED;
-    for (int64_t i = 0; i < c->events; i++) lasting += e->mode[m * c->events + i] != OPEN;
-    if (lasting != (own != OPEN)) return UNDECIDED;
     if (guard % 2 == 0) return own == OPEN ? LANDS : LIFTS;
     return own == SLIP ? STOPS : own == STICK ? STARTS : UNDECIDED;
 }
@@ -161,21 +168,39 @@ static int64_t kind_of(const Problem *p, const Group *g, int64_t l, int64_t guar
 static int is_alone(const Problem *p, const Group *g, int64_t l, int64_t k) {
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
-    int64_t n = p->coordinates, moves = 0;
-    for (int64_t i = 0; i < c->events; i++)
-        if (i != k && c->first[i + 1] > c->first[i] && g->work[c->gap[i]][l] <= TOUCHES * e->length[g->member[l]]) return 0;
+    int64_t n = p->coordinates, m = g->member[l], moves = 0;
+    for (int64_t i = 0; i < c->events; i++) {
+        if (i == k || c->first[i + 1] == c->first[i]) continue;
+        if (e->mode[m * c->events + i] != OPEN || g->work[c->gap[i]][l] <= TOUCHES * e->length[m]) return 0;
+    }
     for (int64_t i = 0; i < n; i++) moves |= g->work[c->slope[c->first[k] * n + i]][l] != 0.0;
     return moves != 0;
 }
 
-/* Evaluate the contacts at the states in the work array, in the directions of the contacts of some lanes. */
+/* Whether the lasting contacts of a lane have no normal speed: otherwise the caller projects the state again. */
+static int are_at_rest(const Problem *p, const Group *g, int64_t l) {
+    const Contacts *c = p->contacts;
+    const Encounters *e = g->pool->encounters;
+    int64_t m = g->member[l];
+    double slow = slow_speed(e, m);
+    for (int64_t k = 0; k < c->events; k++)
+        if (e->mode[m * c->events + k] != OPEN && !(__builtin_fabs(g->work[c->speed[c->first[k]]][l]) <= slow)) return 0;
+    return 1;
+}
+
+/* Evaluate the contacts at the states in the work array, in the directions of the closed contacts of some lanes. */
 static void look(const Problem *p, Group *g, Mask which, const int64_t *guards) {
     const Contacts *c = p->contacts;
-    for (int64_t d = 0; d < c->directions; d++) g->needed[d] = 0;
-    for (int64_t l = 0; l < LANES; l++)
-        if (which[l])
-            for (int64_t d = c->first[guards[l] / 2]; d < c->first[guards[l] / 2 + 1]; d++) g->needed[d] |= 1 << l;
+    const Encounters *e = g->pool->encounters;
     run_program(&c->contact, g->work);
+    for (int64_t d = 0; d < c->directions; d++) g->needed[d] = 0;
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!which[l]) continue;
+        int64_t m = g->member[l];
+        for (int64_t k = 0; k < c->events; k++)
+            if (k == guards[l] / 2 || e->mode[m * c->events + k] != OPEN || g->work[c->gap[k]][l] <= TOUCHES * e->length[m])
+                for (int64_t d = c->first[k]; d < c->first[k + 1]; d++) g->needed[d] |= 1 << l;
+    }
     find_responses(p, g, which);
 }
 
@@ -191,7 +216,7 @@ static void hit(const Problem *p, const Group *g, int64_t l, int64_t k, const To
 
 /* Decide about an impact of a lane, whose contact is in the work array: REBOUNDS, with a new state in g->z; LANDS, with a
    new state in g->next; or UNDECIDED. */
-static int64_t decide_impact(const Problem *p, Group *g, int64_t l, int64_t k, int *strikes) {
+static int64_t decide_impact(const Problem *p, Group *g, int64_t l, int64_t k, Outcome *o) {
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
     int64_t m = g->member[l];
@@ -213,7 +238,7 @@ static int64_t decide_impact(const Problem *p, Group *g, int64_t l, int64_t k, i
         limit_flight(g, l, after, t.natural[0]);
         return REBOUNDS;
     }
-    *strikes = approach > slow && impulse[0] > 0.0;
+    if (approach > slow && impulse[0] > 0.0) o->hit[o->hits++] = k;
     hit(p, g, l, k, &t, impulse, g->next);
     return LANDS;
 }
@@ -236,13 +261,24 @@ static int turns_slide(const Group *g, int64_t l, const Touch *t, int64_t mode, 
 }
 
 /* Decide about lanes that land with states in the work array, or stop sliding: modes, and whether a slide turns. */
-static void decide_modes(const Problem *p, Group *g, const int64_t *guards, const int *strikes, int64_t *kinds,
-                         Mask *project, Mask *turns) {
+static void decide_modes(const Problem *p, Group *g, const int64_t *guards, const int *several, Outcome *outcomes,
+                         int64_t *kinds, Mask *project) {
     const Encounters *e = g->pool->encounters;
     Lane s = lane_of(p->contacts, g);
     for (int64_t l = 0; l < LANES; l++) {
         if (kinds[l] != LANDS && kinds[l] != STOPS) continue;
         int64_t m = g->member[l], k = guards[l] / 2, lands = kinds[l] == LANDS;
+        Outcome *o = outcomes + l;
+        if (several[l] || !is_alone(p, g, l, k)) {
+            int closed = 0;
+            if (!decide_all_modes(p, g, l, k, lands, o, &closed)) {
+                kinds[l] = UNDECIDED;
+                continue;
+            }
+            (*project)[l] = closed ? -1 : 0;
+            for (int64_t i = 0; i < p->width && lands; i++) g->z[i][l] = g->next[i][l];
+            continue;
+        }
         double heading[MOST_DIRECTIONS], along = 0.0, still = slow_speed(e, m);
         double slow = lands ? still : greatest(still, e->starting[m]);
         Touch t = touch_of(p, g, l, k);
@@ -250,7 +286,7 @@ static void decide_modes(const Problem *p, Group *g, const int64_t *guards, cons
         int turned = !lands && length_along(&t, t.speed) > slow;
         int64_t mode = turned ? SLIP : mode_of(&t, slow, &s, heading);
         int touches = turned || t.gap <= (lands ? TOUCHES : HELD) * e->length[m];
-        if (mode < 0 || (mode == SMOOTH && !lands) || !touches || !is_alone(p, g, l, k)) {
+        if (mode < 0 || (mode == SMOOTH && !lands) || !touches) {
             kinds[l] = UNDECIDED;
             continue;
         }
@@ -260,12 +296,12 @@ static void decide_modes(const Problem *p, Group *g, const int64_t *guards, cons
         }
         keep_one(p->contacts, g, l, k, mode, heading);
         e->starting[m] = !lands && mode == SLIP ? STARTING * g->floor[l] : 0.0;
-        if (lands && strikes[l]) note(e, m, g->now[l], k, AS_DECLARED);
+        if (o->hits) note(e, m, g->now[l], k, AS_DECLARED);
         if (lands && mode != OPEN) note(e, m, g->now[l], k, BEGINS_RESTING);
         if (!lands && mode != SLIP) note(e, m, g->now[l], k, mode == OPEN ? LIFTS_OFF : BEGINS_STICKING);
         (*project)[l] = mode == OPEN ? 0 : -1;
         for (int64_t i = 1; i < t.count && mode == SLIP; i++) along += heading[i - 1] * t.speed[i];
-        (*turns)[l] = along < 0.0 ? -1 : 0;
+        if (along < 0.0) o->turn[o->turns++] = k;
         if (lands)
             for (int64_t i = 0; i < p->width; i++) g->z[i][l] = g->next[i][l];
     }
@@ -294,20 +330,20 @@ static int64_t decide_start(const Problem *p, Group *g, int64_t l, int64_t k) {
 }
 
 /* Project the states of lanes onto their constraints and their new contacts. */
-static void settle(const Problem *p, Group *g, Mask which, Mask turns, const int64_t *guards) {
+static void settle(const Problem *p, Group *g, Mask which, const Outcome *outcomes) {
     const Encounters *e = g->pool->encounters;
     int64_t events = p->contacts->events;
     if (!any(which)) return;
     /* a small speed against the direction in which a slide begins is removed, as if the contact would stick */
     for (int64_t l = 0; l < LANES; l++)
-        if (turns[l]) e->mode[g->member[l] * events + guards[l] / 2] = STICK;
+        for (int64_t i = 0; i < outcomes[l].turns; i++) e->mode[g->member[l] * events + outcomes[l].turn[i]] = STICK;
     copy(g->work, g->z, p->width);
     g->work[p->time] = smaller(larger(g->now, g->low), g->high);
     put_on_constraints(p, g, which);
     put_on_contacts(p, g, which);
     for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(which & (g->work[i] == g->work[i]), g->work[i], g->z[i]);
     for (int64_t l = 0; l < LANES; l++)
-        if (turns[l]) e->mode[g->member[l] * events + guards[l] / 2] = SLIP;
+        for (int64_t i = 0; i < outcomes[l].turns; i++) e->mode[g->member[l] * events + outcomes[l].turn[i]] = SLIP;
 }
 
 /* Decide about the events of lanes, and restart the motions; lanes whose events the caller has to decide. */
@@ -315,9 +351,11 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
     const Contacts *c = p->contacts;
     const Encounters *e = g->pool->encounters;
     int64_t kinds[LANES];
-    int strikes[LANES] = {0};
-    Mask some = {0}, landing = {0}, project = {0}, turns = {0}, left = {0};
+    int several[LANES] = {0};
+    Outcome outcomes[LANES];
+    Mask some = {0}, landing = {0}, project = {0}, left = {0};
     for (int64_t l = 0; l < LANES; l++) {
+        outcomes[l].hits = outcomes[l].turns = 0;
         kinds[l] = which[l] ? kind_of(p, g, l, guards[l]) : UNDECIDED;
         some[l] = kinds[l] == UNDECIDED ? 0 : -1;
     }
@@ -329,11 +367,11 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
         for (int64_t l = 0; l < LANES; l++) {
             int64_t k = guards[l] / 2, m = g->member[l];
             if (!some[l]) continue;
-            if (!is_alone(p, g, l, k) ||
-                (kinds[l] != LANDS && !(__builtin_fabs(g->work[c->speed[c->first[k]]][l]) <= slow_speed(e, m)))) {
+            several[l] = !is_alone(p, g, l, k);
+            if (!are_at_rest(p, g, l) || (several[l] && kinds[l] != LANDS && kinds[l] != STOPS)) {
                 kinds[l] = UNDECIDED;
             } else if (kinds[l] == LANDS) {
-                kinds[l] = decide_impact(p, g, l, k, strikes + l);
+                kinds[l] = several[l] ? decide_blows(p, g, l, k, outcomes + l) : decide_impact(p, g, l, k, outcomes + l);
                 landing[l] = kinds[l] == LANDS ? -1 : 0;
             } else if (kinds[l] == STARTS) {
                 kinds[l] = decide_start(p, g, l, k);
@@ -348,8 +386,8 @@ static Mask decide_events(const Problem *p, Group *g, Mask which, const int64_t 
             for (int64_t i = 0; i < p->width; i++) g->work[i] = choose(landing, g->next[i], g->z[i]);
             look(p, g, some, guards);
         }
-        decide_modes(p, g, guards, strikes, kinds, &project, &turns);
-        settle(p, g, project, turns, guards);
+        decide_modes(p, g, guards, several, outcomes, kinds, &project);
+        settle(p, g, project, outcomes);
     }
     for (int64_t l = 0; l < LANES; l++) {
         if (!which[l]) continue;

@@ -189,7 +189,7 @@ static int64_t happen(const Pool *pool, Group *g, int64_t l, int64_t happened) {
     return EVENT;
 }
 
-enum { OF_DECISION = 2 }; /* most events that a decision notes */
+enum { OF_DECISION = 2 * MOST_CLOSED }; /* most events that a decision notes */
 
 /* Whether a step might add more event marks than the buffer holds. */
 static int noted_many(const Problem *p, const Pool *pool, int64_t m) {

@@ -1,9 +1,9 @@
 """Event-driven integration: the driver integrates each realisation from one of its events to the next.
 
 The driver makes steps, locates events in a step, and decides about events of single contacts: impacts, rest, lift-off,
-and the ends of sticking and sliding. A realisation with another event waits for a decision in Python, while the others
-continue. Decreasing bounces end in a persistent contact, which sticks or slips, and from which bodies may
-lift off.
+and the ends of sticking and sliding. With several contacts it decides about impacts and the ends of sliding. A
+realisation with another event waits for a decision in Python, while the others continue. Decreasing bounces end in a
+persistent contact, which sticks or slips, and from which bodies may lift off.
 """
 
 from __future__ import annotations

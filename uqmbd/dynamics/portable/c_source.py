@@ -33,7 +33,9 @@ PARTS = (
     "radau",
     "dense",
     "coulomb",
+    "collisions",
     "decisions",
+    "several",
     "dop853",
     "assembly",
 )

@@ -1,0 +1,333 @@
+/* Laws of several contacts: the impulses of an impact, and the states of closed contacts.
+
+   The problem is that of one contact (coulomb.c) for all contacts together.  Its states (stick, slip on, slip back, no
+   impulse) are enumerated, those of the last contact first, up to MOST_STATES combinations; impulses of redundant
+   contacts are the least ones.  The first solution in this order is used.  In space, this is done for one contact, and
+   for contacts whose directions of sliding are known. */
+#include "group.h"
+
+static const double UNSTABLE = 1e-9; /* negative stiffness of contacts, relative to their own, that counts as zero */
+static const double PRESSED = 1e-8;  /* normal force, relative to the largest force, that counts as zero */
+
+enum {
+    MOST_CLOSED = 6,
+    MOST_ROWS = MOST_CLOSED * MOST_DIRECTIONS,
+    MOST_STATES = 64,
+    MOST_BLOWS = 200, /* collisions at an instant; after them, the impact is without restitution */
+};
+
+/* Closed contacts of a lane, with rows for their directions: the normal one first, without friction alone. */
+typedef struct {
+    int64_t count, event[MOST_CLOSED], first[MOST_CLOSED + 1], direction[MOST_ROWS];
+    double restitution[MOST_CLOSED], friction[MOST_CLOSED];
+    double matrix[MOST_ROWS][MOST_ROWS], natural[MOST_ROWS], speed[MOST_ROWS];
+} Closed;
+
+/* Simultaneous collision, or forces: speeds before it, or accelerations without forces, and their changes. */
+typedef struct {
+    int64_t count, first[MOST_CLOSED + 1];
+    double friction[MOST_CLOSED], rebound[MOST_CLOSED], unit[MOST_ROWS];
+    double matrix[MOST_ROWS][MOST_ROWS], before[MOST_ROWS];
+} Collision;
+
+/* Largest response of a contact in its directions. */
+static double own_response(const Collision *x, int64_t k) {
+    double found = 1e-300;
+    for (int64_t i = x->first[k]; i < x->first[k + 1]; i++) found = greatest(found, __builtin_fabs(x->matrix[i][i]));
+    return found;
+}
+
+/* Units of impulses that are equal in all directions of a contact, because masses may differ widely. */
+static void set_own_units(Collision *x) {
+    for (int64_t k = 0; k < x->count; k++)
+        for (int64_t i = x->first[k]; i < x->first[k + 1]; i++) x->unit[i] = 1.0 / __builtin_sqrt(own_response(x, k));
+}
+
+static void respond_together(const Collision *x, const double *impulse, double *after) {
+    int64_t rows = x->first[x->count];
+    for (int64_t i = 0; i < rows; i++) {
+        after[i] = x->before[i];
+        for (int64_t j = 0; j < rows; j++) after[i] += x->matrix[i][j] * impulse[j];
+    }
+}
+
+/* Whether impulses satisfy the laws in all contacts, and add no energy. */
+static int satisfy_together(const Collision *x, const double *impulse, Earlier earlier) {
+    double after[MOST_ROWS], size = greatest(earlier.jump, 1e-300), off = 0.0, added = 0.0, worked = 0.0;
+    respond_together(x, impulse, after);
+    for (int64_t k = 0; k < x->count; k++) {
+        int64_t first = x->first[k], count = x->first[k + 1] - first;
+        double wanted[MOST_DIRECTIONS], diagonal = own_response(x, k), along = 0.0;
+        for (int64_t i = 0; i < count; i++) {
+            if (!is_finite(impulse[first + i])) return 0;
+            wanted[i] = impulse[first + i] - (after[first + i] - (i ? 0.0 : x->rebound[k])) / diagonal;
+            if (i) along += wanted[i] * wanted[i];
+        }
+        wanted[0] = greatest(0.0, wanted[0]);
+        along = __builtin_sqrt(along);
+        size = greatest(size, __builtin_fabs(x->before[first]));
+        for (int64_t i = 0; i < count; i++) {
+            double value = impulse[first + i], most = x->friction[k] * wanted[0];
+            if (i && along > most) wanted[i] *= most / along;
+            size = greatest(size, __builtin_fabs(value) * diagonal);
+            off = greatest(off, __builtin_fabs(value - wanted[i]) * diagonal);
+            added += 0.5 * value * (x->before[first + i] + after[first + i]);
+            worked += __builtin_fabs(value * x->before[first + i]);
+        }
+    }
+    return off <= EXACT * size && (earlier.energy < 0.0 || added <= FED * greatest(worked, earlier.energy));
+}
+
+enum { STICKS, SLIPS_ON, SLIPS_BACK, WITHOUT }; /* the states of a contact; without friction only the first and last */
+
+/* Impulses of contacts in given states, the least ones if contacts are redundant. */
+static void impulses_of(const Collision *x, const int64_t *states, Lane *s, double *impulse) {
+    double share[MOST_CLOSED] = {0.0}; /* friction of slip per normal impulse */
+    int64_t rows = x->first[x->count], size = 0, held[MOST_ROWS], owner[MOST_ROWS];
+    for (int64_t i = 0; i < rows; i++) impulse[i] = 0.0;
+    for (int64_t k = 0; k < x->count; k++) {
+        int64_t first = x->first[k], count = states[k] == STICKS ? x->first[k + 1] - first : 1;
+        if (states[k] == WITHOUT) continue;
+        if (states[k] != STICKS) {
+            double on = __builtin_copysign(1.0, x->before[first + 1]);
+            share[k] = -x->friction[k] * (states[k] == SLIPS_ON ? on : -on);
+        }
+        for (int64_t i = 0; i < count; i++) {
+            held[size] = first + i;
+            owner[size++] = k;
+        }
+    }
+    if (!size) return;
+    for (int64_t i = 0; i < size; i++) {
+        int64_t row = held[i], normal = row == x->first[owner[i]];
+        s->unit[i] = x->unit[row];
+        s->right[i] = (normal ? x->rebound[owner[i]] : 0.0) - x->before[row];
+        for (int64_t j = 0; j < size; j++) {
+            double value = x->matrix[row][held[j]];
+            if (share[owner[j]] != 0.0) value += x->matrix[row][held[j] + 1] * share[owner[j]];
+            s->inner[i * size + j] = value;
+        }
+    }
+    least_solution(s, size);
+    for (int64_t j = 0; j < size; j++) {
+        impulse[held[j]] = s->found[j];
+        if (share[owner[j]] != 0.0) impulse[held[j] + 1] = share[owner[j]] * s->found[j];
+    }
+}
+
+/* The first impulses that satisfy the laws; whether there are some; -1 beyond the bound of the enumeration. */
+static int solve_together(const Collision *x, Earlier earlier, Lane *s, double *impulse) {
+    int64_t states[MOST_CLOSED] = {0}, combinations = 1;
+    if (x->count == 1) {
+        Touch t;
+        t.count = x->first[1];
+        t.friction = x->friction[0];
+        for (int64_t i = 0; i < t.count; i++)
+            for (int64_t j = 0; j < t.count; j++) t.matrix[i][j] = x->matrix[i][j];
+        return first_solution(&t, x->before, x->rebound[0], earlier, s, impulse);
+    }
+    for (int64_t k = 0; k < x->count; k++) {
+        int64_t tangents = x->first[k + 1] - x->first[k] - 1;
+        if (tangents > 1) return -1;
+        combinations *= tangents ? 4 : 2;
+    }
+    if (combinations > MOST_STATES) return -1;
+    for (;;) {
+        impulses_of(x, states, s, impulse);
+        if (satisfy_together(x, impulse, earlier)) return 1;
+        int64_t k = x->count - 1;
+        while (k >= 0 && states[k] == WITHOUT) states[k--] = STICKS;
+        if (k < 0) return 0;
+        states[k] = x->first[k + 1] - x->first[k] > 1 ? states[k] + 1 : WITHOUT;
+    }
+}
+
+/* Collision of some contacts with given speeds. */
+static void set_collision(const Closed *c, const int64_t *some, int64_t count, const double *speed, Collision *x,
+                          int64_t *rows) {
+    int64_t size = 0;
+    x->count = count;
+    for (int64_t k = 0; k < count; k++) {
+        x->first[k] = size;
+        x->friction[k] = c->friction[some[k]];
+        x->rebound[k] = 0.0;
+        for (int64_t i = c->first[some[k]]; i < c->first[some[k] + 1]; i++) rows[size++] = i;
+    }
+    x->first[count] = size;
+    for (int64_t i = 0; i < size; i++) {
+        x->before[i] = speed[rows[i]];
+        for (int64_t j = 0; j < size; j++) x->matrix[i][j] = c->matrix[rows[i]][rows[j]];
+    }
+    set_own_units(x);
+}
+
+/* Impulses of an impact, and which contacts are hit; whether they are known.  Contacts that approach collide at once;
+   contacts that approach afterwards collide next.  Speeds up to `least` are no approach. */
+static int solve_blows(const Closed *c, double least, Lane *s, double *total, int *hit) {
+    double speed[MOST_ROWS], impulse[MOST_ROWS];
+    int64_t rows = c->first[c->count], active[MOST_CLOSED], row[MOST_ROWS];
+    for (int64_t i = 0; i < rows; i++) {
+        speed[i] = c->speed[i];
+        total[i] = 0.0;
+    }
+    for (int64_t k = 0; k < c->count; k++) hit[k] = 0;
+    for (int64_t blow = 0; blow <= MOST_BLOWS; blow++) {
+        int64_t count = 0, approaching = 0, last = blow == MOST_BLOWS, bounces = 0;
+        for (int64_t k = 0; k < c->count; k++) {
+            int approaches = speed[c->first[k]] < -least;
+            approaching += approaches;
+            if (approaches || last) active[count++] = k;
+        }
+        if (!approaching) break;
+        Earlier earlier = {0.0, 0.0};
+        for (int64_t i = 0; i < rows; i++) {
+            earlier.jump = greatest(earlier.jump, __builtin_fabs(total[i] * c->matrix[i][i]));
+            earlier.energy += __builtin_fabs(total[i] * c->speed[i]);
+        }
+        Collision x;
+        set_collision(c, active, count, speed, &x, row);
+        for (int64_t k = 0; k < count && !last; k++) {
+            x.rebound[k] = greatest(0.0, -c->restitution[active[k]] * x.before[x.first[k]]);
+            bounces |= x.rebound[k] > 0.0;
+        }
+        int found = solve_together(&x, earlier, s, impulse);
+        if (!found && bounces) {
+            for (int64_t k = 0; k < count; k++) x.rebound[k] = 0.0;
+            found = solve_together(&x, earlier, s, impulse);
+        }
+        if (found != 1) return 0;
+        for (int64_t j = 0; j < x.first[count]; j++) {
+            total[row[j]] += impulse[j];
+            for (int64_t i = 0; i < rows; i++) speed[i] += c->matrix[i][row[j]] * impulse[j];
+        }
+        for (int64_t k = 0; k < count; k++) hit[active[k]] |= impulse[x.first[k]] > 0.0;
+    }
+    return 1;
+}
+
+/* Problem of the forces of closed contacts; those that slide have the friction of their headings. */
+static void set_forces(const Closed *c, const int *slides, double (*heading)[2], Collision *x) {
+    int64_t size = 0, rows[MOST_ROWS];
+    x->count = c->count;
+    for (int64_t k = 0; k < c->count; k++) {
+        x->first[k] = size;
+        x->friction[k] = c->friction[k];
+        x->rebound[k] = 0.0;
+        for (int64_t i = c->first[k]; i < (slides[k] ? c->first[k] + 1 : c->first[k + 1]); i++) rows[size++] = i;
+    }
+    x->first[c->count] = size;
+    for (int64_t i = 0; i < size; i++) {
+        x->before[i] = c->natural[rows[i]];
+        for (int64_t j = 0; j < size; j++) x->matrix[i][j] = c->matrix[rows[i]][rows[j]];
+        for (int64_t k = 0; k < c->count; k++)
+            for (int64_t t = c->first[k] + 1; slides[k] && t < c->first[k + 1]; t++)
+                x->matrix[i][x->first[k]] -= c->matrix[rows[i]][t] * c->friction[k] * heading[k][t - c->first[k] - 1];
+    }
+    set_own_units(x);
+}
+
+/* Whether compliant contacts in the place of those with a force return to them: all eigenvalues of the responses have
+   positive real parts.  The symmetric part decides, or, of two rows, trace and determinant. */
+static int is_stable(const Collision *x, const double *force) {
+    double a[MOST_ROWS][MOST_ROWS];
+    int64_t held[MOST_ROWS], size = 0;
+    for (int64_t k = 0; k < x->count; k++)
+        for (int64_t i = x->first[k]; i < x->first[k + 1] && force[x->first[k]] > 0.0; i++) held[size++] = i;
+    for (int64_t i = 0; i < size; i++)
+        for (int64_t j = 0; j < size; j++) {
+            double sum = x->matrix[held[i]][held[j]] + x->matrix[held[j]][held[i]];
+            a[i][j] = 0.5 * sum * x->unit[held[i]] * x->unit[held[j]] + (i == j ? UNSTABLE : 0.0);
+        }
+    int positive = 1;
+    for (int64_t k = 0; k < size && positive; k++) {
+        positive = a[k][k] > 0.0;
+        for (int64_t i = k + 1; i < size; i++) {
+            double factor = a[i][k] / a[k][k];
+            for (int64_t j = k + 1; j < size; j++) a[i][j] -= factor * a[k][j];
+        }
+    }
+    if (positive || size != 2) return positive;
+    double unit[2] = {x->unit[held[0]], x->unit[held[1]]}, across = 1.0;
+    for (int64_t i = 0; i < 2; i++) {
+        a[i][i] = x->matrix[held[i]][held[i]] * unit[i] * unit[i] + UNSTABLE;
+        across *= x->matrix[held[i]][held[1 - i]] * unit[0] * unit[1];
+    }
+    return a[0][0] + a[1][1] > 0.0 && a[0][0] * a[1][1] - across > 0.0;
+}
+
+/* Whether the least forces of closed contacts press all of them, with friction clear of its limit; otherwise forces of
+   redundant contacts are chosen by the caller. */
+static int are_pressed(const Closed *c, const int64_t *mode, double (*heading)[2], Lane *s) {
+    int slides[MOST_CLOSED];
+    int64_t states[MOST_CLOSED];
+    double force[MOST_ROWS], largest = 0.0;
+    for (int64_t k = 0; k < c->count; k++) {
+        slides[k] = mode[k] == SLIP;
+        states[k] = mode[k] == OPEN ? WITHOUT : STICKS;
+    }
+    Collision x;
+    set_forces(c, slides, heading, &x);
+    for (int64_t k = 0; k < c->count; k++)
+        for (int64_t i = 0; i < x.first[k + 1] - x.first[k]; i++) {
+            int64_t row = c->first[k] + i;
+            x.unit[x.first[k] + i] = 1.0 / __builtin_sqrt(greatest(__builtin_fabs(c->matrix[row][row]), 1e-300));
+        }
+    impulses_of(&x, states, s, force);
+    for (int64_t i = 0; i < x.first[x.count]; i++) {
+        if (!is_finite(force[i])) return 0;
+        largest = greatest(largest, __builtin_fabs(force[i]));
+    }
+    for (int64_t k = 0; k < c->count; k++) {
+        double normal = force[x.first[k]], friction = 0.0;
+        if (mode[k] == OPEN) continue;
+        for (int64_t i = x.first[k] + 1; i < x.first[k + 1]; i++) friction += force[i] * force[i];
+        if (!(normal > PRESSED * largest)) return 0;
+        if (mode[k] == STICK && !(__builtin_sqrt(friction) < (1.0 - CLEAR) * c->friction[k] * normal)) return 0;
+    }
+    return 1;
+}
+
+/* The states of closed contacts, and the directions in which they slide if they slip; whether they are known.  Speeds up
+   to `slow` count as zero.  The caller decides if forces or motions are not unique, or at the limits of the laws. */
+static int modes_of(const Closed *c, double slow, Lane *s, int64_t *mode, double (*heading)[2]) {
+    double force[MOST_ROWS], after[MOST_ROWS], largest = 0.0, most = 0.0;
+    int slides[MOST_CLOSED];
+    int64_t loaded = 0;
+    for (int64_t k = 0; k < c->count; k++) {
+        double fast = 0.0;
+        for (int64_t i = c->first[k] + 1; i < c->first[k + 1]; i++) fast += c->speed[i] * c->speed[i];
+        fast = __builtin_sqrt(fast);
+        slides[k] = fast > slow;
+        for (int64_t i = c->first[k] + 1; slides[k] && i < c->first[k + 1]; i++)
+            heading[k][i - c->first[k] - 1] = c->speed[i] / fast;
+    }
+    Collision x;
+    set_forces(c, slides, heading, &x);
+    if (solve_together(&x, FORCES, s, force) != 1 || !is_stable(&x, force)) return 0;
+    respond_together(&x, force, after);
+    for (int64_t k = 0; k < x.count; k++)
+        for (int64_t i = x.first[k]; i < x.first[k + 1]; i++) {
+            largest = greatest(largest, __builtin_fabs(x.before[i]));
+            most = greatest(most, __builtin_fabs(force[i]) * own_response(&x, k));
+        }
+    for (int64_t k = 0; k < c->count; k++) {
+        int64_t first = x.first[k], rubs = c->first[k + 1] - c->first[k] > 1;
+        double along = 0.0, friction = 0.0;
+        for (int64_t i = first + 1; i < x.first[k + 1]; i++) {
+            along += after[i] * after[i];
+            friction += force[i] * force[i];
+        }
+        if (force[first] * own_response(&x, k) <= EXACT * most) {
+            mode[k] = OPEN;
+            if (after[first] <= RESTS * largest) return 0;
+            continue;
+        }
+        loaded++;
+        mode[k] = !rubs ? SMOOTH : slides[k] || __builtin_sqrt(along) > RESTS * largest ? SLIP : STICK;
+        if (mode[k] != SLIP || slides[k]) continue;
+        friction = __builtin_sqrt(friction);
+        for (int64_t i = first + 1; i < x.first[k + 1]; i++)
+            heading[k][i - first - 1] = friction > 0.0 ? -force[i] / friction : i == first + 1;
+    }
+    return !loaded || are_pressed(c, mode, heading, s);
+}
