@@ -34,12 +34,12 @@ SHARED = ("instance.c",)
 SURROGATE = ("surrogate.c",)
 """Source files of a surrogate."""
 
-MECHANISM = ("mechanism.c", "contact_laws.c", "sampled_laws.c", "motion_memory.c", "driver.c", "motion_data.c")
+MECHANISM = ("mechanism.c", "integration.c", "sampled_laws.c", "motion_memory.c", "driver.c", "motion_data.c")
 """Source files of a mechanism: files of the package, and files of its motion."""
 
 HEADERS = {
     SURROGATE: ("model.h", "surrogate.h"),
-    MECHANISM: ("model.h", "motion_memory.h", "contact_laws.h", "sampled_laws.h"),
+    MECHANISM: ("model.h", "motion_memory.h", "integration.h", "sampled_laws.h"),
 }
 """Headers of the package that the sources of a model need."""
 

@@ -1,6 +1,6 @@
-/* A mechanism as a model: assembly for any parameters, integration by the driver from one communication point to the
-   next, and outputs that are consistent with the equations of motion. */
-#include "contact_laws.h"
+/* A mechanism as a model: assembly for any parameters, steps from one communication point to the next, and outputs that
+   are consistent with the equations of motion. */
+#include "integration.h"
 #include "sampled_laws.h"
 
 /* Contents of a variable: the index of an input of the motion, of an output, or of a command of a controller. */
@@ -16,17 +16,10 @@ extern const double start_commands[];
 extern const double default_tolerance;
 
 enum {
-    MOST_IMPACTS = 10000, /* largest number of events in a step */
-    MOST_RETRIES = 200,   /* largest number of decisions of the driver in a step */
-    PASSES = 4,           /* projections onto constraints that inputs have moved */
-    PAIR = 2,
-    LEGS = MOTION_BREAKS + MOTION_ADDED + MOTION_KNOTS + 1,
+    PASSES = 4, /* projections onto constraints that inputs have moved */
 };
 
-static const double FAR = 1000.0, FARTHEST = 3e-3; /* residual of an interpolated state, in tolerances; its limit */
-static const double BETWEEN = 3.0;                 /* interpolation error that rejects a step */
-static const double RELEVANT = 100.0;              /* relevant deviation of a table from a cubic, in tolerances */
-static const double SHORTEST = 1e-12;              /* shortest step of the integration, relative to the time */
+static const double SHORTEST = 1e-12; /* shortest step of the integration, relative to the time */
 
 size_t model_bytes(void) { return sizeof(Motion); }
 
@@ -247,12 +240,6 @@ void model_prepare(void *model, double time, double tolerance) {
     of->tolerance = tolerance > 0 ? tolerance : default_tolerance;
 }
 
-/* A time in an interval at whose ends functions of time may jump. */
-static double inside(double now, double begin, double end) {
-    const double near = 1e-12 * fmax(1.0, fmax(fabs(begin), isinf(end) ? 0.0 : fabs(end)));
-    return fmin(fmax(now, begin + near), end - near);
-}
-
 void model_initialise(void *model, Report *to) {
     Motion *of = model;
     double largest = 0.0;
@@ -266,7 +253,7 @@ void model_initialise(void *model, Report *to) {
     of->floor = of->tolerance * fmin(1.0, fmax(1e-3, largest));
     of->wanted = 0.0;
     of->length = fmin(1.0, fmax(1e-3, largest));
-    start_contacts(of, inside(of->time, of->time, INFINITY), to);
+    start_contacts(of, to);
     if (to->status >= ERROR) return;
     memcpy(of->shown, of->state, sizeof of->shown);
     start_laws(of, to);
@@ -283,156 +270,6 @@ void model_initialise(void *model, Report *to) {
         }
 }
 
-/* Ends of the parts of a step between which the equations are smooth; return their number. */
-static int64_t find_legs(const Motion *of, double end, double *ends) {
-    int64_t count = 0;
-    for (int k = 0; k < LEGS - 1; k++) {
-        const int knot = k - MOTION_BREAKS - MOTION_ADDED;
-        const double at = k < MOTION_BREAKS ? of->parameters[motion_break_places[k]]
-                          : knot < 0        ? motion_added_parameters[k - MOTION_BREAKS]
-                                            : motion_knot_parameters[knot];
-        const double near = 1e-12 * fmax(1.0, fabs(at));
-        int64_t place = count;
-        if (!(at > of->time + near && at < end - near)) continue;
-        /* a knot at which the third derivative jumps by less than the tolerance is no end */
-        if (knot >= 0 && !(motion_deviation_parameters[knot] > RELEVANT * of->tolerance)) continue;
-        while (place > 0 && ends[place - 1] > at) place--;
-        if (place > 0 && at - ends[place - 1] <= near) continue;
-        for (int64_t i = count; i > place; i--) ends[i] = ends[i - 1];
-        ends[place] = at;
-        count++;
-    }
-    ends[count] = end;
-    return count + 1;
-}
-
-/* Integrate to a time; controllers are not sampled before. */
-static void integrate(Motion *of, double end, Report *to) {
-    const double times[PAIR] = {of->time, end};
-    double ends[LEGS], longest[LEGS];
-    const int64_t jumps[LEGS] = {0}, legs = find_legs(of, end, ends);
-    for (int64_t k = 0; k < legs; k++) longest[k] = motion_longest;
-    double node_times[NODES] = {0}, nodes[NODES * MOTION_WIDTH] = {0}, result[PAIR * MOTION_WIDTH];
-    double off[MOTION_EQUATIONS + 1] = {0};
-    double now = of->time, begin = of->time, wanted = of->wanted, tried = 0.0, floor_ = of->floor, limit = INFINITY;
-    int64_t leg = 0, last_leg = legs - 1, first = 1, column = 1, status = RUNNING, attempts = 0, refused = 0, stiff = 0;
-    int64_t fresh = 1, rejected = 0, allowed = INT64_MAX / 2, trusted = 0, told = 0, steps = 0, known = 1, recorded = 0;
-    int8_t poor[PAIR] = {0};
-    Problem problem = motion_problem;
-    problem.rtol = of->tolerance;
-    problem.far = fmin(FAR * of->tolerance, FARTHEST);
-    problem.between = BETWEEN * pow(of->tolerance, -1.0 / 8.0);
-    problem.times = times;
-    problem.leg_ends = ends;
-    problem.leg_longest = longest;
-    problem.leg_jumps = jumps;
-    node_times[NODES - 1] = of->time;
-    memcpy(nodes + (NODES - 1) * MOTION_WIDTH, of->state, sizeof of->state);
-    memcpy(result, of->state, sizeof of->state);
-    memcpy(result + MOTION_WIDTH, of->state, sizeof of->state);
-    const Encounters encounters = {.mode = of->mode,
-                                   .heading = of->heading,
-                                   .internal = of->internal,
-                                   .resting = of->resting,
-                                   .rise = of->rise,
-                                   .length = &of->length,
-                                   .slow = &of->slow,
-                                   .happened = &of->happened,
-                                   .noted = &of->noted,
-                                   .watched = 1};
-    const Pool pool = {.z = of->state,
-                       .rate = of->rate,
-                       .parameters = of->parameters,
-                       .now = &now,
-                       .begin = &begin,
-                       .wanted = &wanted,
-                       .tried = &tried,
-                       .floor = &floor_,
-                       .limit = &limit,
-                       .leg = &leg,
-                       .last_leg = &last_leg,
-                       .first = &first,
-                       .column = &column,
-                       .status = &status,
-                       .attempts = &attempts,
-                       .refused = &refused,
-                       .stiff = &stiff,
-                       .fresh = &fresh,
-                       .rejected = &rejected,
-                       .allowed = &allowed,
-                       .trusted = &trusted,
-                       .told = &told,
-                       .steps = &steps,
-                       .known = &known,
-                       .node_times = node_times,
-                       .nodes = nodes,
-                       .result = result,
-                       .off = off,
-                       .poor = poor,
-                       .recorded = &recorded,
-                       .encounters = &encounters};
-    const int64_t member = 0;
-    int64_t impacts = 0;
-    begin_contacts(of, inside(now, begin, ends[leg]), &wanted, to);
-    if (to->status >= ERROR) return;
-    if (advance_workspace(&problem) > MOTION_WORK) {
-        report(to, FATAL, "The workspace of the integration is too small; the FMU is damaged.");
-        return;
-    }
-    for (int retries = 0; status != DONE; retries++) {
-        if (status == REFUSED || (status == STRAYED && !trusted)) {
-            trusted = status == STRAYED;
-            status = RUNNING;
-        }
-        if (status == EVENT) {
-            if (++impacts > MOST_IMPACTS) {
-                report(to, ERROR, "More than %d events of contacts in a step at t = %.6g s.", MOST_IMPACTS, now);
-                return;
-            }
-            decide_contact(of, now, inside(now, begin, ends[leg]), &wanted, to);
-            if (to->status >= ERROR) return;
-            fresh = 1;
-            rejected = refused = 0;
-            if (now >= end - 1e-12 * fmax(1.0, fabs(end))) break;
-            if (now >= ends[leg] - 1e-12 * fmax(1.0, fabs(ends[leg]))) {
-                now = begin = ends[leg++];
-                attempts = 0;
-            }
-            status = RUNNING;
-            retries--;
-        }
-        if (status != RUNNING || retries > MOST_RETRIES) {
-            report(to, ERROR,
-                   "The integration stopped at t = %.6g s: %s. Probably a singular pose, a stop, a stiff force, or a force "
-                   "that grows without bound.",
-                   now,
-                   status == MANY      ? "too many steps"
-                   : status == SMALL   ? "the step size has become too small"
-                   : status == STRAYED ? "a step leads off the constraints"
-                                       : "steps are refused");
-            return;
-        }
-        advance(&problem, &pool, &member, 1, cleared(of), INT64_C(40000) * 8);
-        if (status == RUNNING) retries--; /* the budget of the driver was spent */
-    }
-    of->wanted = wanted;
-    of->time = end;
-    memcpy(of->shown, of->state, sizeof of->shown);
-    if (MOTION_EQUATIONS) {
-        memcpy(result + MOTION_WIDTH, of->state, sizeof of->state);
-        column = PAIR;
-        project(&problem, &pool, &member, 1, cleared(of));
-        memcpy(of->shown, result + MOTION_WIDTH, sizeof of->shown);
-    }
-    of->known = 0.0;
-    keep_angles(of, to);
-    for (int k = 0; k < MOTION_WIDTH; k++)
-        if (!isfinite(of->state[k])) {
-            report(to, ERROR, "The state is not finite at t = %.6g s.", end);
-            return;
-        }
-}
-
 void model_advance(void *model, double end, Report *to) {
     Motion *of = model;
     follow_inputs(of, to);
@@ -445,6 +282,7 @@ void model_advance(void *model, double end, Report *to) {
             of->time = target;
         else
             break; /* times that programs add up differ by rounding; the next step covers this one */
+        if (to->status < ERROR) keep_angles(of, to);
         if (MOTION_LAWS && to->status < ERROR) sample_laws(of, to);
     }
 }
@@ -457,6 +295,7 @@ void model_set(void *model, unsigned variable, double value, Report *to) {
             set_commands(of, of->state);
             set_commands(of, of->shown);
             of->known = 0.0;
+            of->arming = 1;
         } else {
             of->dirty = 1.0;
         }
@@ -468,6 +307,7 @@ void model_set(void *model, unsigned variable, double value, Report *to) {
         find_parameters(of);
         check_parameters(of, to);
         of->known = 0.0;
+        of->arming = 1;
         for (int k = 0; k < MOTION_MOVING; k++)
             if (motion_moving_places[k] == contents[variable].index) of->moved = 1.0;
     }

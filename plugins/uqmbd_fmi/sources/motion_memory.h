@@ -9,7 +9,6 @@
 #include "motion.h"
 
 enum {
-    CROWD = 100, /* number of events that count as a crowd */
     STATE = MOTION_WIDTH + 2,
     ARGUMENTS = STATE + MOTION_BLOCK,
 };
@@ -29,12 +28,11 @@ typedef struct {
     double counted;                   /* whether there was such a point */
     double warned;                    /* whether inaccurate accelerations were reported */
     double begun, dirty;              /* whether the start was computed; whether a parameter has changed since */
-    int64_t mode[MOTION_EVENTS + 1], resting[2 * MOTION_EVENTS + 1], happened, noted; /* of contacts, see events.h */
+    /* contacts, see events.h; `arming` also if inputs or commands have changed */
+    int64_t mode[MOTION_EVENTS + 1], resting[2 * MOTION_EVENTS + 1], held[MOTION_EVENTS + 1], happened, noted, arming;
+    int64_t total, restarts, stalled, clustered;
     double heading[MOTION_DIRECTIONS + 1], internal[MOTION_DIRECTIONS + 1], rise[2 * MOTION_EVENTS + 1];
-    double length, slow, fastest;     /* size of the mechanism, speed that counts as zero, fastest impact */
-    double coarser, crowd[CROWD];     /* factor of that speed in a crowd of events, and times of the last events */
-    int64_t crowded;                  /* their number */
-    double starting, turned_at;       /* speed that counts as zero when slip starts; last turn of its direction */
+    double length, slow, recent[CLUSTER], since, fastest, coarse, starting, turned_at, later;
     double origin, pending[MOTION_PENDING + 1];                       /* start; commands that do not act yet */
     int64_t sampled[MOTION_LAWS + 1], acted[MOTION_LAWS + 1]; /* number of the next sample that is taken, and acts */
     double outputs[MOTION_RESULTS];

@@ -64,7 +64,10 @@ static void evaluate_law(Motion *of, const Law *law, double *results, Report *to
 }
 
 /* Set an entry of the state, also of the state that outputs show. */
-static void hold(Motion *of, int64_t entry, double value) { of->state[entry] = of->shown[entry] = value; }
+static void hold(Motion *of, int64_t entry, double value) {
+    of->state[entry] = of->shown[entry] = value;
+    of->arming = 1;
+}
 
 void sample_laws(Motion *of, Report *to) {
     double results[MOTION_LAWS + 1][MOTION_MOST_CONTROL + 1];

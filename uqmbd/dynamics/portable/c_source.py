@@ -44,6 +44,9 @@ PARTS = (
 HEADERS = ("program", "tables", "control", "events", "radau", "dop853", "group", "assembly")
 """Headers of these source files, without the header of vectors, which ``single_lane.h`` replaces."""
 
+OWN = ("waiting.c", "waiting.h")
+"""Sources of this package that belong to the same translation unit."""
+
 _BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}
 
 _COMPARED = {"olt": "<", "ole": "<=", "ogt": ">", "oge": ">=", "oeq": "==", "une": "!="}
@@ -61,12 +64,13 @@ HELPER double smaller_number(double a, double b) { return isnan(a) || isnan(b) ?
 
 def driver_sources() -> dict[str, str]:
     """Return the sources and headers of the driver for one realisation, by file name."""
-    folder = files("uqmbd.compiled").joinpath("source")
-    vectors = files("uqmbd.dynamics.portable").joinpath("single_lane.h").read_text(encoding="utf-8")
+    folder, own = files("uqmbd.compiled").joinpath("source"), files("uqmbd.dynamics.portable")
     names = [*(f"{name}.c" for name in PARTS), *(f"{name}.h" for name in HEADERS)]
     found = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
-    unit = "".join(f'#include "{name}.c"\n' for name in PARTS)
-    return {**found, "vectors.h": vectors, "driver.c": f"/* One translation unit. */\n{unit}"}
+    found |= {name: own.joinpath(name).read_text(encoding="utf-8") for name in OWN}
+    found["vectors.h"] = own.joinpath("single_lane.h").read_text(encoding="utf-8")
+    unit = "".join(f'#include "{name}"\n' for name in (*names[: len(PARTS)], OWN[0]))
+    return {**found, "driver.c": f"/* One translation unit. */\n{unit}"}
 
 
 @dataclass

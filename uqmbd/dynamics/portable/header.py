@@ -34,7 +34,7 @@ def motion_header(sizes: dict[str, int], values: dict[str, Any]) -> str:
             "#define UQMBD_MOTION_H",
             "",
             '#include "tables.h"',
-            '#include "dop853.h"',
+            '#include "waiting.h"',
             '#include "assembly.h"',
             "",
             f"enum {{\n{enumerated},\n}};",

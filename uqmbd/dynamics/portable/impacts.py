@@ -45,8 +45,11 @@ def contacts_of(model: Model) -> tuple[Dynamics, ContactPrograms] | None:
 def written_contacts(
     w: SourceWriter, model: Model, found: tuple[Dynamics, ContactPrograms] | None
 ) -> tuple[str, str, dict[str, int], int]:
-    """Return the C structure of contacts, the table of their rows, sizes, and the workspace of the driver."""
-    names = ("MOTION_EVENTS", "MOTION_DIRECTIONS", "MOTION_SYSTEM", "MOTION_ENTRIES")
+    """Return the C structure of contacts, a table of rows, sizes, and the workspace of the driver.
+
+    The table has the rows of the gap, the coefficient of friction and the normal speed of each event (any, of a mark).
+    """
+    names = ("MOTION_EVENTS", "MOTION_DIRECTIONS")
     if found is None:
         return "{0}", "NULL", dict.fromkeys(names, 0), 0
     c, events = found[1], len(model.events)
@@ -60,9 +63,9 @@ def written_contacts(
             "{0}, {0}, 0, NULL",  # the elimination with pivots needs no further programs
         ]
     )
-    rows = np.concatenate([c.gap, c.law.ravel(), c.speed, c.bias, c.slope.ravel(), c.values, c.right])
+    rows = np.concatenate([c.gap, c.law[:, 1], c.speed[np.minimum(c.first[:-1], len(c.speed) - 1)]])
     n = len(c.speed)
     # twice the workspace of contacts.c, which the driver checks
     memory = 2 * (2 * events * (SAMPLES + 2) + c.size * (c.size + 1 + n) + c.size * (1 + n) + 4 * n * n + 8 * n + 1)
-    sizes = dict(zip(names, (events, n, c.size, len(c.rows)), strict=True))
+    sizes = dict(zip(names, (events, n), strict=True))
     return f"{{{text}}}", w.integers(rows), sizes, memory

@@ -1,0 +1,326 @@
+/* Integration by the driver from one time to another, which also finds the events of contacts and decides about them.
+
+   The states of contacts change here only if inputs have changed the contacts between two steps. */
+#include "integration.h"
+
+enum {
+    MOST_IMPACTS = 10000, /* largest number of events in a step */
+    MOST_RETRIES = 200,   /* largest number of decisions of the driver in a step */
+    CROWDED = 100,        /* events without progress in time, after which the driver decides nothing */
+    LEGS = MOTION_BREAKS + MOTION_ADDED + MOTION_KNOTS + 1,
+    /* rows of the contact program, of each event */
+    FRICTION_ROWS = MOTION_EVENTS,
+    SPEED_ROWS = 2 * MOTION_EVENTS,
+    CONTACT_ROWS = 3 * MOTION_EVENTS,
+};
+
+static const double FARTHEST = 3e-3; /* limit of the residual of an interpolated state */
+static const double BETWEEN = 3.0;   /* interpolation error that rejects a step */
+static const double RELEVANT = 100.0; /* relevant deviation of a table from a cubic, in tolerances */
+static const double CLOSED = 1e-9, LOST = 1e-6; /* a closed gap, also of a contact that lasted, relative to the size */
+static const double DEEP = 1e-6;                /* an overlap of bodies that is an error */
+static const double STILL = 1e-12;              /* speed that counts as zero at the start, relative to the size */
+static const double CLUSTER_TIME = 2e-3;        /* time of a cluster of events, relative to the duration */
+
+/* What the driver works with: a problem of one realisation. */
+typedef struct {
+    Problem problem;
+    Pool pool;
+    Encounters encounters;
+    double times[PAIR], ends[LEGS], longest[LEGS];
+    double now, begin, tried, floor, limit;
+    double node_times[NODES], nodes[NODES * MOTION_WIDTH], result[PAIR * MOTION_WIDTH], off[MOTION_EQUATIONS + 1];
+    int64_t jumps[LEGS], leg, last_leg, first, column, status, attempts, refused, stiff, fresh, rejected, allowed;
+    int64_t trusted, told, steps, known, recorded;
+    int8_t poor[PAIR];
+} Run;
+
+/* Ends of the parts of a step between which the equations are smooth; return their number. */
+static int64_t find_legs(const Motion *of, double end, double *ends) {
+    int64_t count = 0;
+    for (int k = 0; k < LEGS - 1; k++) {
+        const int knot = k - MOTION_BREAKS - MOTION_ADDED;
+        const double at = k < MOTION_BREAKS ? of->parameters[motion_break_places[k]]
+                          : knot < 0        ? motion_added_parameters[k - MOTION_BREAKS]
+                                            : motion_knot_parameters[knot];
+        const double near = 1e-12 * fmax(1.0, fabs(at));
+        int64_t place = count;
+        if (!(at > of->time + near && at < end - near)) continue;
+        /* a knot at which the third derivative jumps by less than the tolerance is no end */
+        if (knot >= 0 && !(motion_deviation_parameters[knot] > RELEVANT * of->tolerance)) continue;
+        while (place > 0 && ends[place - 1] > at) place--;
+        if (place > 0 && at - ends[place - 1] <= near) continue;
+        for (int64_t i = count; i > place; i--) ends[i] = ends[i - 1];
+        ends[place] = at;
+        count++;
+    }
+    ends[count] = end;
+    return count + 1;
+}
+
+static void prepare(Run *run, Motion *of, double end, Report *to) {
+    memset(run, 0, sizeof *run);
+    if (of->clustered < 0 || of->clustered >= CLUSTER) of->clustered = 0; /* of a damaged saved state */
+    run->times[0] = run->now = run->begin = run->node_times[NODES - 1] = of->time;
+    run->times[1] = end;
+    run->last_leg = find_legs(of, end, run->ends) - 1;
+    for (int64_t k = 0; k <= run->last_leg; k++) run->longest[k] = motion_longest;
+    run->floor = of->floor;
+    run->limit = INFINITY;
+    run->first = run->column = run->fresh = run->known = 1;
+    run->status = RUNNING;
+    run->allowed = INT64_MAX / 2;
+    memcpy(run->nodes + (NODES - 1) * MOTION_WIDTH, of->state, sizeof of->state);
+    memcpy(run->result, of->state, sizeof of->state);
+    memcpy(run->result + MOTION_WIDTH, of->state, sizeof of->state);
+    run->problem = motion_problem;
+    run->problem.rtol = of->tolerance;
+    run->problem.far = fmin(FAR * of->tolerance, FARTHEST);
+    run->problem.between = BETWEEN * pow(of->tolerance, -1.0 / 8.0);
+    run->problem.times = run->times;
+    run->problem.leg_ends = run->ends;
+    run->problem.leg_longest = run->longest;
+    run->problem.leg_jumps = run->jumps;
+    run->encounters = (Encounters){.mode = of->mode,
+                                   .heading = of->heading,
+                                   .internal = of->internal,
+                                   .resting = of->resting,
+                                   .rise = of->rise,
+                                   .length = &of->length,
+                                   .slow = &of->slow,
+                                   .happened = &of->happened,
+                                   .noted = &of->noted,
+                                   .total = &of->total,
+                                   .restarts = &of->restarts,
+                                   .stalled = &of->stalled,
+                                   .clustered = &of->clustered,
+                                   .recent = of->recent,
+                                   .since = &of->since,
+                                   .fastest = &of->fastest,
+                                   .coarse = &of->coarse,
+                                   .starting = &of->starting,
+                                   .turned = &of->turned_at,
+                                   .later = &of->later,
+                                   .held = of->held,
+                                   .arming = &of->arming,
+                                   .watched = 1,
+                                   .decides = 1,
+                                   .window = CLUSTER_TIME * motion_duration};
+    run->pool = (Pool){.z = of->state,
+                       .rate = of->rate,
+                       .parameters = of->parameters,
+                       .now = &run->now,
+                       .begin = &run->begin,
+                       .wanted = &of->wanted,
+                       .tried = &run->tried,
+                       .floor = &run->floor,
+                       .limit = &run->limit,
+                       .leg = &run->leg,
+                       .last_leg = &run->last_leg,
+                       .first = &run->first,
+                       .column = &run->column,
+                       .status = &run->status,
+                       .attempts = &run->attempts,
+                       .refused = &run->refused,
+                       .stiff = &run->stiff,
+                       .fresh = &run->fresh,
+                       .rejected = &run->rejected,
+                       .allowed = &run->allowed,
+                       .trusted = &run->trusted,
+                       .told = &run->told,
+                       .steps = &run->steps,
+                       .known = &run->known,
+                       .node_times = run->node_times,
+                       .nodes = run->nodes,
+                       .result = run->result,
+                       .off = run->off,
+                       .poor = run->poor,
+                       .recorded = &run->recorded,
+                       .encounters = &run->encounters};
+    if (advance_workspace(&run->problem) > MOTION_WORK)
+        report(to, FATAL, "The workspace of the integration is too small; the FMU is damaged.");
+}
+
+/* -- contacts ------------------------------------------------------------------------------------------------------ */
+
+/* Whether an event is a contact; otherwise it is a mark, which changes nothing. */
+static int is_contact(int event) { return motion_contacts.first[event + 1] > motion_contacts.first[event]; }
+
+static int has_tangents(int event) { return motion_contacts.first[event + 1] - motion_contacts.first[event] > 1; }
+
+/* Gaps, coefficients of friction and normal speeds at a time inside of the interval, where no function of time jumps. */
+static void evaluate_contacts(const Run *run, Motion *of, double *found) {
+    double arguments[ARGUMENTS + 1];
+    const double begin = run->begin, end = run->ends[run->leg <= run->last_leg ? run->leg : run->last_leg];
+    const double near = 1e-12 * fmax(1.0, fmax(fabs(begin), fabs(end)));
+    fill_arguments(of, of->state, fmin(fmax(run->now, begin + near), end - near), arguments);
+    const Source source = {arguments, ARGUMENTS, ARGUMENTS, 1, 1, 0};
+    evaluate(&motion_contacts.contact, (V *)cleared(of), &source, 1, 0, 1, motion_contact_rows, CONTACT_ROWS, found);
+}
+
+/* Report overlapping bodies; return whether there are some. */
+static int report_overlap(const Motion *of, const double *found, Report *to) {
+    for (int k = 0; k < MOTION_EVENTS; k++)
+        if (is_contact(k) && found[k] < -DEEP * of->length) {
+            report(to, ERROR, "%s: the bodies overlap by %.3g m at t = %.6g s.", motion_event_names[k], -found[k],
+                   of->time);
+            return 1;
+        }
+    return 0;
+}
+
+/* Report why the driver has not decided about an event. */
+static void report_undecided(const Run *run, Motion *of, int event, Report *to) {
+    double found[CONTACT_ROWS + 1];
+    const char *const name = motion_event_names[event];
+    evaluate_contacts(run, of, found);
+    for (int k = 0; k < MOTION_EVENTS; k++)
+        if (k != event && is_contact(k) && (of->mode[k] != OPEN || found[k] <= CLOSED * of->length)) {
+            report(to, ERROR,
+                   "%s and %s touch at the same time, t = %.6g s. uqmbd simulates such motions, this FMU does not.", name,
+                   motion_event_names[k], run->now);
+            return;
+        }
+    if (of->stalled > CROWDED)
+        report(to, ERROR, "%s: more than %d events occur at t = %.6g s.", name, CROWDED, run->now);
+    else
+        report(to, ERROR,
+               "%s: the laws of contact and friction do not determine the motion at t = %.6g s. Possible reasons: a "
+               "sliding body is wedged (Painleve's paradox), friction is exactly at its limit, a driver pushes one body "
+               "into another, or the pose is singular. Lower the coefficient of friction, or use a compliant contact.",
+               name, run->now);
+}
+
+/* Let the driver decide about the event of a guard (see events.h), or report why it cannot. */
+static void decide(Run *run, Motion *of, int guard, Report *to) {
+    of->happened = guard;
+    of->later = -INFINITY;
+    if (!decide_waiting(&run->problem, &run->pool, 0, cleared(of))) report_undecided(run, of, guard / 2, to);
+}
+
+void start_contacts(Motion *of, Report *to) {
+    Run run;
+    double found[CONTACT_ROWS + 1];
+    if (!MOTION_EVENTS) return;
+    memset(of->mode, 0, sizeof of->mode);
+    memset(of->heading, 0, sizeof of->heading);
+    memset(of->internal, 0, sizeof of->internal);
+    memset(of->held, 0, sizeof of->held);
+    of->total = of->restarts = of->stalled = of->clustered = of->noted = 0;
+    of->fastest = of->starting = 0.0;
+    of->coarse = 1.0;
+    of->since = of->turned_at = of->later = -INFINITY;
+    of->arming = 1;
+    prepare(&run, of, of->time + motion_duration, to);
+    if (to->status >= ERROR) return;
+    evaluate_contacts(&run, of, found);
+    if (report_overlap(of, found, to)) return;
+    for (int k = 0; k < MOTION_EVENTS; k++)
+        /* bodies that approach each other collide in the first step */
+        if (is_contact(k) && found[k] <= CLOSED * of->length && fabs(found[SPEED_ROWS + k]) <= STILL * of->length) {
+            decide(&run, of, 2 * k, to);
+            return;
+        }
+}
+
+/* Follow inputs that have changed contacts: friction appears or vanishes, or bodies are moved apart. */
+static void follow_contacts(Run *run, Motion *of, Report *to) {
+    double found[CONTACT_ROWS + 1];
+    evaluate_contacts(run, of, found);
+    if (report_overlap(of, found, to)) return;
+    for (int k = 0; k < MOTION_EVENTS && to->status < ERROR; k++) {
+        const int rubs = has_tangents(k) && found[FRICTION_ROWS + k] > 0;
+        if (of->mode[k] == OPEN) continue;
+        if (found[k] > LOST * of->length) {
+            of->mode[k] = OPEN;
+        } else if (!rubs) {
+            of->mode[k] = SMOOTH;
+        } else if (of->mode[k] == SMOOTH) { /* as at an end of sliding */
+            of->mode[k] = SLIP;
+            decide(run, of, 2 * k + 1, to);
+        }
+    }
+}
+
+/* Process an event that the driver has not decided in its step. */
+static void process_event(Run *run, Motion *of, Report *to) {
+    double found[CONTACT_ROWS + 1];
+    const int event = (int)(of->happened / 2), second = (int)(of->happened % 2);
+    evaluate_contacts(run, of, found);
+    if (second && !(found[FRICTION_ROWS + event] > 0)) { /* the friction has vanished */
+        of->mode[event] = SMOOTH;
+        of->arming = 1;
+    } else {
+        decide(run, of, (int)of->happened, to);
+    }
+}
+
+/* -- steps --------------------------------------------------------------------------------------------------------- */
+
+/* Continue after an event, maybe in the next part of the step; return whether the end is reached. */
+static int restart(Run *run, double end) {
+    const double leg_end = run->ends[run->leg];
+    run->fresh = 1;
+    run->rejected = run->refused = 0;
+    run->status = RUNNING;
+    if (run->now >= end - 1e-12 * fmax(1.0, fabs(end))) return 1;
+    if (run->now >= leg_end - 1e-12 * fmax(1.0, fabs(leg_end))) {
+        run->now = run->begin = leg_end;
+        run->leg++;
+        run->attempts = 0;
+    }
+    return 0;
+}
+
+void integrate(Motion *of, double end, Report *to) {
+    Run run;
+    const int64_t member = 0;
+    prepare(&run, of, end, to);
+    if (to->status >= ERROR) return;
+    if (MOTION_EVENTS && of->arming) follow_contacts(&run, of, to);
+    of->restarts = 0;
+    for (int retries = 0; run.status != DONE && to->status < ERROR; retries++) {
+        if (run.status == REFUSED || (run.status == STRAYED && !run.trusted)) {
+            run.trusted = run.status == STRAYED;
+            run.status = RUNNING;
+        }
+        if (run.status == EVENT) {
+            process_event(&run, of, to);
+            if (to->status >= ERROR) return;
+            if (restart(&run, end)) break;
+            retries--;
+        }
+        if (of->restarts > MOST_IMPACTS) {
+            report(to, ERROR, "More than %d events of contacts in a step at t = %.6g s.", MOST_IMPACTS, run.now);
+            return;
+        }
+        if (run.status != RUNNING || retries > MOST_RETRIES) {
+            report(to, ERROR,
+                   "The integration stopped at t = %.6g s: %s. Probably a singular pose, a stop, a stiff force, or a force "
+                   "that grows without bound.",
+                   run.now,
+                   run.status == MANY      ? "too many steps"
+                   : run.status == SMALL   ? "the step size has become too small"
+                   : run.status == STRAYED ? "a step leads off the constraints"
+                                           : "steps are refused");
+            return;
+        }
+        advance(&run.problem, &run.pool, &member, 1, cleared(of), INT64_C(40000) * 8);
+        if (run.status == RUNNING) retries--; /* the budget of the driver was spent */
+    }
+    if (to->status >= ERROR) return;
+    of->time = end;
+    memcpy(of->shown, of->state, sizeof of->shown);
+    if (MOTION_EQUATIONS) {
+        memcpy(run.result + MOTION_WIDTH, of->state, sizeof of->state);
+        run.column = PAIR;
+        project(&run.problem, &run.pool, &member, 1, cleared(of));
+        memcpy(of->shown, run.result + MOTION_WIDTH, sizeof of->shown);
+    }
+    of->known = 0.0;
+    for (int k = 0; k < MOTION_WIDTH; k++)
+        if (!isfinite(of->state[k])) {
+            report(to, ERROR, "The state is not finite at t = %.6g s.", end);
+            return;
+        }
+}
