@@ -3,11 +3,21 @@
 
 enum { PROJECTIONS = 3 };
 
+/* Project the state of the first lane onto its constraints and persistent contacts. */
+static void project_lane(const Problem *p, Group *g) {
+    const Mask which = {-1};
+    copy(g->work, g->z, p->width);
+    g->work[p->time] = smaller(larger(g->now, g->low), g->high);
+    put_on_constraints(p, g, which);
+    put_on_contacts(p, g, which);
+    for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(which & (g->work[i] == g->work[i]), g->work[i], g->z[i]);
+}
+
 int decide_waiting(const Problem *p, const Pool *pool, int64_t member, double *workspace) {
     Group g;
     Most most;
     int64_t guards[LANES];
-    Mask left = {0}, still = {0};
+    Mask left = {-1};
     g.most = &most;
     place(p, &g, workspace);
     g.pool = pool;
@@ -16,12 +26,11 @@ int decide_waiting(const Problem *p, const Pool *pool, int64_t member, double *w
         load_lane(p, pool, &g, l, member, l == 0);
         guards[l] = pool->encounters->happened[member];
     }
-    left[0] = -1;
-    g.end[0] = INFINITY; /* functions of time are evaluated until g.high: only the decision passes the end */
+    g.end[0] = INFINITY; /* the decision may be at the end; functions of time are evaluated before it, at g.high */
     left = decide_events(p, &g, left, guards);
     /* steps project states onto persistent contacts to first order, which may leave small normal speeds */
     for (int64_t k = 0; k < PROJECTIONS && any(left & g.touching); k++) {
-        settle(p, &g, left, still, guards);
+        project_lane(p, &g);
         left = decide_events(p, &g, left, guards);
     }
     store_lane(p, pool, &g, 0);
