@@ -12,13 +12,11 @@ static const double RESTS = 1e-8;   /* acceleration along the surface, relative 
 
 enum {
     MOST_DIRECTIONS = 3,
-    ANGLES = 96, /* of directions of slip in space, whose equation has at most four solutions */
-    BISECTIONS = 52,
+    DIRECTIONS = 4, /* most directions of slip in space */
+    BISECTIONS = 60,
 };
 
-/* Cosines and sines of the part of a turn between two of these angles, and of half of it. */
-static const double PART[2] = {0.9978589232386035, 0.06540312923014306};
-static const double HALF[2] = {0.9994645874763657, 0.03271908282177614};
+static const double FIFTH[2] = {0.30901699437494745, 0.9510565162951535}; /* cosine and sine of a fifth of a turn */
 
 /* One contact of a lane: rates of the speeds per force, and without forces, and speeds; direction 0 is the normal one. */
 typedef struct {
@@ -139,39 +137,95 @@ static double slip_across(const Touch *t, const double *before, double jump, con
     return direction[0] * slip[1] - direction[1] * slip[0];
 }
 
-/* Directions of slip that are possible (ANGLES, 2), the nearest one to the present slip first; their number. */
+/* Value of a polynomial with coefficients of ascending powers. */
+static double value_of(const double *c, int64_t degree, double x) {
+    double sum = c[degree];
+    for (int64_t i = degree - 1; i >= 0; i--) sum = sum * x + c[i];
+    return sum;
+}
+
+/* Real roots of a polynomial of fourth degree, ascending; their number.  Those of each derivative separate those of the
+   next one, so that close roots are found as well. */
+static int64_t real_roots(const double *c, double *found) {
+    double largest = 0.0, ends[6], derivative[5];
+    int64_t count = 0;
+    for (int64_t i = 0; i < 4; i++) largest = greatest(largest, __builtin_fabs(c[i] / c[4]));
+    for (int64_t degree = 1; degree <= 4; degree++) {
+        for (int64_t i = 0; i <= degree; i++) {
+            derivative[i] = c[i + 4 - degree];
+            for (int64_t k = 0; k < 4 - degree; k++) derivative[i] *= (double)(i + 1 + k);
+        }
+        ends[0] = -1.0 - largest; /* Cauchy's bound, also of the derivatives */
+        for (int64_t i = 0; i < count; i++) ends[i + 1] = found[i];
+        ends[count + 1] = 1.0 + largest;
+        int64_t parts = count + 1;
+        count = 0;
+        for (int64_t k = 0; k < parts; k++) {
+            double low = ends[k], high = ends[k + 1];
+            double below = value_of(derivative, degree, low), above = value_of(derivative, degree, high);
+            if (!(below * above <= 0.0) || above == 0.0) continue;
+            for (int64_t step = 0; step < BISECTIONS; step++) {
+                double middle = 0.5 * (low + high);
+                int lower = below * value_of(derivative, degree, middle) > 0.0;
+                *(lower ? &low : &high) = middle;
+            }
+            found[count++] = high;
+        }
+    }
+    return count;
+}
+
+/* Directions of slip that are possible (DIRECTIONS, 2), the nearest one to the present slip first; their number.  The
+   slip across them is zero: a polynomial in the tangent of half the angle from a direction, opposite to which this slip
+   is large. */
 static int64_t slip_directions(const Touch *t, const double *before, double jump, double (*found)[2]) {
     if (t->count == 2) {
         found[0][0] = __builtin_copysign(1.0, before[1]);
         found[1][0] = -found[0][0];
         return 2;
     }
-    double fast = length_along(t, before), first[2] = {1.0, 0.0}, back[2] = {HALF[0], -HALF[1]}, right[2];
-    int64_t count = 0;
-    if (fast > 0.0)
-        for (int64_t i = 0; i < 2; i++) first[i] = before[i + 1] / fast;
-    for (int64_t i = 0; i < 2; i++) right[i] = first[i];
-    turn_by(back, right);
-    for (int64_t k = 0; k < ANGLES; k++) {
-        double low[2], high[2];
-        for (int64_t i = 0; i < 2; i++) low[i] = right[i];
-        turn_by(PART, right);
-        for (int64_t i = 0; i < 2; i++) high[i] = right[i];
-        double below = slip_across(t, before, jump, low), above = slip_across(t, before, jump, high);
-        if (!(below * above <= 0.0) || above == 0.0) continue;
-        for (int64_t step = 0; step < BISECTIONS; step++) {
-            double middle[2] = {low[0] + high[0], low[1] + high[1]};
-            double length = __builtin_sqrt(middle[0] * middle[0] + middle[1] * middle[1]);
-            for (int64_t i = 0; i < 2; i++) middle[i] /= length;
-            double value = slip_across(t, before, jump, middle);
-            int lower = below * value > 0.0;
-            for (int64_t i = 0; i < 2; i++) *(lower ? low + i : high + i) = middle[i];
+    double fast = length_along(t, before), first[2] = {1.0, 0.0}, from[2] = {1.0, 0.0}, best[2] = {1.0, 0.0}, most = 0.0;
+    for (int64_t i = 0; i < 2 && fast > 0.0; i++) first[i] = before[i + 1] / fast;
+    for (int64_t k = 0; k < 5; k++) {
+        double back[2] = {-from[0], -from[1]}, across = __builtin_fabs(slip_across(t, before, jump, back));
+        if (across > most) {
+            most = across;
+            for (int64_t i = 0; i < 2; i++) best[i] = from[i];
         }
-        int64_t place = count++;
-        double near = high[0] * first[0] + high[1] * first[1];
+        turn_by(FIFTH, from);
+    }
+    if (!(most > 0.0)) return 0;
+    /* slip, responses and friction in the axes of this direction and of the one perpendicular to it */
+    double axes[2][2] = {{best[0], best[1]}, {-best[1], best[0]}}, natural[2], share[2], friction[2][2];
+    for (int64_t i = 0; i < 2; i++) {
+        natural[i] = share[i] = 0.0;
+        for (int64_t a = 0; a < 2; a++) {
+            natural[i] += axes[i][a] * (before[a + 1] * t->matrix[0][0] + jump * t->matrix[a + 1][0]);
+            share[i] += axes[i][a] * t->matrix[0][a + 1];
+        }
+    }
+    for (int64_t i = 0; i < 2; i++)
+        for (int64_t j = 0; j < 2; j++) {
+            double sum = 0.0;
+            for (int64_t a = 0; a < 2; a++) {
+                sum += axes[i][a] * before[a + 1] * share[j];
+                for (int64_t b = 0; b < 2; b++) sum += axes[i][a] * jump * t->matrix[a + 1][b + 1] * axes[j][b];
+            }
+            friction[i][j] = t->friction * sum;
+        }
+    double on = -friction[1][0], off = friction[0][0] - friction[1][1], back = friction[0][1];
+    double c[5] = {natural[1] + on, 2.0 * (off - natural[0]), 4.0 * back - 2.0 * on, -2.0 * (off + natural[0]),
+                   on - natural[1]};
+    double roots[4];
+    int64_t count = real_roots(c, roots);
+    for (int64_t k = 0; k < count; k++) {
+        double x = roots[k], size = 1.0 + x * x, along = (1.0 - x * x) / size, across = 2.0 * x / size, direction[2];
+        for (int64_t i = 0; i < 2; i++) direction[i] = along * axes[0][i] + across * axes[1][i];
+        double near = direction[0] * first[0] + direction[1] * first[1];
+        int64_t place = k;
         for (; place > 0 && found[place - 1][0] * first[0] + found[place - 1][1] * first[1] < near; place--)
             for (int64_t i = 0; i < 2; i++) found[place][i] = found[place - 1][i];
-        for (int64_t i = 0; i < 2; i++) found[place][i] = high[i];
+        for (int64_t i = 0; i < 2; i++) found[place][i] = direction[i];
     }
     return count;
 }
@@ -179,7 +233,7 @@ static int64_t slip_directions(const Touch *t, const double *before, double jump
 /* The first impulses, or forces, that satisfy the laws; whether there are some. */
 static int first_solution(const Touch *t, const double *before, double rebound, Earlier earlier, Lane *s,
                           double *impulse) {
-    double directions[ANGLES][2];
+    double directions[DIRECTIONS][2];
     stick(t, before, rebound, s, impulse);
     if (satisfies(t, before, rebound, impulse, earlier)) return 1;
     int64_t count = t->count > 1 ? slip_directions(t, before, rebound - before[0], directions) : 0;
