@@ -10,7 +10,8 @@ import numpy as np
 import uqmbd
 from uqmbd_collocation.fitting import Fit, QuadratureProjection, Regression
 from uqmbd_collocation.plans import TooManyNodes
-from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
+from uqmbd_collocation.refinement.steps import Limits, Refinement, RefinementStep, scale_of, warn_unmet
+from uqmbd_collocation.refinement.trials import Trials
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import SparseProjection
 from uqmbd_collocation.user_expansion import UserProjection
@@ -37,6 +38,7 @@ def raise_order(
     refinement. Raise StudyError if the first order is impossible.
     """
     steps: list[RefinementStep] = []
+    trials = Trials(runs, points, limits)
     fit: Fit | None = None
     terms = 0
     for order in range(first, max(first, HIGHEST) + 1):
@@ -46,7 +48,7 @@ def raise_order(
                 continue  # with weights, some orders have no new terms
             terms = len(planned.multi_index)
             planned.check(runs.space)
-            wanted = np.concatenate([planned.nodes, points.germs])
+            wanted = np.concatenate([planned.nodes, trials.points.germs])
             more = len(runs.missing(wanted)) + limits.reserved
             if len(runs) + more > limits.most:
                 raise TooManyNodes(f"it needs {more} more realisations, but max_realisations is {limits.most}")
@@ -57,27 +59,29 @@ def raise_order(
                 raise
             reason, more = f"order {order} is not possible: {error}", isinstance(error, TooManyNodes)
             warn_unmet(label, limits, steps, reason, "realisations" if more else "neither")
-            return Refinement(fit, tuple(steps))
+            return Refinement(fit, tuple(steps), fresh=trials.fresh)
         changes = _changes(runs, fit, following)
         fit = following
-        missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
+        missed = trials.missed(fit.coefficients, fit.multi_index)
         steps.append(RefinementStep(len(runs), len(fit.multi_index), *changes, missed))
         steps[-1].log(label, limits)
         complete = terms == _most_terms(runs.space)
         if steps[-1].met(limits, settled=complete or steps[-1].change < limits.tolerance):
-            return Refinement(fit, tuple(steps), met=not fit.failed)
+            return Refinement(fit, tuple(steps), met=not fit.failed, fresh=trials.fresh)
+        if not fit.failed and trials.end(fit.coefficients, fit.multi_index, steps[-1].error):
+            return Refinement(fit, tuple(steps), met=True, fresh=trials.fresh, confirming=trials.confirming)
         if fit.failed:
             warn_unmet(
                 label, limits, steps, "the refinement of the order stopped because realisations failed", "neither"
             )
-            return Refinement(fit, tuple(steps))
+            return Refinement(fit, tuple(steps), fresh=trials.fresh)
         if complete:
             warn_unmet(label, limits, steps, f"the basis contains all {terms} possible terms already", "neither")
-            return Refinement(fit, tuple(steps))
+            return Refinement(fit, tuple(steps), fresh=trials.fresh)
     if fit is None:
         raise uqmbd.StudyError(f"{label}: the refinement tried no order.")
     warn_unmet(label, limits, steps, f"order {max(first, HIGHEST)} is the highest order of the refinement", "samples")
-    return Refinement(fit, tuple(steps))
+    return Refinement(fit, tuple(steps), fresh=trials.fresh)
 
 
 def _most_terms(space: uqmbd.extend.GermSpace) -> int | None:
