@@ -85,11 +85,11 @@ class Collocation(uqmbd.extend.Propagator):
         effect. ``dimension`` then refines the level whose terms have the largest root mean square. Runs with an
         accuracy set this option. Default: None. Not with an `alignment`.
     max_moment_error : float, optional
-        Error of mean and standard deviation at which a refinement with `max_error` may end before it reaches
-        `max_error`, relative to the largest standard deviation of each output over time. The refinement then computes
-        at least 32 fresh verification realisations, and ends if their bounds ``error_bound_mean`` and
-        ``error_bound_std`` are at most this error. There are at most four such comparisons. Quantiles may be less
-        accurate. Runs with an accuracy set this option, unless the study has requirements. Default: None.
+        Error of mean and standard deviation, relative to the largest standard deviation of each output over time. A
+        refinement with `max_error` may end at this error before it reaches `max_error`. The refinement then computes at
+        least 32 fresh verification realisations, and ends if their bounds ``error_bound_mean`` and ``error_bound_std``
+        are at most this error. There are at most four such comparisons. Quantiles may be less accurate. Runs with an
+        accuracy set this option, unless the study has requirements. Default: None.
     max_realisations : int
         Largest number of different realisations for each alignment, including verification. A realisation may be
         integrated again, for longer or at more times. This limit counts it once, but ``realisations`` of the results

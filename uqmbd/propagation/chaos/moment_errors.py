@@ -1,8 +1,8 @@
 """Error bounds of mean and standard deviation of a surrogate, from realisations that did not choose the surrogate.
 
-The difference of a mechanism f and its surrogate g at random points is a control-variate estimate of the errors of the
-moments: the expectation of f - g is the error of the mean, and the expectation of (f - g) (f + g - 2 m), with the mean
-m of g, is the error of the variance plus the square of the error of the mean.
+Differences of a mechanism f and its surrogate g at random points give control-variate estimates of the errors of the
+moments. The expectation of f - g is the error of the mean. With the mean m of g, the expectation of
+(f - g) (f + g - 2 m) is the error of the variance plus the square of the error of the mean.
 """
 
 from __future__ import annotations
