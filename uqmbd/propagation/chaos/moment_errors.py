@@ -1,8 +1,8 @@
 """Error bounds of mean and standard deviation of a surrogate, from realisations that did not choose the surrogate.
 
 Differences of a mechanism f and its surrogate g at random points give control-variate estimates of the errors of the
-moments. The expectation of f - g is the error of the mean. With the mean m of g, the expectation of
-(f - g) (f + g - 2 m) is the error of the variance plus the square of the error of the mean.
+moments. The expectation of f - g is the error of the mean. The mean of g is m, and v is the
+error of the variance plus the square of the error of the mean. The expectation of (f - g) (f + g - 2 m) is v.
 """
 
 from __future__ import annotations
