@@ -94,6 +94,16 @@ class VerificationPoints:
         parts : sequence of VerificationPoints
             One or more sets of points.
 
+        Returns
+        -------
+        VerificationPoints
+            All points.
+
+        Raises
+        ------
+        StudyError
+            If there are no sets of points.
+
         Examples
         --------
         >>> import numpy as np
