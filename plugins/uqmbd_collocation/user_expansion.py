@@ -85,16 +85,23 @@ class UserExpansion:
                 f"{error}."
             ) from None
         inputs = len(polynomials.powers[0])
-        if at.ndim != 2 or by.ndim != 1 or at.shape[1] != len(by) or not len(by) or len(at) < inputs:
+        if at.ndim != 2 or by.ndim != 1 or at.shape[1] != len(by) or not len(by):
             raise uqmbd.StudyError(
-                f"Collocation: nodes have the shape {at.shape}, weights have the shape {by.shape}, and the expansion "
-                f"has {inputs} variables. Expected the shapes (inputs, K) and (K,), as returned by "
-                "chaospy.generate_quadrature."
+                f"Collocation: nodes have the shape {at.shape}, and weights have the shape {by.shape}. Expected the "
+                "shapes (inputs, K) and (K,), as returned by chaospy.generate_quadrature."
             )
-        if not (np.isfinite(at).all() and np.isfinite(by).all()) or abs(by.sum() - 1) > 1e-6:
+        if len(at) < inputs:
             raise uqmbd.StudyError(
-                f"Collocation: the sum of the weights is {by.sum():.6g}; expected finite nodes and weights of sum 1, "
-                "from a quadrature rule for the distributions of the inputs."
+                f"Collocation: nodes have {len(at)} rows, but the expansion has {inputs} variables; expected a row for "
+                "each input. Create expansion and quadrature rule from the same joint distribution."
+            )
+        for what, numbers in (("nodes", at), ("weights", by)):
+            if not np.isfinite(numbers).all():
+                raise uqmbd.StudyError(f"Collocation: {what} contain NaN or infinity; expected finite numbers.")
+        if abs(by.sum() - 1) > 1e-6:
+            raise uqmbd.StudyError(
+                f"Collocation: the sum of the weights is {by.sum():.6g}; expected 1, as for a quadrature rule of the "
+                "distributions of the inputs. Divide the weights by their sum if they belong to such a rule."
             )
         return cls(polynomials, tuple(map(tuple, at.tolist())), tuple(by.tolist()))
 

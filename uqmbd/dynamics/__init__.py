@@ -25,6 +25,7 @@ from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Traje
 from uqmbd.dynamics.integrators import (
     Capabilities,
     Capability,
+    Ida,
     Integrator,
     ProjectedEnsemble,
     built_in_names,
@@ -67,6 +68,7 @@ __all__ = [
     "Ensemble",
     "Equilibrium",
     "Instance",
+    "Ida",
     "Integrator",
     "Layout",
     "MarginValues",

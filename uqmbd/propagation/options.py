@@ -102,11 +102,15 @@ def check_times(times: ArrayLike, where: str) -> Array:
             "expected increasing output times."
         )
     steps, size = np.diff(grid), float(np.abs(grid).max())
-    if size > LONGEST or steps.min() < max(SHORTEST, APART * size):
+    if size > LONGEST:
+        raise StudyError(
+            f"{where}: the largest time is {size:.3g} s; expected at most {LONGEST:g} s. Choose a larger unit of time."
+        )
+    if steps.min() < (least := max(SHORTEST, APART * size)):
         k = int(np.argmin(steps))
         raise StudyError(
-            f"{where}: times are between {grid[0]:g} and {grid[-1]:g} s, and times[{k}] and times[{k + 1}] differ by "
-            f"{steps[k]:.3g} s. 64-bit numbers cannot represent such steps. Scale the units."
+            f"{where}: times[{k}] and times[{k + 1}] differ by {steps[k]:.3g} s; expected at least {least:.3g} s for "
+            f"times up to {size:.3g} s. Remove one of the two times, or choose a smaller unit of time."
         )
     grid.setflags(write=False)
     return grid

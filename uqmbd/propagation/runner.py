@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from uqmbd.arguments import Size, shown, typechecked
-from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, capabilities_of, integrator_class, require
+from uqmbd.dynamics import Capability, Ensemble, Ida, Model, built_in_names, capabilities_of, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
 from uqmbd.progress import Progress, Silent
@@ -143,7 +143,7 @@ class Runner:
             partial=problem.chosen is not None,
             margins=not problem.answers_requirements,
             fingerprint=problem.identity,
-            joins=problem.joins,
+            joinable=problem.joinable,
             known=self.known,
             checkpoint=self.checkpoint,
             ledger=self.ledger,
@@ -277,9 +277,9 @@ class ProblemData:
         return chunk_size_of(self.model, self.inputs.means, self.whole_times, count)
 
     @property
-    def joins(self) -> bool:
-        """Return whether realisations are independent of others in their chunk; true for integrators of the core."""
-        return self.integrator in built_in_names() or capabilities_of(integrator_class(self.integrator)).delegates
+    def joinable(self) -> bool:
+        """Return whether joined chunks equal a larger one to the bit; false for plugins, and for `Ida` stacks."""
+        return self.integrator in built_in_names() and self.integrator != Ida.name
 
     def require_random(self) -> None:
         """Raise a `uqmbd.StudyError` if there are no random inputs.

@@ -189,7 +189,7 @@ class JointInput:
         Parameters
         ----------
         uniform : array, shape (sample, input)
-            Numbers in the open interval (0, 1).
+            Numbers from 0 to 1. For 0 and 1 the inputs are finite as well, in the far tails of their distributions.
 
         Returns
         -------

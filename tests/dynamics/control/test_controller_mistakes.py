@@ -68,7 +68,7 @@ def pair_missing(time, measured, state):
         (raises, {}, r"raised IndexError: .* \(test_controller_mistakes.py, line \d+\), at t = 0 s with measured of"),
         (remembers, {}, r"returns the commands 1 first, and 2 when it is called again with the same arguments"),
         (pair_missing, {"state": [0]}, r"returned an array of shape \(1,\) at t = 0 s; expected the pair"),
-        (lambda t, m: "fast", {}, r"returned as commands 'fast' at t = 0 s; expected an array"),
+        (lambda t, m: "fast", {}, r"returned 'fast' as commands at t = 0 s; expected an array"),
         (zero, {"rate": 1e9}, r"1e\+09 Hz over 0.2 s needs 2e\+08 samples; expected at most 1e\+06"),
     ],
 )
@@ -109,10 +109,10 @@ def test_a_condition_on_any_or_all_of_a_group_is_refused(function, samples):
 @pytest.mark.parametrize(
     ("function", "told"),
     [
-        (lambda time, measured: measured[:, 0] + 1j, "which is not real"),
+        (lambda time, measured: measured[:, 0] + 1j, "complex numbers"),
         (lambda time, measured: np.ma.masked_greater(measured[:, 0], -1e9), "masked array with masked entries"),
         (lambda time, measured: (np.ma.masked_all(len(measured)),), "masked array with masked entries"),
-        (lambda time, measured: None, "a return is missing"),
+        (lambda time, measured: None, "a return statement may be missing"),
     ],
 )
 def test_commands_that_are_no_numbers_are_refused(function, told):

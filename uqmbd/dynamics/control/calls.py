@@ -147,15 +147,14 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
     else:
         expected += f", or a tuple of {width} entries of shape {(count,)}"
     if value is None or np.iscomplexobj(value):
-        hint = "; a return is missing" if value is None else ", which is not real"
+        hint = "a return statement may be missing" if value is None else "these are complex numbers"
         raise StudyError(
-            f"{where}: its function returned as {what} {_shown(value)}{hint}, at t = {time:.6g} s{about}; {expected}."
+            f"{where}: its function returned {_shown(value)} as {what} at t = {time:.6g} s{about} ({hint}); {expected}."
         )
     if any(np.ma.is_masked(x) for x in (value if isinstance(value, (tuple, list)) else (value,))):
         raise StudyError(
-            f"{where}: its function returned as {what} a masked array with masked entries at t = {time:.6g} s{about}; "
-            "a masked entry has no value. Return NaN for a realisation that has failed. "
-            f"{expected[0].upper()}{expected[1:]}."
+            f"{where}: its function returned a masked array with masked entries as {what} at t = {time:.6g} s{about}; "
+            f"{expected}. For a realisation that has failed, return NaN instead of a masked entry."
         )
     try:
         if isinstance(value, tuple) and len(value) == width:
@@ -165,7 +164,7 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise StudyError(
-            f"{where}: its function returned as {what} {_shown(value)} at t = {time:.6g} s{about}; {expected}."
+            f"{where}: its function returned {_shown(value)} as {what} at t = {time:.6g} s{about}; {expected}."
         ) from None
     if array.shape == (count, width):
         return array.copy()

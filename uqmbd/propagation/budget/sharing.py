@@ -169,7 +169,11 @@ class BudgetedRun:
             with Isolated(*ERRORS_AND_EXITS):  # the first run reports a model that cannot be built
                 problem = first_problem(self.study, propagator)
                 rows = LIMIT / (8 * max(math.prod(problem.labels.shape), 1))
-                one.chunk, one.joins, one.held = problem.chunk_of, problem.joins, math.inf if self.folder else rows
+                one.chunk, one.joinable, one.held = (
+                    problem.chunk_of,
+                    problem.joinable,
+                    math.inf if self.folder else rows,
+                )
             for stored in self._record.get(label, []):
                 self._earlier += stored.get("seconds", 0.0)
             return one

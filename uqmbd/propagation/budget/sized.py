@@ -107,7 +107,7 @@ class Sized:
     study: Any  # determines the cost of a size
     accuracy: float | None  # requested accuracy
     chunk: Callable[[int], int] = lambda count: 1  # maps a number of realisations to the size of a chunk
-    joins: bool = False  # whether smaller chunks can be joined to larger ones
+    joinable: bool = False  # whether smaller chunks can be joined to larger ones
     held: float = math.inf  # maximum number of stored realisations between sizes
     stages: list[Stage] = field(default_factory=list)  # sizes in the order in which they ran
     node: xr.DataTree | None = None  # results of the chosen size
@@ -287,7 +287,7 @@ class Sized:
             return 0
         last, chunk = min(self.stages[-1].size, self.held), self.chunk(size)
         whole = self.chunk(self.stages[-1].size)
-        if chunk != whole and not (self.joins and chunk > whole):
+        if chunk != whole and not (self.joinable and chunk > whole):
             return 0
         return int(min(last, size)) // whole * whole // chunk * chunk
 

@@ -141,7 +141,7 @@ class ChunkStore:
     partial: bool  # whether only some outputs without a time are requested; requests of other outputs may follow
     margins: bool  # whether to store the margins of requirements that are computed with the chunks
     fingerprint: bytes  # identifies all data, except the inputs, that affect the numbers of a chunk
-    joins: bool  # whether a realisation is certainly independent of the others in its chunk
+    joinable: bool  # whether chunks can be joined to a larger chunk with the same bits
     known: StoredChunks  # chunks of other kinds; each computation adds chunks
     checkpoint: Checkpoint | None
     ledger: Ledger | None  # chunks that a run with a budget has computed for other sizes of the method
@@ -159,7 +159,7 @@ class ChunkStore:
         if (known := self.find_companion(part)) is not None:
             return known
         key = self.key(part)
-        found = self.ledger.find(part, self.key, join=self.joins) if self.ledger else None
+        found = self.ledger.find(part, self.key, join=self.joinable) if self.ledger else None
         if found is None:
             found = self.checkpoint.load(key) if self.checkpoint else None
         if self.ledger:

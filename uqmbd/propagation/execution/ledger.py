@@ -64,13 +64,13 @@ class Ledger:
     def find(self, part: Array, key: Callable[[Array], str], *, join: bool) -> Chunk | None:
         """Return a chunk at inputs (K, input) that another size of the method computed.
 
-        `key` maps inputs to the name of their chunk. If `join` is true, smaller chunks may be joined to a larger one.
-        Joining requires that a realisation does not depend on the others in its chunk.
+        `key` maps inputs to the name of their chunk. If `join` is true, smaller chunks may be joined to a larger one,
+        except chunks with realisations that IDA integrated: these share steps with other realisations.
         """
         found, size = self._chunks.get(key(part)), CHUNK
         while found is None and join and self._chunks and size < len(part):
             pieces = [self._chunks.get(key(part[k : k + size])) for k in range(0, len(part), size)]
-            whole = [piece for piece in pieces if piece is not None]
+            whole = [piece for piece in pieces if piece is not None and not piece.counters.get("by_ida")]
             found, size = _joined(whole) if len(whole) == len(pieces) else None, 2 * size
         return found
 

@@ -236,7 +236,7 @@ class Reductions:
             return None
         if self._stored(piece) is not None and self._stores[problem.kind].shelf(piece.number).path.exists():
             runner.ledger.reuse(len(piece.values))
-        elif (found := runner.ledger.find(piece.values, known.key, join=known.joins)) is not None:
+        elif (found := runner.ledger.find(piece.values, known.key, join=known.joinable)) is not None:
             runner.ledger.reuse(len(piece.values))
             answer = store_chunk(problem.packed, piece.values, found, problem.kind, self._order(piece, None, None))
             return self._store(piece, answer, found.seconds)

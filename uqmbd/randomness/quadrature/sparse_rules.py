@@ -74,7 +74,7 @@ def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gau
     (97, 5, 1.0)
     """
     whole_number(level, "smolyak: level", 0)
-    found = sparse_rule(space, index_set(space.dimension, level), growth, rule)
+    found = _sparse(space, index_set(space.dimension, level), growth, rule, "smolyak")
     return Quadrature(found.nodes, found.weights, found.exactness, f"Smolyak level {level}, {_described(rule, growth)}")
 
 
@@ -109,21 +109,27 @@ def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule:
     >>> sparse_rule(space, [[0, 0], [1, 0]], rule="clenshaw-curtis").nodes.tolist()
     [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]
     """
+    return _sparse(space, levels, growth, rule, "sparse_rule")
+
+
+def _sparse(space: GermSpace, levels: ArrayLike, growth: str, rule: str, where: str) -> Quadrature:
+    """Return the sparse rule of levels (n, d); messages begin with `where`, the function that the user called."""
     for value, known, what in ((rule, RULES, "rule"), (growth, GROWTHS, "growth")):
         if value not in known:
-            raise StudyError(f"smolyak: {what} is {value!r}; expected one of {', '.join(known)}.")
+            raise StudyError(f"{where}: {what} is {value!r}; expected one of {', '.join(known)}.")
     rows = np.asarray(levels)
     if rows.ndim != 2 or rows.shape[1] != space.dimension or not len(rows):
         raise StudyError(
-            f"The levels have the shape {rows.shape}; expected (rows, {space.dimension}) with at least one row."
+            f"{where}: levels have the shape {rows.shape}; expected (rows, {space.dimension}) with at least one row."
         )
     coefficients = combination_coefficients(rows)
     used = rows[coefficients != 0]
-    catalogues = [_Catalogue(germ, int(rows[:, k].max(initial=0)), growth, rule) for k, germ in enumerate(space.germs)]
+    highest = rows.max(axis=0, initial=0).tolist()
+    catalogues = [_Catalogue(germ, most, growth, rule, where) for germ, most in zip(space.germs, highest, strict=True)]
     sizes = np.ones(len(used))
     for k, catalogue in enumerate(catalogues):
         sizes *= np.array([len(places) for places, _ in catalogue.rules])[used[:, k]]
-    check_size(int(sizes.sum()), space, "smolyak")
+    check_size(int(sizes.sum()), space, where)
     places: list[Array] = []
     weights: list[Array] = []
     for row, coefficient in zip(used, coefficients[coefficients != 0], strict=True):
@@ -198,7 +204,9 @@ def combination_coefficients(levels: ArrayLike) -> Index:
 class _Catalogue:
     """Rules of one germ at all levels, as indices into one list of distinct nodes."""
 
-    def __init__(self, germ: Germ, highest: int, growth: str, rule: str) -> None:
+    def __init__(self, germ: Germ, highest: int, growth: str, rule: str, where: str) -> None:
+        if rule == "clenshaw-curtis" and (count := nested_count(germ, highest)) > 2**20:
+            raise StudyError(f"{where}: level {highest} needs {count} nodes for {germ.name!r}; use a lower level.")
         rules = [self._rule(germ, level, growth, rule) for level in range(highest + 1)]
         self.exactness = [exact for _, _, exact in rules]
         everything = np.concatenate([nodes for nodes, _, _ in rules])
@@ -216,9 +224,6 @@ class _Catalogue:
     @staticmethod
     def _rule(germ: Germ, level: int, growth: str, rule: str) -> tuple[Array, Array, int]:
         if rule == "clenshaw-curtis":
-            check = nested_count(germ, level)
-            if check > 2**20:
-                raise StudyError(f"smolyak: level {level} needs {check} nodes for {germ.name!r}; use a lower level.")
             return (*nested_rule(germ, level), nested_exactness(germ, level))
         count = level + 1 if growth == "slow" else 2 * level + 1
         if germ.values is not None and count >= germ.values:

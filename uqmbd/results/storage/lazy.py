@@ -136,7 +136,8 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
     if not place.exists():
         warnings.warn(
             f"{node.path}: the sample store {name} is not in the folder of the result, so only the samples in the "
-            "result are used. Move the store to this folder, or use uqmbd.results.load.",
+            "result are used. Move the store to this folder. If it no longer exists, uqmbd.results.load reads the "
+            "samples in the result without this warning.",
             StudyWarning,
             stacklevel=3,
         )
@@ -163,8 +164,8 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
     if not same:
         warnings.warn(
             f"{node.path}: the sample store {name} in the folder of the result belongs to another run, "
-            "so only the samples in the result are used. Move the store of this run to this folder; "
-            "each run needs a separate folder.",
+            "so only the samples in the result are used. Replace it by the store of the run that wrote the result, and "
+            "write each run to a separate folder.",
             StudyWarning,
             stacklevel=3,
         )

@@ -148,7 +148,7 @@ def _check(file: Any, path: Path, *, below: bool) -> None:
             address = h5py.h5o.get_info(one.id).addr
             if isinstance(one, h5py.Group):
                 if address in seen:
-                    raise _refused(path, f"the group {one.name!r} contains itself")
+                    raise _refused(path, f"several paths lead to the group {one.name!r}")
                 seen.add(address)
                 if below:
                     look(one)
