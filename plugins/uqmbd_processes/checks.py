@@ -34,9 +34,6 @@ LITTLE = 1e-3
 FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625)
 """Cutoffs, relative to those of the study, whose losses are computed."""
 
-EXPANSION = "karhunen_loeve"
-"""Kind of paths that are not stationary."""
-
 NONE = "its linear response is zero"
 
 UNITS = {"distance": "cycle/m", "time": "Hz"}
@@ -137,13 +134,13 @@ def _effect(processes: Iterable[RandomProcess]) -> str:
 def _limit(process: RandomProcess) -> str:
     """Return the highest frequency of paths, and the number of terms of an expansion."""
     frequency = process.sampled_band[1] / (2 * math.pi)
-    terms = f" ({round(2 * process.length * frequency)} terms)" if process.paths == EXPANSION and process.length else ""
+    terms = "" if process.expansion_terms is None else f" ({process.expansion_terms} terms)"
     return f"{frequency:.4g} {UNITS[process.over]}{terms}"
 
 
 def _averaged(processes: Iterable[RandomProcess]) -> str:
     """Return a remark on processes whose paths are not stationary, or an empty text."""
-    expanded = [p for p in processes if p.paths == EXPANSION]
+    expanded = any(p.expansion_terms is not None for p in processes)
     return ". Shares of expansions are means over their length, with the weight of Hann's window" if expanded else ""
 
 

@@ -249,6 +249,11 @@ class RandomProcess:
         return self._lines.band
 
     @property
+    def expansion_terms(self) -> int | None:
+        """Number of terms of an expansion by Karhunen and Loeve; None for other paths."""
+        return self._lines.terms if isinstance(self._lines, KarhunenLoevePaths) else None
+
+    @property
     def lost_variance(self) -> float:
         """Fraction of the variance above the highest frequency of sampled paths, or of omitted terms."""
         return self._lines.lost

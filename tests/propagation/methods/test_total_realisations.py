@@ -62,3 +62,5 @@ def test_the_recommendation_and_the_report_count_them(method: uqmbd.Propagator, 
     assert compared["wall_time"] == node.attrs["wall_time"]
     assert f"{total} realisations instead of 2000" in assess(tree).recommendation[0]
     assert StudyResult.of(tree).methods[method.node_name].total_realisations == total
+    assert total_realisations(node["scalars"]) == total
+    assert node["scalars"].attrs["method_wall_time"] == node.attrs["wall_time"]

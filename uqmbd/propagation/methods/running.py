@@ -112,6 +112,9 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     found.attrs.update(spent)
     if further:
         found.attrs["further_realisations"] = further
+    if "scalars" in found.children:  # comparisons of scalar outputs need the costs of the whole method
+        costs = {"method_realisations": total_realisations(found), "method_wall_time": found.attrs["wall_time"]}
+        found.children["scalars"].attrs.update(costs)
     progress.end(float(found.attrs["wall_time"]))
     if methods.isEnabledFor(logging.INFO):
         about = found.attrs

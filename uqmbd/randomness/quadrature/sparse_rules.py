@@ -112,24 +112,24 @@ def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule:
     return _sparse(space, levels, growth, rule, "sparse_rule")
 
 
-def _sparse(space: GermSpace, levels: ArrayLike, growth: str, rule: str, where: str) -> Quadrature:
-    """Return the sparse rule of levels (n, d); messages begin with `where`, the function that the user called."""
+def _sparse(space: GermSpace, levels: ArrayLike, growth: str, rule: str, caller: str) -> Quadrature:
+    """Return the sparse rule of levels (n, d); messages begin with `caller`, the function that the user called."""
     for value, known, what in ((rule, RULES, "rule"), (growth, GROWTHS, "growth")):
         if value not in known:
-            raise StudyError(f"{where}: {what} is {value!r}; expected one of {', '.join(known)}.")
+            raise StudyError(f"{caller}: {what} is {value!r}; expected one of {', '.join(known)}.")
     rows = np.asarray(levels)
     if rows.ndim != 2 or rows.shape[1] != space.dimension or not len(rows):
         raise StudyError(
-            f"{where}: levels have the shape {rows.shape}; expected (rows, {space.dimension}) with at least one row."
+            f"{caller}: levels have the shape {rows.shape}; expected (rows, {space.dimension}) with at least one row."
         )
     coefficients = combination_coefficients(rows)
     used = rows[coefficients != 0]
     highest = rows.max(axis=0, initial=0).tolist()
-    catalogues = [_Catalogue(germ, most, growth, rule, where) for germ, most in zip(space.germs, highest, strict=True)]
+    catalogues = [_Catalogue(germ, most, growth, rule, caller) for germ, most in zip(space.germs, highest, strict=True)]
     sizes = np.ones(len(used))
     for k, catalogue in enumerate(catalogues):
         sizes *= np.array([len(places) for places, _ in catalogue.rules])[used[:, k]]
-    check_size(int(sizes.sum()), space, where)
+    check_size(int(sizes.sum()), space, caller)
     places: list[Array] = []
     weights: list[Array] = []
     for row, coefficient in zip(used, coefficients[coefficients != 0], strict=True):
@@ -204,9 +204,9 @@ def combination_coefficients(levels: ArrayLike) -> Index:
 class _Catalogue:
     """Rules of one germ at all levels, as indices into one list of distinct nodes."""
 
-    def __init__(self, germ: Germ, highest: int, growth: str, rule: str, where: str) -> None:
+    def __init__(self, germ: Germ, highest: int, growth: str, rule: str, caller: str) -> None:
         if rule == "clenshaw-curtis" and (count := nested_count(germ, highest)) > 2**20:
-            raise StudyError(f"{where}: level {highest} needs {count} nodes for {germ.name!r}; use a lower level.")
+            raise StudyError(f"{caller}: level {highest} needs {count} nodes for {germ.name!r}; use a lower level.")
         rules = [self._rule(germ, level, growth, rule) for level in range(highest + 1)]
         self.exactness = [exact for _, _, exact in rules]
         everything = np.concatenate([nodes for nodes, _, _ in rules])

@@ -266,7 +266,11 @@ def compare(
             "reference_std_max": ("output", _largest(spread[:, np.isfinite(spread).all(axis=0)])),
             **({"compared_until": ("method", np.array(until, dtype=float), _LAST)} if timed else {}),
             "unknown_times": ("method", np.array(unknown, dtype=np.int64)),
-            "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
+            "wall_time": (
+                "method",
+                np.array([float(a.get("method_wall_time", a.get("wall_time", np.nan))) for a in attributes]),
+                {"units": "s"},
+            ),
             "realisations": ("method", np.array([total_realisations(x) for x in nodes.values()], dtype=np.int64)),
             "failures": ("method", np.array([int(a.get("failures", 0)) for a in attributes], dtype=np.int64)),
         },

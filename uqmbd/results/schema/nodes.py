@@ -241,7 +241,8 @@ def total_realisations(node: xr.DataTree) -> int:
     >>> total_realisations(xr.DataTree(xr.Dataset(attrs={"realisations": 20, "further_realisations": 5})))
     25
     """
-    return sum(int(node.attrs.get(name, 0)) for name in ("realisations", "further_realisations"))
+    own = sum(int(node.attrs.get(name, 0)) for name in ("realisations", "further_realisations"))
+    return int(node.attrs.get("method_realisations", own))
 
 
 @typechecked

@@ -18,7 +18,6 @@ from uqmbd.results.schema import (
     comparable,
     join_nodes,
     node_parts,
-    total_realisations,
     united,
 )
 
@@ -90,7 +89,6 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
     compared = _compare(nodes, reference, rtol) if over_time or not inner else None
     if not inner:
         return xr.Dataset() if compared is None else _without_censored(compared, nodes, left_out)
-    inner = {label: _with_whole_costs(node, nodes[label]) for label, node in inner.items()}
     # choose a separate reference, because the other one may have too few samples for scalar outputs
     whole = _compare(inner, None if isinstance(reference, str) and reference not in inner else reference, rtol)
     names = {
@@ -115,15 +113,6 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: Reference, rt
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
-
-
-def _with_whole_costs(inner: xr.DataTree, whole: xr.DataTree) -> xr.DataTree:
-    """Return the node of scalar outputs with the costs of the whole method, which include those of requirements."""
-    own = int(inner.attrs.get("realisations", 0))
-    costs = {"further_realisations": max(total_realisations(whole) - own, 0)}
-    found = inner.copy()
-    found.attrs = {**inner.attrs, **costs, "wall_time": whole.attrs.get("wall_time", np.nan)}
-    return found
 
 
 def _without_censored(compared: xr.Dataset, nodes: Mapping[str, xr.DataTree], left_out: Sequence[str]) -> xr.Dataset:
