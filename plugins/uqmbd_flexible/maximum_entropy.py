@@ -70,8 +70,8 @@ def random_matrices(
                 f"{highest:.4g} for {n} modes."
             )
         if matrix is None or matrix.free_symbols:
-            state = "missing" if matrix is None else "random already"
-            raise uqmbd.StudyError(f"{where}: the matrix is {state}; expected a constant matrix.")
+            state = "the model has no such matrix" if matrix is None else "the matrix contains random variables"
+            raise uqmbd.StudyError(f"{where}: {state}; expected a matrix of constants.")
         try:
             factor = scipy.linalg.cholesky(np.array(matrix.tolist(), dtype=float))
         except np.linalg.LinAlgError:

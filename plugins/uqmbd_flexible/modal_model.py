@@ -160,11 +160,9 @@ class ModalModel:
         for name in ("modal_mass", "inertia"):
             _require_symmetric(where, name, found[name])
         lowest = float(np.linalg.eigvalsh(found["modal_mass"])[0])
-        if not lowest > 0 or not self.mass > 0:
-            raise uqmbd.StudyError(
-                f"{where}: the smallest eigenvalue of modal_mass is {lowest:.3g} kg, and the mass is {self.mass:.3g} "
-                "kg; expected positive values."
-            )
+        for what, least in (("the mass", self.mass), ("the smallest eigenvalue of modal_mass", lowest)):
+            if not least > 0:
+                raise uqmbd.StudyError(f"{where}: {what} is {least:.3g} kg; expected a positive value.")
         for name in ("stiffness", "damping"):
             given = getattr(self, name)
             if given is None:

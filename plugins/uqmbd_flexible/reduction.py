@@ -267,9 +267,10 @@ def _require_free(where: str, fields: NodalLayout, stiffness: Any) -> None:
         limit = RIGID * size * np.maximum(np.abs(motion).max(axis=0), 1e-300)
         if (force > limit).any():
             raise uqmbd.StudyError(
-                f"{where}: a rigid {name} {int(np.argmax(force / limit)) + 1} causes a force of {force.max():.3g} in "
-                f"the model, whose largest stiffness is {size:.3g}; expected a model without supports, in which rigid "
-                "motions cause no force. Remove supports, and check the order of the degrees of freedom and the nodes."
+                f"{where}: the rigid {name} for axis {int(np.argmax(force / limit)) + 1} causes forces up to "
+                f"{force.max():.3g}, and the largest stiffness is {size:.3g}; expected a model without supports, in "
+                "which rigid motions cause no force. Remove supports, and check the order of degrees of freedom and "
+                "nodes."
             )
 
 

@@ -82,7 +82,9 @@ def find_compiler(name: str | None = None) -> Compiler | None:
     if name is not None:
         found = zig() if name == "zig" else _program(name)
         if found is None:
-            hint = "use the name or path of a program, 'zig' (package ziglang), or 'none' for an FMU of sources"
+            hint = (
+                "give the name or path of a C compiler, 'zig' (package ziglang), or 'none' for an FMU without binaries"
+            )
             hint = "install the package ziglang" if name == "zig" else hint
             raise uqmbd.StudyError(f"The C compiler {name!r} was not found; {hint}.")
         return found

@@ -39,7 +39,11 @@ class FmuExporter:
         except uqmbd.StudyError as error:
             return f"--windows: {error}"
         if what == "surrogate":
-            return refusal(study) if not self.inputs else "--inputs belongs to a mechanism; add --what mechanism."
+            return (
+                refusal(study)
+                if not self.inputs
+                else "--inputs is possible for a mechanism only; add --what mechanism."
+            )
         return uqmbd.extend.motion_refusal(study.mechanism, study.times, held=self.inputs)
 
     @property
@@ -56,11 +60,11 @@ class FmuExporter:
         if possible := ",".join(name for name in motion.inputs if name not in motion.fixed):
             found.append(f"possible inputs: --inputs {possible}")
         if motion.fixed:
-            found.append(f"parameters only, because they change the start alone: {', '.join(motion.fixed)}")
+            found.append(f"parameters only, because they affect the initial state only: {', '.join(motion.fixed)}")
         if len(motion.contacts) > 1:
-            found.append(f"at most one contact may be closed at a time, of {', '.join(motion.contacts)}")
+            found.append(f"at most one of the contacts {', '.join(motion.contacts)} may be closed at a time")
         if omitted := ", ".join(study.mechanism.scalars):
-            found.append(f"without the outputs {omitted}, each one number of a whole motion")
+            found.append(f"without the outputs {omitted}, because each is one number for a whole motion")
         return "; ".join(found)
 
     def export(self, source: Any, path: Path, study: Any) -> str:
@@ -81,14 +85,14 @@ class FmuExporter:
             lines.append(f"inputs     {done.parameters} (means and joint distribution)")
         if isinstance(source, uqmbd.Mechanism) and source.scalars:
             omitted = ", ".join(source.scalars)
-            lines.append(f"omitted    {omitted}: each is one number of a whole motion; a surrogate contains them")
+            lines.append(
+                f"omitted    {omitted}: each is one number for a whole motion; an exported surrogate contains them"
+            )
         if done.platforms:
             lines.append(f"binaries   {', '.join(done.platforms)}, compiled by {done.compiler}")
             if self.windows:
                 lines.append("The binary for Windows was not run or tested.")
         else:
-            lines.append(
-                "binaries   none: no C compiler was found, or --compiler is none. The FMU contains its sources, which "
-                "some programs compile. `pip install ziglang` installs a compiler."
-            )
+            reason = "" if self.compiler == "none" else ": no C compiler was found; `pip install ziglang` installs one"
+            lines.append(f"binaries   none{reason}. The FMU contains its C sources, which some programs compile.")
         return "\n".join([*lines, done.warnings] if done.warnings else lines)

@@ -1,7 +1,7 @@
 """Function of a controller that is an FMU: one instance for each history of measured values.
 
-A controller function must return equal results for equal arguments, for every grouping of realisations, while an FMU
-stores data itself. The state of the controller is therefore a hash of all samples so far. Each instance belongs to
+A controller function must return equal results for equal arguments, for every grouping of realisations, but an FMU
+has an internal state. The state of the controller is therefore a hash of all samples so far. Each instance belongs to
 one history, and the hash selects it. If no instance has this history, a new one repeats its samples.
 """
 
@@ -121,8 +121,8 @@ class _Pool:
             if key not in self.places:
                 raise StudyError(
                     f"FMU {self.function.name!r}: the state at t = {time:.6g} s does not belong to a realisation that "
-                    "was simulated before. An FMU stores data that cannot be averaged or expanded in polynomials. Use "
-                    "methods that integrate single realisations, such as Monte Carlo and collocation, not Galerkin."
+                    "was simulated before. The internal state of an FMU cannot be averaged or expanded in polynomials. "
+                    "Use methods that integrate single realisations, such as Monte Carlo and collocation, not Galerkin."
                 )
             history, number = self.places[key]
         if history is not None and number in history.results and history.results[number][0] == row:

@@ -29,8 +29,8 @@ class ClearanceTimes:
                     yield uqmbd.extend.Finding(
                         uqmbd.extend.Severity.WARNING,
                         f"output {output.name!r}",
-                        f"the clearance {output.name!r} is at {time:g} s, but the study simulates {begin:g} to {end:g} "
-                        "s, so that every realisation fails",
-                        "Use times of the study in clearance_over_time",
+                        f"the clearance {output.name!r} is requested at {time:g} s, but the study simulates {begin:g} "
+                        f"to {end:g} s, so that every realisation fails",
+                        f"Give clearance_over_time times from {begin:g} to {end:g} s",
                     )
                     return

@@ -54,7 +54,7 @@ def clearance(body_a: Any, body_b: Any) -> sympy.Expr:
     body_a : Body
         Body with shapes (`uqmbd.shapes`, or a mesh by `read_mesh` or `from_mesh`).
     body_b : Body or uqmbd.shapes.BodyShape
-        Another body with shapes, or a shape that is fixed in the world.
+        Another body with shapes, or a shape that is fixed to the ground.
 
     Returns
     -------
@@ -179,7 +179,7 @@ class _Motion:
         """Return the reason why the shapes have no distance: a random length that is not positive."""
         for solids in self.solids:
             if any(not (solid.lengths > 0).all() for solid in solids):
-                return "a length of its shapes is not positive"
+                return "a dimension of the shapes is not positive"
         return ""
 
     def poses(self, times: Array) -> list[tuple[Array, Array]]:
@@ -255,7 +255,7 @@ def _at_instant(motion: uqmbd.extend.MotionPolynomials, data: Instants, number: 
     if isinstance(found, str):
         return found
     distance = float(found[int(number)])
-    return distance if np.isfinite(distance) else f"the motion does not include {data.times[int(number)]:g} s"
+    return distance if np.isfinite(distance) else f"the motion does not include the time {data.times[int(number)]:g} s"
 
 
 def _remembered(digest: str, motion: uqmbd.extend.MotionPolynomials, compute: Callable[[], Any]) -> Any:

@@ -149,7 +149,9 @@ def solid_of(shape: BodyShape, values: Sequence[float]) -> Solid:
     """Return a shape with values of its expressions."""
     kind = next((one for one in KINDS if isinstance(shape, one)), None)
     if kind is None:
-        raise uqmbd.StudyError(f"clearance: the shape {shape!r} has no distance; expected a shape of uqmbd.shapes.")
+        raise uqmbd.StudyError(
+            f"clearance: distances of the shape {shape!r} are unknown; expected a shape of uqmbd.shapes."
+        )
     numbers = np.asarray(values, dtype=float)
     lengths = numbers[3:]
     vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)

@@ -200,13 +200,13 @@ def _integrals(found: Any, where: str) -> tuple[float, Array, Array]:
     size = float(np.linalg.norm(np.ptp(found.vertices, axis=0)))
     if volume < -FLAT * size**3:
         raise uqmbd.StudyError(
-            f"{where}: the surface is inverted: its volume is {volume:.4g} in units of the file. Turn all triangles "
+            f"{where}: the surface is inverted: its volume is {volume:.4g} cubic units of the file. Turn all triangles "
             "around, for example with Trimesh.invert(), and save the mesh."
         )
     if not volume > FLAT * size**3:
         raise uqmbd.StudyError(
-            f"{where}: the volume of the surface is {volume:.4g} in units of the file, which is zero within rounding; "
-            "expected a solid."
+            f"{where}: the volume of the surface is {volume:.4g} cubic units of the file, which is zero within "
+            "rounding; expected a solid."
         )
     centre, matrix = np.asarray(found.center_mass, dtype=float), np.asarray(found.moment_inertia, dtype=float)
     return volume, centre, matrix[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

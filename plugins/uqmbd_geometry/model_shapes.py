@@ -183,10 +183,12 @@ def _mesh_path(name: str, file: Path, inside: Path) -> Path:
     for one in candidates:
         place = one.resolve()
         if not place.is_relative_to(inside):
-            raise uqmbd.StudyError(f"the mesh file {name!r} is outside of {inside}, and is not read; give folder=")
+            raise uqmbd.StudyError(
+                f"the mesh file {name!r} is outside of {inside}; give the folder of the meshes by folder="
+            )
         if place.is_file():
             return place
-    raise uqmbd.StudyError(f"the mesh file {name!r} is not in {inside}; give folder=")
+    raise uqmbd.StudyError(f"the mesh file {name!r} is not in {inside}; give the folder of the meshes by folder=")
 
 
 def _mjcf_shapes(file: Path, which: str, inside: Path, where: str) -> Iterator[ModelShape]:
@@ -202,8 +204,10 @@ def _mjcf_shapes(file: Path, which: str, inside: Path, where: str) -> Iterator[M
             if mesh.file:
                 tried = [(file.parent / base / mesh.file).resolve() for base in (*folders, Path())]
                 if not all(one.is_relative_to(inside) for one in tried if one.exists()):
-                    text = f"{where}: the mesh file {mesh.file!r} is outside of {inside}; give folder=."
-                    raise uqmbd.StudyError(text)
+                    raise uqmbd.StudyError(
+                        f"{where}: the mesh file {mesh.file!r} is outside of {inside}; give the folder of the meshes "
+                        "by folder=."
+                    )
         model = spec.compile()
     except (ValueError, RuntimeError) as error:
         raise uqmbd.StudyError(f"{where}: {' '.join(str(error).split())}") from None
@@ -236,5 +240,5 @@ def _mjcf_shape(mujoco: Any, model: Any, k: int) -> ModelShape:
         start, number = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
         vertices = model.mesh_vert[first : first + count].astype(float)
         shape = Mesh(vertices, model.mesh_face[start : start + number].astype(int), **place)
-    reason = "" if shape is not None else f"the geometry of type {kinds(kind).name} has no shape of uqmbd"
+    reason = "" if shape is not None else f"uqmbd.shapes has no shape for the geometry type {kinds(kind).name}"
     return ModelShape(name, shape, reason)

@@ -22,7 +22,7 @@ class Side:
     """One body in a clearance: its shapes, and the expressions that the motion contains."""
 
     shapes: tuple[BodyShape, ...]
-    dimension: int  # dimension of the space; 0: fixed in the world
+    dimension: int  # dimension of the space; 0: fixed to the ground
     turns: bool
     # parameters of the shapes; NaN: a random parameter, whose value is in the motion
     fixed: tuple[tuple[float, ...], ...]
@@ -54,7 +54,10 @@ def pair_of(where: str, body_a: Any, body_b: Any) -> tuple[list[sympy.Expr], Pai
     expressions: list[sympy.Expr] = []
     sides = (_side(where, body_a, "body_a", expressions), _side(where, body_b, "body_b", expressions))
     if not sides[0].dimension:
-        raise uqmbd.StudyError(f"{where}: body_a is fixed in the world; expected a body with shapes.")
+        raise uqmbd.StudyError(
+            f"{where}: body_a is a shape that is fixed to the ground; expected a body with shapes. Give the "
+            "shape as body_b."
+        )
     names = [getattr(body, "name", repr(body)) for body in (body_a, body_b)]
     return expressions, Pair(sides, _digest(sides)), f"clearance({', '.join(names)})"
 

@@ -91,8 +91,8 @@ class LostVariance:
         yield uqmbd.extend.Finding(
             uqmbd.extend.Severity.WARNING if much else uqmbd.extend.Severity.NOTE,
             f"random process {next(iter(lossy))!r}",
-            f"sampled paths of random processes resolve frequencies below a limit ({', '.join(ends)}); the others "
-            f"{_effect(lossy.values())}. This changes parts of the variance of the linear response at the means: "
+            f"sampled paths of random processes resolve frequencies up to a limit ({', '.join(ends)}); higher "
+            f"frequencies {_effect(lossy.values())}. This changes the variance of the linear response at the means by "
             f"{', '.join(parts)}{_averaged(lossy.values())}",
             advice,
         )
@@ -127,7 +127,7 @@ class _Density:
 
 def _effect(processes: Iterable[RandomProcess]) -> str:
     """Return what paths do with the frequencies that they do not resolve."""
-    found = {"are folded to lower ones" if p.paths == "filter" else "are missing" for p in processes}
+    found = {"are folded to lower frequencies" if p.paths == "filter" else "are missing" for p in processes}
     return " or ".join(sorted(found))
 
 

@@ -68,8 +68,8 @@ def _paths(node: xr.DataTree) -> set[str]:
     return {one.relative_to(node) for one in node.subtree}
 
 
-BEYOND = "; an estimate outside 0 to 100 % is limited by sampling error"
-"""Reason of a share that no variance has: unbiased estimates of parts may be negative, and others above the whole."""
+BEYOND = "; estimates outside 0 to 100 % are due to sampling error"
+"""Reason for impossible shares: an unbiased estimate of a share may be negative, or exceed 100 %."""
 
 
 def _table(label: str, parts: list[xr.Dataset]) -> str:

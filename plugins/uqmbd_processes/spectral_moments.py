@@ -248,7 +248,7 @@ def _by_lyapunov(system: LinearSystem, source: Any, shape: ShapingFilter, channe
         for k in np.flatnonzero(inexact & ~zero).tolist():
             reasons[k] = reasons[k] or (
                 f"{system.name}: the {WORDS[order]} by Lyapunov's equation has the relative error "
-                f"{relative[k]:.2g}, above {TOLERANCE:g}; the rates of the mechanism differ too much"
+                f"{relative[k]:.2g}, above {TOLERANCE:g}; its natural frequencies or decay rates differ too much"
             )
     for k in np.flatnonzero(~np.isfinite(found[0])).tolist():
         reasons[k] = reasons[k] or f"{system.name}: Lyapunov's equation has no finite solution"

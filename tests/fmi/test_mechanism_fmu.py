@@ -572,11 +572,11 @@ def test_inputs_of_a_mechanism_are_checked_beforehand():
     """`uqmbd check` lists the possible inputs, and `uqmbd export --inputs` names the impossible ones."""
     study = uqmbd.Study("throw", thrown(), [0, 1], [])
     told = FmuExporter().remark("mechanism", study)
-    assert told == "possible inputs: --inputs wind; parameters only, because they change the start alone: speed"
+    assert told == "possible inputs: --inputs wind; parameters only, because they affect the initial state only: speed"
     assert FmuExporter(inputs=("wind",)).refusal("mechanism", study) == ""
     several = uqmbd.Study("slide", two_contacts(), [0, 1], [])
     told = FmuExporter().remark("mechanism", several)
-    assert "at most one contact may be closed at a time, of floor, wall" in told
+    assert "at most one of the contacts floor, wall may be closed at a time" in told
     assert "compiler 'c+' was not found" in FmuExporter(compiler="c+").refusal("surrogate", study)
     assert "'speed' changes the start" in FmuExporter(inputs=("speed",)).refusal("mechanism", study)
     assert "add --what mechanism" in FmuExporter(inputs=("wind",)).refusal("surrogate", study)

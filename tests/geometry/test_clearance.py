@@ -272,10 +272,10 @@ def test_times_after_the_motion_have_no_value():
     mechanism = uqmbd.Mechanism("m", uqmbd.Translational())
     ball = mechanism.body("ball", mass=1, velocity=(1, 0), shape=Sphere(0.1))
     mechanism.output("gap", clearance_over_time(ball, Sphere(0.1, position=(0, 1, 0)), [0, 3]), units="m")
-    with pytest.raises(uqmbd.AssemblyError, match="the motion does not include 3 s"):
+    with pytest.raises(uqmbd.AssemblyError, match="the motion does not include the time 3 s"):
         uqmbd.simulate(mechanism, [0, 2])
     (finding,) = ClearanceTimes().find(uqmbd.Study("m", mechanism, [0, 2]))
-    assert "is at 3 s, but the study simulates 0 to 2 s" in finding.message
+    assert "is requested at 3 s, but the study simulates 0 to 2 s" in finding.message
     assert not list(ClearanceTimes().find(uqmbd.Study("m", mechanism, [0, 3])))
 
 
@@ -284,5 +284,5 @@ def test_bodies_without_a_shape_are_refused():
     body = mechanism.body("bare", mass=1, inertia=1)
     with pytest.raises(uqmbd.StudyError, match="body_a is 'bare', which has no shape"):
         clearance(body, Sphere(1))
-    with pytest.raises(uqmbd.StudyError, match="body_a is fixed in the world"):
+    with pytest.raises(uqmbd.StudyError, match="body_a is a shape that is fixed to the ground"):
         clearance(Sphere(1), Sphere(1))

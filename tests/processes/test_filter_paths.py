@@ -142,7 +142,7 @@ def test_the_change_of_a_variance_by_knots_is_stated():
     exact = scipy.linalg.solve_continuous_lyapunov(system, -np.diag([0.0, 0.0, 36.0]))[0, 0]
     (finding,) = LostVariance().find(uqmbd.Study("s", mechanism, [0.0, 1.0], [MonteCarlo(samples=2)]))
     stated = float(re.search(r"([\d.]+) % of 'x'", finding.text)[1]) / 100
-    assert 0.1 < stated < 0.14 and "folded to lower ones" in finding.text
+    assert 0.1 < stated < 0.14 and "folded to lower frequencies" in finding.text
     first, step, c = force.sample_paths([force], np.array([0.3]), 0.0, 40_000.0)
     times = np.arange(10.0, 39_990.0, 0.02)
     path = interpolate.BSpline(first + step * np.arange(-2, c.shape[-1] + 2), c[0, 0], 3)(times)
