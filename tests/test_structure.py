@@ -34,7 +34,7 @@ STATEMENTS = {
     "uqmbd.new": 231,
     "uqmbd.plugins": 410,
     "uqmbd.progress": 416,
-    "uqmbd.propagation": 6_830,
+    "uqmbd.propagation": 6_840,
     "uqmbd.randomness": 5_590,
     "uqmbd.report": 8_650,
     "uqmbd.results": 9_760,
