@@ -62,7 +62,8 @@ class FmuExporter:
         if motion.fixed:
             found.append(f"parameters only, because they affect the initial state only: {', '.join(motion.fixed)}")
         if len(motion.contacts) > 1:
-            found.append(f"at most one of the contacts {', '.join(motion.contacts)} may be closed at a time")
+            names = ", ".join(motion.contacts)
+            found.append(f"ends at lift-off or a start of sliding if several contacts are closed, of {names}")
         if omitted := ", ".join(study.mechanism.scalars):
             found.append(f"without the outputs {omitted}, because each is one number for a whole motion")
         return "; ".join(found)

@@ -177,7 +177,7 @@ static void report_undecided(const Run *run, Motion *of, int event, Report *to) 
     for (int k = 0; k < MOTION_EVENTS; k++)
         if (k != event && is_contact(k) && (of->mode[k] != OPEN || found[k] <= CLOSED * of->length)) {
             report(to, ERROR,
-                   "%s and %s touch at the same time, t = %.6g s. uqmbd simulates such motions, this FMU does not.", name,
+                   "%s and %s touch at the same time, t = %.6g s. uqmbd decides about this event, this FMU does not.", name,
                    motion_event_names[k], run->now);
             return;
         }
@@ -277,7 +277,7 @@ void integrate(Motion *of, double end, Report *to) {
     const int64_t member = 0;
     prepare(&run, of, end, to);
     if (to->status >= ERROR) return;
-    if (MOTION_EVENTS && of->arming) follow_contacts(&run, of, to);
+    if (MOTION_EVENTS != 0 && of->arming) follow_contacts(&run, of, to);
     of->restarts = 0;
     for (int retries = 0; run.status != DONE && to->status < ERROR; retries++) {
         if (run.status == REFUSED || (run.status == STRAYED && !run.trusted)) {

@@ -44,8 +44,8 @@ PARTS = (
 HEADERS = ("program", "tables", "control", "events", "radau", "dop853", "group", "assembly")
 """Headers of these source files, without the header of vectors, which ``single_lane.h`` replaces."""
 
-OWN = ("waiting.c", "waiting.h")
-"""Sources of this package that belong to the same translation unit."""
+DECIDING = ("coulomb", "collisions", "decisions", "several")
+"""Sources that only motions with contacts need; without contacts, ``undecided.c`` replaces them."""
 
 _BINARY = {"fadd": "+", "fsub": "-", "fmul": "*", "fdiv": "/"}
 
@@ -62,14 +62,19 @@ HELPER double smaller_number(double a, double b) { return isnan(a) || isnan(b) ?
 """
 
 
-def driver_sources() -> dict[str, str]:
-    """Return the sources and headers of the driver for one realisation, by file name."""
+def driver_sources(*, contacts: bool) -> dict[str, str]:
+    """Return the sources and headers of the driver for one realisation, by file name, with decisions about contacts."""
     folder, own = files("uqmbd.compiled").joinpath("source"), files("uqmbd.dynamics.portable")
-    names = [*(f"{name}.c" for name in PARTS), *(f"{name}.h" for name in HEADERS)]
-    found = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
-    found |= {name: own.joinpath(name).read_text(encoding="utf-8") for name in OWN}
+    parts = [name for name in PARTS if contacts or name not in DECIDING]
+    found = {
+        name: folder.joinpath(name).read_text(encoding="utf-8")
+        for name in (*(f"{name}.c" for name in parts), *(f"{name}.h" for name in HEADERS))
+    }
+    more = "waiting.c" if contacts else "undecided.c"
+    found |= {name: own.joinpath(name).read_text(encoding="utf-8") for name in (more, "waiting.h")}
     found["vectors.h"] = own.joinpath("single_lane.h").read_text(encoding="utf-8")
-    unit = "".join(f'#include "{name}"\n' for name in (*names[: len(PARTS)], OWN[0]))
+    parts.insert(parts.index("assembly") if contacts else parts.index("dop853"), more.removesuffix(".c"))
+    unit = "".join(f'#include "{name}.c"\n' for name in parts)
     return {**found, "driver.c": f"/* One translation unit. */\n{unit}"}
 
 

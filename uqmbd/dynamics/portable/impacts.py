@@ -1,4 +1,4 @@
-"""Contacts of a motion in C: impacts and contacts that last, one at a time; marks of events change no motion."""
+"""Contacts of a motion in C: impacts and contacts that last; marks of events change no motion."""
 
 from __future__ import annotations
 

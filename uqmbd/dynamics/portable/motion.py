@@ -385,7 +385,7 @@ def _written(
     kept = w.source()
     data[1] = kept
     declared = motion_header(sizes, values)
-    found = {**driver_sources(), "motion.h": declared, "motion_data.c": "\n".join(data)}
+    found = {**driver_sources(contacts=touching is not None), "motion.h": declared, "motion_data.c": "\n".join(data)}
     return PortableMotion(
         found,
         tuple(model.inputs),

@@ -32,7 +32,7 @@ class PortableMotion:
     fixed : tuple of str
         Inputs that change the start of the motion only, or nothing: they cannot change during the motion.
     contacts : tuple of str
-        Contacts, of which at most one may be closed at a time.
+        Contacts of bodies.
     direct, at_start : tuple of tuple of str
         For each output, then each measured expression: the inputs and commands that change it at the time at which
         they are set, during the motion and at its start.
