@@ -150,26 +150,29 @@ def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, se
     return np.asarray(shares)
 
 
+def _verification_margins(chaos: Surrogate, size: int) -> tuple[Array, Array, Array]:
+    """Return margins (K, requirement) of surrogate and mechanism at verification realisations, and weights (K,)."""
+    points, real = np.asarray(chaos.verification_germs), np.asarray(chaos.verification_response)
+    shape = len(points), size
+    return chaos.evaluate_germs(points).reshape(shape), real.reshape(shape), np.asarray(chaos.verification_weights)
+
+
 def margin_bands(chaos: Surrogate, margins: Array) -> Array:
     """Return half-widths (K, requirement) of the band in which the error may move margins over the limit."""
     from scipy.special import ndtri
 
-    points = np.asarray(chaos.verification_germs)
-    count, size = len(points), margins.shape[1]
-    seen = chaos.evaluate_germs(points).reshape(count, size)
-    real = np.asarray(chaos.verification_response).reshape(count, size)
-    weights = np.asarray(chaos.verification_weights)
+    seen, real, weights = _verification_margins(chaos, margins.shape[1])
     degree = min(int(chaos.multi_index.sum(axis=1).max(initial=0)) + 1, HIGHEST)
     if not len(chaos.multi_index):  # the growth of the error is unknown for models other than polynomials
         degree = HIGHEST
     bands = np.empty_like(margins)
-    for k in range(size):
+    for k in range(margins.shape[1]):
         order = np.argsort(margins[:, k])
         rank = np.searchsorted(margins[order, k], seen[:, k])
         growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
         square = (real[:, k] - seen[:, k]) ** 2 / growth[rank]
         # weights represent the inputs as in a mean; equal weights represent the tails better
-        bound = max(_error_bound(square, w) for w in (weights, np.full(count, 1 / count)))
+        bound = max(_error_bound(square, w) for w in (weights, np.full(len(real), 1 / len(real))))
         bands[order, k] = bound * np.sqrt(growth[:-1])
     return bands
 
@@ -180,11 +183,7 @@ def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray
     Return, with the shape (event,), the possible decrease and increase of each probability, and whether the surrogate
     follows the margin. If it does, decrease and increase are 0.
     """
-    points = np.asarray(chaos.verification_germs)
-    count, size = len(points), margins.shape[1]
-    seen = chaos.evaluate_germs(points).reshape(count, size)
-    real = np.asarray(chaos.verification_response).reshape(count, size)
-    weights = np.asarray(chaos.verification_weights)
+    seen, real, weights = _verification_margins(chaos, margins.shape[1])
     square, spread = (real - seen) ** 2, margins.std(axis=0)
     wrong = np.sqrt(np.maximum(weights @ square, square.mean(axis=0)))
     followed = (wrong <= FOLLOWED * spread) & (spread > CONSTANT * np.abs(margins).max(axis=0))
@@ -193,7 +192,7 @@ def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray
         np.where(followed, 0.0, clopper_pearson(trials * (weights @ (a & ~b)), trials)[1])
         for a, b in ((seen < 0, real < 0), (real < 0, seen < 0))
     )
-    if size == 1:
+    if margins.shape[1] == 1:
         return down, up, followed
     return np.append(down, down.sum()), np.append(up, up.sum()), np.append(followed, followed.all())
 
