@@ -255,36 +255,6 @@ def test_a_number_of_realisations_is_stated_only_where_they_are_the_limit(helpfu
     assert "Monte Carlo" not in str(seen[0].message)
 
 
-def exponential(*x):
-    """Its mean is the product of sinh(a) / a, and that of its square is the same of 2 a."""
-    return sympy.exp(sum(a * one for a, one in zip(SLOPES, x, strict=True)))
-
-
-SLOPES = 0.9, 0.5, 0.5, 0.4, 0.4, 0.3, 0.3, 0.3
-
-
-@pytest.mark.thorough
-@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of single realisations
-def test_fresh_points_end_a_refinement_and_bound_the_errors_of_the_moments(resting):
-    """The bounds exceed the errors of the closed form, and no refinement ends above the accuracy, over 40 seeds."""
-    mean, square = (np.prod([np.sinh(k * a) / (k * a) for a in SLOPES]) for k in (1, 2))
-    std = np.sqrt(square - mean**2)
-    study, covered, ended = resting(exponential, *[UNIFORM] * len(SLOPES)), [], 0
-    for seed in range(40):
-        method = Collocation(adaptive="dimension", max_error=0.02, max_moment_error=0.03, seed=seed)
-        node = study.propagate(method)
-        found = node["statistics"].to_dataset().isel(output=0, time=0)
-        assert node.attrs["tolerance_met"] == "True" and distinct(node)
-        if "error_bound_mean" not in found:
-            continue
-        ended += 1
-        bounds = [found[f"error_bound_{name}"].item() for name in ("mean", "std")]
-        assert max(bounds) <= 0.03 * found["std"].item()
-        covered.append([bounds[0] >= abs(found["mean"].item() - mean), bounds[1] >= abs(found["std"].item() - std)])
-    assert ended >= 10
-    assert np.mean(covered, axis=0).min() >= 0.93
-
-
 @pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of 26 %, of single realisations
 def test_verification_realisations_of_a_fixed_order_bound_the_errors_of_the_moments(resting):
     """A parabola of the first order: the standard deviation misses 1 / sqrt(45) of the square."""
